@@ -637,7 +637,7 @@ def test_bands_are_those_of_full_matrices(reach):
     stiffness = np.diff(np.eye(size), axis=0).T @ np.diag(springs) @ np.diff(np.eye(size), axis=0)
     assert times(band, np.eye(size)) == pytest.approx(full, rel=1e-12, abs=1e-12)
     assert times(reversed_band(band), np.eye(size)) == pytest.approx(full[::-1, ::-1], rel=1e-12, abs=1e-12)
-    inverse, product = pencil_bands(band, np.diag(stiffness), np.diag(stiffness, 1))
+    inverse, product = pencil_bands(band, np.array([np.diag(stiffness), np.append(np.diag(stiffness, 1), 0.0)]))
     assert times(inverse, np.eye(size)) == pytest.approx(full, rel=1e-12, abs=1e-12)
     assert times(product, np.eye(size)) == pytest.approx(full @ stiffness @ full, rel=1e-12, abs=1e-12)
     mass = np.linalg.inv(full)

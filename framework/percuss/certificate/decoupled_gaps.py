@@ -145,7 +145,7 @@ class DecoupledGapsCriterion:
             for node, row in end_force.rows.items():
                 along = float(row @ self.model.body_of(node).mesh.direction)
                 entries.setdefault(node, []).append((p, along))
-        return dataclasses.replace(bodies, contacts=rows_along(bodies, entries))
+        return dataclasses.replace(bodies, rows=rows_along(bodies, entries))
 
     @cached_property
     def free(self) -> float:

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.certificate.following_loads import end_stiffness
-from percuss.certificate.operator import SMALL_MATRIX, Operator
+from percuss.certificate.operator import SMALL_MATRIX, Factor, Operator, submatrix
 from percuss.lapack import lapack
 from percuss.mesh import banded_matrices
 from percuss.mesh.banded_matrices import with_ends_held
@@ -73,7 +73,7 @@ class LineOperator(Operator):
         Bands of K, or of ``C K C`` with C = M^-1 where the mass couples nodes.
     mass : (1, n) or (k + 1, n) array
         Masses, or bands of C.
-    contacts
+    rows
         Rows of N, or of C N.
     count
         Number of contacts.
@@ -87,7 +87,7 @@ class LineOperator(Operator):
 
     stiffness: Floats
     mass: Floats
-    contacts: Rows
+    rows: Rows
     count: int
     starts: Integers
     nodes: Integers
@@ -96,14 +96,9 @@ class LineOperator(Operator):
     floating: Sequence[int] = ()
 
     @property
-    def size(self) -> int:
-        """Number of motions."""
-        return int(self.stiffness.shape[1])
-
-    @property
     def tridiagonal(self) -> bool:
         """Whether LAPACK's routines for tridiagonal matrices and diagonal masses apply."""
-        return self.stiffness.shape[0] <= 2 and self.mass.shape[0] == 1
+        return bool(self.stiffness.shape[0] <= 2 and self.mass.shape[0] == 1)
 
     def factor(self, scale: float) -> BandFactor | None:
         """Return a factor of ``scale M - K``, None unless that is positive definite."""
@@ -118,49 +113,43 @@ class LineOperator(Operator):
             *parts, failed = lapack().dpbtrf(band, lower=1)
         return None if failed else BandFactor(tuple(parts))
 
-    def compliance(self, factor: BandFactor, contacts: Integers) -> Any:
+    def compliance(self, factor: Factor, contacts: Integers) -> Any:
         """Return ``N^T (scale M - K)^-1 N`` of some contacts, sparse from `SMALL_MATRIX` contacts on.
 
         Contacts are coupled through the blocks that they share, so that one column of right-hand sides serves a row of
         every block.
         """
-        rows, column, (one, other), contact_rows = self._touched
+        rows, column, pairs, contact_rows = self._touched
         units = np.zeros((self.size, int(column.max(initial=-1)) + 1))
         units[rows, column] = 1.0
-        values = factor.solve(units)[rows[one], column[other]]
-        if self.count > SMALL_MATRIX:
-            from scipy.sparse import csr_array
-
-            inverse: Any = csr_array((values, (one, other)), shape=(rows.size, rows.size))
-            found = contact_rows.T @ inverse @ contact_rows
-            return found[contacts][:, contacts]
-        inverse = np.zeros((rows.size, rows.size))
-        inverse[one, other] = values
-        return (contact_rows.T @ inverse @ contact_rows)[np.ix_(contacts, contacts)]
+        values = factor.solve(units)[rows[pairs[0]], column[pairs[1]]]
+        inverse = self._matrix(values, pairs, rows.size, rows.size)
+        return submatrix(contact_rows.T @ inverse @ contact_rows, contacts)
 
     @cached_property
-    def _touched(self) -> tuple[Integers, Integers, tuple[Integers, Integers], Any]:
+    def _touched(self) -> tuple[Integers, Integers, Integers, Any]:
         """The rows at contacts, the number of each in its block, all pairs of one block, and N at these rows."""
-        rows, place = np.unique(self.contacts.row, return_inverse=True)
+        rows, place = np.unique(self.rows.row, return_inverse=True)
         block = np.searchsorted(self.starts, rows, side="right") - 1
         column = np.arange(rows.size) - np.searchsorted(block, block)
-        pairs = []
+        pairs = [np.zeros((2, 0), dtype=np.int64)]
         for distance in range(int(column.max(initial=-1)) + 1):
             first = np.flatnonzero(block[: rows.size - distance] == block[distance:])
-            pairs += [(first, first + distance)] if distance == 0 else [
-                (first, first + distance), (first + distance, first)
-            ]  # fmt: skip
-        one, other = np.concatenate([np.zeros((2, 0), dtype=np.int64), *pairs], axis=1)
+            pair = np.array([first, first + distance])
+            pairs += [pair, pair[::-1]] if distance else [pair]
+        at = place, self.rows.contact
+        contact_rows = self._matrix(self.rows.value, at, rows.size, self.count)
+        return rows, column, np.concatenate(pairs, axis=1), contact_rows
+
+    def _matrix(self, values: Floats, places: Any, *shape: int) -> Any:
+        """Return a matrix from its entries, those of one place added up; a sparse one with many contacts."""
         if self.count > SMALL_MATRIX:
             from scipy.sparse import csr_array
 
-            contact_rows: Any = csr_array(
-                (self.contacts.value, (place, self.contacts.contact)), shape=(rows.size, self.count)
-            )
-        else:
-            contact_rows = np.zeros((rows.size, self.count))
-            np.add.at(contact_rows, (place, self.contacts.contact), self.contacts.value)
-        return rows, column, (one, other), contact_rows
+            return csr_array((values, tuple(places)), shape=shape)
+        out = np.zeros(shape)
+        np.add.at(out, tuple(places), values)
+        return out
 
     def blocks(self) -> Iterator[tuple[slice, LineOperator]]:
         """Yield the rows of each block, and its matrices without contacts."""
@@ -212,12 +201,14 @@ class LineOperator(Operator):
         out = np.zeros((self.size, len(self.floating)))
         for column, block in enumerate(self.floating):
             out[int(self.starts[block]) : stops[block], column] = 1.0
-        return out if self.mass.shape[0] == 1 else np.linalg.solve(_full(self.mass), out)
+        if self.mass.shape[0] > 1:
+            out = np.asarray(np.linalg.solve(_full(self.mass), out))
+        return out
 
     def dense(self) -> tuple[Floats, Floats, Floats]:
         """Return stiffness, mass and contact rows as full matrices."""
         rows = np.zeros((self.size, self.count))
-        np.add.at(rows, (self.contacts.row, self.contacts.contact), self.contacts.value)
+        np.add.at(rows, (self.rows.row, self.rows.contact), self.rows.value)
         return _full(self.stiffness), _full(self.mass), rows
 
 
@@ -243,38 +234,31 @@ def held_directions(model: Model) -> dict[int, list[Floats]]:
 
 
 class _Bars(NamedTuple):
-    """Axial matrices of the free nodes of all bodies, one after the other; `inverse` has no row with diagonal masses.
-
-    `off` has what stands beside the diagonal, the entry of column j in place j.
-    """
+    """Axial matrices of the free nodes of all bodies, side by side; `inverse` is empty with diagonal masses."""
 
     nodes: Integers
     starts: Integers
     mass: Floats
-    diagonal: Floats
-    off: Floats
+    stiffness: Floats
     inverse: Floats
     floating: list[int]  # numbers of those bodies of which all nodes are free
 
 
 def _bars(model: Model) -> _Bars:
     held, springs = held_directions(model), end_stiffness(model)
-    nodes, mass, diagonals, beside, inverses, floating = [], [], [], [], [], []
+    nodes, mass = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+    bands: list[Floats] = []
+    inverses: list[Floats] = []
+    floating: list[int] = []
     for body in model.bodies.values():
-        diagonal, off = body.axial_band
-        if off.ndim == 1:
-            off = np.concatenate([off, np.zeros(1)])[None]
+        axis, without_mass, ends = body.mesh.direction, body.ends_without_mass, (body.start, body.stop - 1)
+        band = body.axial_band.copy()
         if model.own_steps:  # m-fold forces in every m-th step are stable where m^2 K is in every step
-            square = float(model.own_steps[body.number] ** 2)
-            diagonal, off = square * diagonal, square * off
-        axis, without_mass = body.mesh.direction, body.ends_without_mass
-        ends = body.start, body.stop - 1
-        softer = [(beside, -body.stiffness[body.end_element(node)]) for node, beside in without_mass.items()]
-        changes = [*((node, springs[node]) for node in dict.fromkeys(ends) if node in springs), *softer]
-        if changes:
-            diagonal = diagonal.copy()
-        for node, change in changes:
-            diagonal[node - body.start] += change
+            band *= float(model.own_steps[body.number] ** 2)
+        for node in set(ends) & springs.keys():
+            band[0, node - body.start] += springs[node]
+        for node, beside in without_mass.items():
+            band[0, beside - body.start] -= body.stiffness[body.end_element(node)]
         left_out = [
             node in without_mass or not all(abs(float(direction @ axis)) < 1e-9 for direction in held.get(node, []))
             for node in ends
@@ -282,36 +266,32 @@ def _bars(model: Model) -> _Bars:
         lo, hi = int(left_out[0]), body.mass.size - int(left_out[1])
         if hi <= lo:
             continue
-        off = off[:, lo:hi].copy()
-        for k in range(off.shape[0]):
-            off[k, max(hi - lo - k - 1, 0) :] = 0.0
-        nodes.append(np.arange(body.start + lo, body.start + hi))
-        mass.append(body.mass[lo:hi])
-        diagonals.append(diagonal[lo:hi])
-        beside.append(off)
-        inverse = 1.0 / mass[-1][None] if model.couples_nodes else np.zeros((0, hi - lo))
+        band = band[:, lo:hi]
+        for k, off in enumerate(band):
+            off[max(hi - lo - k, 0) :] = 0.0
+        inverse = 1.0 / body.mass[None, lo:hi] if model.couples_nodes else np.zeros((0, hi - lo))
         if body.inverse.size:
             inverse = with_ends_held(body.inverse, first=left_out[0], last=left_out[1])
-        inverses.append(inverse)
         if not any(left_out):
-            floating.append(len(nodes) - 1)
-    starts = np.cumsum([0, *(part.size for part in nodes)])[:-1]
+            floating.append(len(bands))
+        nodes.append(np.arange(body.start + lo, body.start + hi))
+        mass.append(body.mass[lo:hi])
+        bands.append(band)
+        inverses.append(inverse)
+    starts = np.cumsum([part.size for part in nodes])[:-1]
     return _Bars(
-        np.concatenate([np.zeros(0, dtype=np.int64), *nodes]),
-        starts.astype(np.int64),
-        np.concatenate([np.zeros(0), *mass]),
-        np.concatenate([np.zeros(0), *diagonals]),
-        _side_by_side(beside),
-        _side_by_side(inverses),
-        floating,
+        np.concatenate(nodes), starts, np.concatenate(mass), _side_by_side(bands), _side_by_side(inverses), floating
     )
 
 
-def _side_by_side(bands: Sequence[Floats]) -> Floats:
-    """Return the bands of all bodies, with as many of each."""
-    most = max((band.shape[0] for band in bands), default=0)
-    padded = [np.concatenate([band, np.zeros((most - band.shape[0], band.shape[1]))]) for band in bands]
-    return np.concatenate(padded, axis=1) if padded else np.zeros((0, 0))
+def _side_by_side(matrices: Sequence[Floats]) -> Floats:
+    """Return the banded matrix of which the given ones are the blocks."""
+    out = np.zeros((max((band.shape[0] for band in matrices), default=1), sum(band.shape[1] for band in matrices)))
+    first = 0
+    for band in matrices:
+        out[: band.shape[0], first : first + band.shape[1]] = band
+        first += band.shape[1]
+    return out
 
 
 def _contacts_at(model: Model) -> dict[int, list[tuple[int, float]]]:
@@ -327,14 +307,13 @@ def _contacts_at(model: Model) -> dict[int, list[tuple[int, float]]]:
 
 def rows_along(operator: LineOperator, entries: Mapping[int, Sequence[tuple[int, float]]]) -> Rows:
     """Return rows from their entries along the axes of bars, (number, value) by node, without held nodes."""
-    order = np.argsort(operator.nodes, kind="stable")
-    moving = operator.nodes[order]
-    given = [(node, number, value) for node in sorted(entries) for number, value in entries[node]]
-    nodes, numbers, values = (np.array(part) for part in zip(*given, strict=True)) if given else (np.zeros(0),) * 3
-    at = np.minimum(np.searchsorted(moving, nodes), max(moving.size - 1, 0))
-    kept = moving[at] == nodes if moving.size else np.zeros(nodes.size, dtype=bool)
-    at = order[at[kept]]
-    return Rows(operator.place[at], numbers[kept].astype(np.int64), operator.signs[at] * values[kept])
+    count = 1 + max([*entries, *operator.nodes.max(initial=-1, keepdims=True).tolist()])
+    place, signs = np.full(count, -1), np.zeros(count)
+    place[operator.nodes], signs[operator.nodes] = operator.place, operator.signs
+    nodes = [node for node in sorted(entries) if place[node] >= 0]
+    found = [(place[node], number, signs[node] * value) for node in nodes for number, value in entries[node]]
+    row, number, value = np.array(found).reshape(-1, 3).T
+    return Rows(row.astype(np.int64), number.astype(np.int64), value)
 
 
 def bars_alone(model: Model) -> LineOperator:
@@ -343,77 +322,40 @@ def bars_alone(model: Model) -> LineOperator:
     Of a whole run, a drive that is off at any time counts as absent.
     """
     bars = _bars(model)
-    count = bars.nodes.size
-    stiffness = np.concatenate([bars.diagonal[None], bars.off])
-    return _operator(model, bars, stiffness, bars.inverse, np.arange(count), np.ones(count))
+    return _operator(model, bars, np.arange(bars.mass.size), np.ones(bars.mass.size))
 
 
 def line_operator(model: Model) -> LineOperator:
     """Return the operator of the bars of a stretch of a run, those as one that are tied throughout it."""
-    ties: dict[int, list[tuple[int, float]]] = {}
     tied = () if model.own_steps else model.tied_points
-    if tied:
-        bars = _bars(model)
-        moving = set(bars.nodes.tolist())
-        for node, contacts in _contacts_at(model).items():
-            for p, along in contacts if node in moving else ():
-                if p in tied:
-                    ties.setdefault(p, []).append((node, along))
+    if not tied:
+        return bars_alone(model)
+    bars, ties = _bars(model), dict[int, list[tuple[int, float]]]()
+    moving = set(bars.nodes.tolist())
+    for node, contacts in _contacts_at(model).items():
+        for p, along in contacts if node in moving else ():
+            if p in tied:
+                ties.setdefault(p, []).append((node, along))
     return _tied(model, bars, list(ties.values())) if ties else bars_alone(model)
 
 
-def _operator(
-    model: Model, bars: _Bars, stiffness: Floats, inverse: Floats, place: Integers, signs: Floats
-) -> LineOperator:
-    """Return the operator of bars from the bands of their stiffness, and from those of M^-1 where these are given."""
-    at_node = _contacts_at(model)
-    mass = bars.mass[None]
-    if inverse.size:
-        mass, stiffness = _pencil_of_inverse(inverse, stiffness)
-    operator = LineOperator(
-        stiffness, mass, Rows(bars.starts, bars.starts, signs), len(model.contact_pairs), bars.starts, bars.nodes,
-        place, signs, bars.floating,
-    )  # fmt: skip
-    rows = rows_along(operator, at_node)
-    return dataclasses.replace(operator, contacts=_times_inverse(inverse, rows) if inverse.size else rows)
+def _operator(model: Model, bars: _Bars, place: Integers, signs: Floats) -> LineOperator:
+    stiffness, mass = bars.stiffness, bars.mass[None]
+    if bars.inverse.size:
+        mass, stiffness = banded_matrices.pencil_bands(bars.inverse, stiffness)
+    nothing, count = Rows(bars.starts, bars.starts, signs), len(model.contact_pairs)
+    operator = LineOperator(stiffness, mass, nothing, count, bars.starts, bars.nodes, place, signs, bars.floating)
+    rows = rows_along(operator, _contacts_at(model))
+    return dataclasses.replace(operator, rows=_times(bars.inverse, rows) if bars.inverse.size else rows)
 
 
-def _sparse(band: Floats) -> Any:
-    """Return a symmetric banded matrix as a sparse one."""
-    from scipy.sparse import csr_array, diags_array
-
-    size = band.shape[1]
-    kept = range(1, min(band.shape[0], size))
-    beside = [band[k, : size - k] for k in kept]
-    return csr_array(diags_array([band[0], *beside, *beside], offsets=[0, *kept, *(-k for k in kept)]))
-
-
-def _bands(matrix: Any, count: int = 0) -> Floats:
-    """Return the bands of a sparse symmetric matrix, `count` of them at least."""
-    entries = matrix.tocoo()
-    below = entries.row - entries.col
-    out = np.zeros((max(int(below.max(initial=0)) + 1, count), matrix.shape[0]))
-    kept = below >= 0
-    out[below[kept], entries.col[kept]] = entries.data[kept]
-    return out
-
-
-def _pencil_of_inverse(inverse: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
-    """Return the bands of C and those of ``C K C``, as many of both."""
-    c = _sparse(inverse)
-    product = _bands(c @ _sparse(stiffness) @ c, inverse.shape[0])
-    mass = np.zeros_like(product)
-    mass[: inverse.shape[0]] = inverse
-    return mass, product
-
-
-def _times_inverse(inverse: Floats, rows: Rows) -> Rows:
+def _times(inverse: Floats, rows: Rows) -> Rows:
     """Return the rows of C N from those of N."""
     from scipy.sparse import csr_array
 
-    size = inverse.shape[1]
-    shape = size, int(rows.contact.max(initial=-1)) + 1
-    found = (_sparse(inverse) @ csr_array((rows.value, (rows.row, rows.contact)), shape=shape)).tocoo()
+    shape = inverse.shape[1], int(rows.contact.max(initial=-1)) + 1
+    normals: Any = csr_array((rows.value, (rows.row, rows.contact)), shape=shape)
+    found = (banded_matrices.sparse(inverse) @ normals).tocoo()
     return Rows(found.row.astype(np.int64), found.col.astype(np.int64), found.data)
 
 
@@ -438,18 +380,16 @@ def _tied(model: Model, bars: _Bars, ties: Sequence[Sequence[tuple[int, float]]]
     place = np.unique(motion[moving], return_inverse=True)[1]
     size = int(place.max(initial=-1)) + 1
     basis: Any = csr_array((signs[moving], (moving, place)), shape=(signs.size, size))
-    stiffness = basis.T @ _sparse(np.concatenate([bars.diagonal[None], bars.off])) @ basis
-    order = reverse_cuthill_mckee(csr_array(stiffness), symmetric_mode=True) if size else np.zeros(0, dtype=np.int64)
-    inverse = np.zeros((0, size))
+    stiffness = csr_array(basis.T @ banded_matrices.sparse(bars.stiffness) @ basis)
+    order = reverse_cuthill_mckee(stiffness, symmetric_mode=True) if size else place
+    mass = (np.abs(basis).T @ bars.mass)[order]
+    stiffness, inverse = banded_matrices.bands(stiffness[order][:, order], 2), np.zeros((0, size))
     if bars.inverse.size:
-        mass = basis.T @ np.linalg.inv(_full(bars.inverse)) @ basis
-        inverse = _bands(csr_array(np.linalg.inv(mass[np.ix_(order, order)])), size)
-    bands = _bands(csr_array(stiffness)[order][:, order], 2)
-    joined = _Bars(
-        bars.nodes[moving], _starts(inverse if inverse.size else bands), (np.abs(basis).T @ bars.mass)[order],
-        bands[0], bands[1:], inverse, [],
-    )  # fmt: skip
-    return _operator(model, joined, bands, inverse, np.argsort(order)[place], signs[moving])
+        full = basis.T @ np.linalg.inv(_full(bars.inverse)) @ basis
+        inverse = banded_matrices.bands(csr_array(np.linalg.inv(full[np.ix_(order, order)])), size)
+    starts = _starts(inverse if inverse.size else stiffness)
+    joined = _Bars(bars.nodes[moving], starts, mass, stiffness, inverse, [])
+    return _operator(model, joined, np.argsort(order)[place], signs[moving])
 
 
 def _starts(band: Floats) -> Integers:

@@ -39,33 +39,75 @@ class Factor(Protocol):
         """Return the inverse of the matrix times (n, k) columns."""
 
 
+@dataclass(frozen=True)
 class Operator:
-    """Mass, stiffness and contact rows of all bodies: what is computed from a factor of ``scale M - K``."""
+    """Mass, stiffness and contact rows of bodies of any dimension, and what follows from a factor of ``scale M - K``.
+
+    Attributes
+    ----------
+    stiffness, mass : (n, n) sparse arrays
+        K and M, or ``C K C`` and C where the mass couples nodes.
+    rows : (n, P) sparse array
+        N, or C N; a contact point may have rows at any number of nodes.
+    """
+
+    stiffness: Any
+    mass: Any
+    rows: Any
 
     @property
     def size(self) -> int:
         """Number of motions."""
-        raise NotImplementedError
+        return int(self.stiffness.shape[1])
 
     def factor(self, scale: float) -> Factor | None:
-        """Return a factor of ``scale M - K``, None unless that is positive definite."""
-        raise NotImplementedError
+        """Return a factor without pivoting: the matrix is positive definite where all its pivots are positive."""
+        from scipy.sparse import csc_array
+        from scipy.sparse.linalg import splu
 
-    def compliance(self, factor: Factor, contacts: Integers) -> Any:
-        """Return ``N^T (scale M - K)^-1 N`` of some contacts, full or sparse."""
-        raise NotImplementedError
+        matrix = csc_array(scale * self.mass - self.stiffness)
+        try:
+            factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        except RuntimeError:  # a pivot is 0
+            return None
+        kept = bool(np.all(factor.perm_r == factor.perm_c))
+        return factor if kept and bool(np.all(factor.U.diagonal() > 0.0)) else None
+
+    def compliance(self, factor: Factor, contacts: Integers) -> Floats:
+        """Return ``N^T (scale M - K)^-1 N`` of some contacts."""
+        rows = self.rows[:, contacts]
+        parts = [
+            rows.T @ factor.solve(rows[:, first : first + COLUMNS_AT_ONCE].toarray())
+            for first in range(0, contacts.size, COLUMNS_AT_ONCE)
+        ]
+        return np.concatenate(parts, axis=1)
 
     def highest_eigenvalue(self) -> float:
-        """Return the largest eigenvalue of ``M^-1 K`` [1/time^2]."""
-        raise NotImplementedError
+        """Return the smallest number found for which a factor proves ``scale M - K`` to be positive definite.
 
-    def dense(self) -> tuple[Floats, Floats, Floats]:
-        """Return stiffness, mass and contact rows as full matrices."""
-        raise NotImplementedError
+        The Ritz value of a Lanczos iteration is at most the eigenvalue.
+        """
+        from scipy.sparse.linalg import eigsh
+
+        start = np.random.default_rng(0).standard_normal(self.stiffness.shape[0])
+        low = float(eigsh(self.stiffness, k=1, M=self.mass, which="LA", v0=start, return_eigenvectors=False)[0])
+        if low <= 0.0:
+            return 0.0
+        distance = ABOVE_RITZ_VALUE
+        while self.factor(low * (1.0 + distance)) is None:
+            low, distance = low * (1.0 + distance), 2.0 * distance
+        return low * (1.0 + distance)
 
     def rigid(self) -> Floats:
         """Return motions without strain, one a column; where the mass couples nodes, those of M u in place of u."""
-        raise NotImplementedError
+        from scipy.linalg import null_space
+
+        motions: Floats = null_space(self.stiffness.toarray())
+        return motions
+
+    def dense(self) -> tuple[Floats, Floats, Floats]:
+        """Return stiffness, mass and contact rows as full matrices."""
+        return self.stiffness.toarray(), self.mass.toarray(), self.rows.toarray()
 
     def free_step(self) -> float:
         """Return the largest step that is stable with no contact closed but ties, 2 over the highest frequency."""
@@ -124,77 +166,6 @@ class Operator:
         return harmful, (diags_array(root) @ compliance @ diags_array(root)).tocsr()
 
 
-@dataclass(frozen=True)
-class SparseOperator(Operator):
-    """Operator of bodies of any dimension, from sparse matrices.
-
-    Attributes
-    ----------
-    stiffness, mass : (n, n) sparse arrays
-        K and M, or ``C K C`` and C where the mass couples nodes.
-    rows : (n, P) sparse array
-        N, or C N; a contact point may have rows at any number of nodes.
-    whole : (n, r) array
-        Motions without strain; empty where there are none.
-    """
-
-    stiffness: Any
-    mass: Any
-    rows: Any
-    whole: Floats
-
-    @property
-    def size(self) -> int:
-        """Number of motions."""
-        return int(self.stiffness.shape[0])
-
-    def factor(self, scale: float) -> Factor | None:
-        """Return a factor without pivoting: the matrix is positive definite where all its pivots are positive."""
-        from scipy.sparse import csc_array
-        from scipy.sparse.linalg import splu
-
-        matrix = csc_array(scale * self.mass - self.stiffness)
-        try:
-            factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        except RuntimeError:  # a pivot is 0
-            return None
-        kept = bool(np.all(factor.perm_r == factor.perm_c))
-        return factor if kept and bool(np.all(factor.U.diagonal() > 0.0)) else None
-
-    def compliance(self, factor: Factor, contacts: Integers) -> Floats:
-        """Return ``N^T (scale M - K)^-1 N`` of some contacts."""
-        rows = self.rows[:, contacts]
-        parts = [
-            rows.T @ factor.solve(rows[:, first : first + COLUMNS_AT_ONCE].toarray())
-            for first in range(0, contacts.size, COLUMNS_AT_ONCE)
-        ]
-        return np.concatenate(parts, axis=1)
-
-    def highest_eigenvalue(self) -> float:
-        """Return the smallest number found for which a factor proves ``scale M - K`` to be positive definite.
-
-        The Ritz value of a Lanczos iteration is at most the eigenvalue.
-        """
-        from scipy.sparse.linalg import eigsh
-
-        start = np.random.default_rng(0).standard_normal(self.stiffness.shape[0])
-        low = float(eigsh(self.stiffness, k=1, M=self.mass, which="LA", v0=start, return_eigenvectors=False)[0])
-        if low <= 0.0:
-            return 0.0
-        distance = ABOVE_RITZ_VALUE
-        while self.factor(low * (1.0 + distance)) is None:
-            low, distance = low * (1.0 + distance), 2.0 * distance
-        return low * (1.0 + distance)
-
-    def rigid(self) -> Floats:
-        """Return motions without strain, one a column."""
-        return self.whole
-
-    def dense(self) -> tuple[Floats, Floats, Floats]:
-        """Return stiffness, mass and contact rows as full matrices."""
-        return self.stiffness.toarray(), self.mass.toarray(), self.rows.toarray()
-
-
 def largest_eigenvalue(matrix: Any) -> float:
     """Return the largest eigenvalue of a symmetric matrix; a large one, full or sparse, has zeros in most places.
 
@@ -223,7 +194,7 @@ def largest_eigenvalue(matrix: Any) -> float:
     return float(eigvals_banded(band, lower=True, select="i", select_range=last)[0])
 
 
-def _submatrix(matrix: Any, rows: Any) -> Any:
+def submatrix(matrix: Any, rows: Any) -> Any:
     """Return the rows and columns `rows` of a matrix, full or sparse."""
     return matrix[np.ix_(rows, rows)] if isinstance(matrix, np.ndarray) else matrix[rows][:, rows]
 
@@ -254,7 +225,7 @@ def _limiting_rows(matrix: Any) -> list[int]:
     """
 
     def unstable(rows: list[int]) -> bool:
-        return bool(rows) and largest_eigenvalue(_submatrix(matrix, rows)) >= 1.0
+        return bool(rows) and largest_eigenvalue(submatrix(matrix, rows)) >= 1.0
 
     component = np.abs(_last_eigenvector(matrix))
     order = [int(row) for row in np.argsort(-component, kind="stable")]

@@ -77,13 +77,13 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
         The end nodes in contact, one or both.
     """
     if body.inverse.size:
-        inverse, stiffness = pencil_bands(body.inverse, *body.axial_band)
+        inverse, stiffness = pencil_bands(body.inverse, body.axial_band)
         places = [node - body.start for node in ends]
         return _reserves(4.0 / dt**2 * inverse - stiffness, places, ends, lower=True, coupling=body.inverse)
     banded = np.zeros((2, body.mass.size))
     if body.mesh.cells:
-        diagonal, off = body.axial_band
-        banded = np.concatenate([(4.0 / dt**2 * body.mass - diagonal)[None], -off])
+        banded = -body.axial_band
+        banded[0] += 4.0 / dt**2 * body.mass
     else:
         banded[0, 1:] = body.stiffness
         banded[1] = 4.0 / dt**2 * body.mass

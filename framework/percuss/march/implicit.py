@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.march.starting_state import initial_velocity
+from percuss.mesh import banded_matrices
 from percuss.mesh.loads import amplitude
 from percuss.step.account import account
 from percuss.step.record import is_recorded, snapshot, write_record
@@ -292,15 +293,8 @@ def stiffness_matrix(model: Model) -> Any:
     """Return the stiffness of linear bodies along their axes, a sparse matrix (nodes * dim, nodes * dim)."""
     from scipy import sparse
 
-    blocks = []
-    for body in model.bodies.values():
-        diagonal, off = body.axial_band
-        size, bands = diagonal.size, np.atleast_2d(off)
-        matrix = sparse.diags_array(diagonal, format="csr")
-        for k, band in enumerate(bands, start=1):
-            if k < size:
-                beside = sparse.diags_array(band[: size - k], offsets=-k, shape=(size, size))
-                matrix = matrix + beside + beside.T
-        axis = body.mesh.direction
-        blocks.append(sparse.kron(matrix, np.outer(axis, axis)))
+    blocks = [
+        sparse.kron(banded_matrices.sparse(body.axial_band), np.outer(body.mesh.direction, body.mesh.direction))
+        for body in model.bodies.values()
+    ]
     return sparse.block_diag(blocks, format="csr")

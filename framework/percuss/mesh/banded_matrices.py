@@ -67,33 +67,33 @@ def reversed_band(band: Floats) -> Floats:
     return out
 
 
-def pencil_bands(band: Floats, diagonal: Floats, off: Floats) -> tuple[Floats, Floats]:
-    """Return the bands of C and those of ``C K C``, as many of both.
-
-    Parameters
-    ----------
-    band : (k + 1, n) array
-        C.
-    diagonal, off : (n,) and (n - 1,) arrays
-        The stiffness K of two-node elements.
-    """
+def sparse(band: Floats) -> Any:
+    """Return a banded matrix as a sparse one."""
     from scipy.sparse import csr_array, diags_array
 
-    size = diagonal.size
-    beside = [band[k, : size - k] for k in range(1, min(band.shape[0], size))]
-    c: Any = csr_array(
-        diags_array(
-            [band[0], *beside, *beside], offsets=[0, *range(1, len(beside) + 1), *range(-1, -len(beside) - 1, -1)]
-        )
-    )
-    k: Any = csr_array(diags_array([diagonal, off, off], offsets=[0, 1, -1])) if size > 1 else csr_array([diagonal])
-    product = c @ k @ c
-    rows = min(2 * band.shape[0], size)
-    inverse, stiffness = np.zeros((rows, size)), np.zeros((rows, size))
-    inverse[: min(band.shape[0], rows)] = band[:rows]
-    for d in range(rows):
-        stiffness[d, : size - d] = product.diagonal(-d)
-    return inverse, stiffness
+    size = band.shape[1]
+    offsets = range(1, min(band.shape[0], size))
+    beside = [band[k, : size - k] for k in offsets]
+    return csr_array(diags_array([band[0], *beside, *beside], offsets=[0, *offsets, *(-k for k in offsets)]))
+
+
+def bands(matrix: Any, count: int = 0) -> Floats:
+    """Return the bands of a symmetric sparse matrix, `count` of them at least."""
+    entries = matrix.tocoo()
+    below = entries.row - entries.col
+    out = np.zeros((max(int(below.max(initial=0)) + 1, count), matrix.shape[0]))
+    kept = below >= 0
+    out[below[kept], entries.col[kept]] = entries.data[kept]
+    return out
+
+
+def pencil_bands(band: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
+    """Return the bands of C and those of ``C K C``, as many of both, from C and K."""
+    c = sparse(band)
+    product = bands(c @ sparse(stiffness) @ c, band.shape[0])
+    inverse = np.zeros_like(product)
+    inverse[: band.shape[0]] = band
+    return inverse, product
 
 
 def highest_eigenvalue(low: float, definite: Callable[[float], bool]) -> float:

@@ -100,28 +100,25 @@ class Body:
         return self.start + cells_of(self.mesh)[elements]
 
     @cached_property
-    def axial_band(self) -> tuple[Floats, Floats]:
-        """The stiffness along the body with a linear material: its diagonal, and what stands beside it.
-
-        Of two-node elements the latter is the (nodes - 1,) entries of the first off-diagonal. Of others it is an array
-        (k, nodes) of k off-diagonals, the entry of column j in place j.
-        """
-        diagonal = np.zeros(self.mass.size)
+    def axial_band(self) -> Floats:
+        """The stiffness along the body with a linear material, a banded matrix (`percuss.mesh.banded_matrices`)."""
         if not self.mesh.cells:
-            diagonal[:-1] += self.stiffness
-            diagonal[1:] += self.stiffness
-            return diagonal, -self.stiffness
+            band = np.zeros((2, self.mass.size))
+            band[0, :-1] += self.stiffness
+            band[0, 1:] += self.stiffness
+            band[1, :-1] = -self.stiffness
+            return band
         element: Any = self.spec.element
         matrices, shape, scale = axial_matrices(
             element, BodyMesh(self.mesh, self.spec.area), self.spec.material.modulus
         )
         cells = cells_of(self.mesh)
         count = cells.shape[1]
-        off = np.zeros((count - 1, self.mass.size))
+        band = np.zeros((count, self.mass.size))
         for a in range(count):
-            np.add.at(diagonal, cells[:, a], scale * matrices[shape, a, a])
+            np.add.at(band[0], cells[:, a], scale * matrices[shape, a, a])
             for b in range(count):
                 below = cells[:, b] - cells[:, a]  # rows below the diagonal, of cell nodes in any order
                 rows = np.flatnonzero(below > 0)
-                np.add.at(off, (below[rows] - 1, cells[rows, a]), scale[rows] * matrices[shape[rows], b, a])
-        return diagonal, off
+                np.add.at(band, (below[rows], cells[rows, a]), scale[rows] * matrices[shape[rows], b, a])
+        return band

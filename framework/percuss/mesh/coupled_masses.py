@@ -80,7 +80,7 @@ def inverse_mass(case: Case, spec: BodySpec, mesh: Mesh, mass: Floats) -> Floats
 
 def highest_frequency(body: Body) -> float:
     """Return the highest angular frequency of a body whose mass couples nodes, without supports [1/time]."""
-    inverse, stiffness = pencil_bands(body.inverse, *body.axial_band)
+    inverse, stiffness = pencil_bands(body.inverse, body.axial_band)
 
     def definite(square: float) -> bool:
         return lapack().dpbtrf(square * inverse - stiffness, lower=1)[1] == 0  # type: ignore[no-any-return]
