@@ -13,6 +13,7 @@ definite where A is: ``(4/dt^2) C - C K C``, with the rows C N in place of N.
 
 from __future__ import annotations
 
+import inspect
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
@@ -90,7 +91,10 @@ class Operator:
         from scipy.sparse.linalg import eigsh
 
         start = np.random.default_rng(0).standard_normal(self.stiffness.shape[0])
-        low = float(eigsh(self.stiffness, k=1, M=self.mass, which="LA", v0=start, return_eigenvectors=False)[0])
+        values: Any = eigsh(
+            self.stiffness, 1, self.mass, which="LA", v0=start, return_eigenvectors=False, **without_chance(eigsh)
+        )
+        low = float(values[0])
         if low <= 0.0:
             return 0.0
         distance = ABOVE_RITZ_VALUE
@@ -194,6 +198,14 @@ def largest_eigenvalue(matrix: Any) -> float:
     return float(eigvals_banded(band, lower=True, select="i", select_range=last)[0])
 
 
+def without_chance(solver: Any) -> dict[str, int]:
+    """Return the argument with which an iteration of SciPy draws the same numbers in each call.
+
+    Versions before 1.17 do not have it, and draw the same numbers anyway.
+    """
+    return {"rng": 0} if "rng" in inspect.signature(solver).parameters else {}
+
+
 def submatrix(matrix: Any, rows: Any) -> Any:
     """Return the rows and columns `rows` of a matrix, full or sparse."""
     return matrix[np.ix_(rows, rows)] if isinstance(matrix, np.ndarray) else matrix[rows][:, rows]
@@ -212,7 +224,8 @@ def _last_eigenvector(matrix: Any) -> Floats:
 
     diagonal = matrix.diagonal()
     try:
-        return eigsh(matrix, k=1, which="LA", v0=np.sqrt(np.abs(diagonal)), tol=1e-6)[1][:, 0]  # type: ignore[no-any-return]
+        start = np.sqrt(np.abs(diagonal))
+        return eigsh(matrix, k=1, which="LA", v0=start, tol=1e-6, **without_chance(eigsh))[1][:, 0]  # type: ignore[no-any-return]
     except ArpackNoConvergence:
         return diagonal  # type: ignore[no-any-return]
 

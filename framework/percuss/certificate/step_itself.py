@@ -22,7 +22,7 @@ import numpy as np
 
 from percuss.certificate.assessment import Assessment, quoted
 from percuss.certificate.closed_step import LINEARITY_TOLERANCE, ClosedStep, Motions
-from percuss.certificate.operator import MOST_TRIED_CONTACTS
+from percuss.certificate.operator import MOST_TRIED_CONTACTS, without_chance
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
 from percuss.errors import PercussError
@@ -272,6 +272,7 @@ def _largest_modulus(step: ClosedStep, idle: Floats) -> float:
             maxiter=ARNOLDI_RESTARTS if size < LARGE_STATE else ARNOLDI_RESTARTS // 2,
             tol=1e-9,
             return_eigenvectors=False,
+            **without_chance(eigs),
         )
     except ArpackNoConvergence as stopped:
         values = stopped.eigenvalues
