@@ -20,7 +20,7 @@ import numpy as np
 from percuss.errors import PercussError
 from percuss.methods.blame import breach, described, line_in_plugin
 from percuss.methods.first_run import first_asked, is_watched
-from percuss.methods.interfaces import Component, Exact, Floats, LeapFrog, Mesh
+from percuss.methods.interfaces import Component, Exact, Floats, LeapFrog, Lumping, Mesh
 
 REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
 DEEPEST = 6  # levels of attributes up to which two answers are compared
@@ -168,7 +168,7 @@ def same(first: Any, second: Any, depth: int = 0) -> bool:
 # ---------------------------------------------------------------------------------------- checks of the answers
 
 
-def as_numbers(value: Any) -> Floats | None:
+def as_numbers(value: object) -> Floats | None:
     """Return a value as an array of numbers, or None if it is not real numbers that double precision holds."""
     try:
         array = np.asarray(value)
@@ -177,14 +177,14 @@ def as_numbers(value: Any) -> Floats | None:
     return array.astype(float) if np.can_cast(array.dtype, float) else None
 
 
-def _fault_of(check: Callable[..., str], value: Any, *arguments: Any) -> str:
+def _fault_of(check: Callable[..., str], value: object, *arguments: object) -> str:
     try:
         return check(value, *arguments)
     except (TypeError, ValueError):
         return f"returned {_shown(value)}, expected numbers"
 
 
-def _numbers_fault(value: Any, shape: tuple[int, ...]) -> str:
+def _numbers_fault(value: object, shape: tuple[int, ...]) -> str:
     """Return what is wrong with an array of finite numbers, in words, or an empty text."""
     array = as_numbers(value)
     if array is None:
@@ -197,12 +197,12 @@ def _numbers_fault(value: Any, shape: tuple[int, ...]) -> str:
     return ""
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     of = f" of {value.dtype}" if isinstance(value, np.ndarray) else ""
     return "nothing" if value is None else f"a {type(value).__name__}{of}"
 
 
-def _amplitude_fault(value: Any, time: Any) -> str:
+def _amplitude_fault(value: Any, time: Floats) -> str:
     fault = _numbers_fault(value, np.shape(time))
     if " at index " not in fault:
         return fault
@@ -210,7 +210,7 @@ def _amplitude_fault(value: Any, time: Any) -> str:
     return f"returned {np.ravel(value)[wrong[0]]} at the time {np.ravel(time)[wrong[0]]:.6g} since the load began"
 
 
-def _parts_fault(parts: Iterable[tuple[str, Any, tuple[int, ...]]]) -> str:
+def _parts_fault(parts: Iterable[tuple[str, object, tuple[int, ...]]]) -> str:
     """Return what is wrong with the first part that is no array of finite numbers; a part has words and a shape."""
     for words, value, shape in parts:
         fault = _numbers_fault(value, shape)
@@ -219,7 +219,7 @@ def _parts_fault(parts: Iterable[tuple[str, Any, tuple[int, ...]]]) -> str:
     return ""
 
 
-def _arrays_fault(value: Any, shape: tuple[int, ...] = ()) -> str:
+def _arrays_fault(value: object, shape: tuple[int, ...] = ()) -> str:
     """Return what is wrong with a NamedTuple of arrays, whose shapes begin with `shape`."""
     if not (isinstance(value, tuple) and hasattr(value, "_fields")):
         return f"returned {_shown(value)}, expected a NamedTuple of arrays"
@@ -229,19 +229,19 @@ def _arrays_fault(value: Any, shape: tuple[int, ...] = ()) -> str:
     )
 
 
-def _follower_numbers_fault(value: Any, _end: Any) -> str:
+def _follower_numbers_fault(value: object, _end: object) -> str:
     if not isinstance(value, tuple):
         return f"returned {_shown(value)}, expected a tuple of numbers"
     return _numbers_fault(value, (len(value),))
 
 
-def _follow_fault(value: Any, _numbers: Any, time: float, displacement: float, velocity: float) -> str:
+def _follow_fault(value: object, _numbers: object, time: float, displacement: float, velocity: float) -> str:
     fault = "returned nothing, expected a number" if value is None else _numbers_fault(value, ())
     motion = f"at the time {time:g}, the displacement {displacement:g} and the velocity {velocity:g}"
     return f"{fault.removesuffix(' at index 0')} {motion}" if fault else ""
 
 
-def _mesh_fault(mesh: Any, at: Any, _refine: float) -> str:
+def _mesh_fault(mesh: object, at: Floats, _refine: float) -> str:
     if not isinstance(mesh, Mesh):
         return f"returned {_shown(mesh)}, expected a Mesh"
     if mesh.cells:
@@ -269,12 +269,7 @@ def _shares_fault(value: Any) -> str:
     return fault
 
 
-def _volumes_fault(value: Any, body: Any) -> str:
-    points = np.shape(value)[1] if np.ndim(value) == 2 else 1
-    return _numbers_fault(value, (body.mesh.lengths.size, points))
-
-
-def _nodal_in_contact_fault(value: Any, _element_mass: Any, lumping: Any, first: bool, last: bool) -> str:
+def _nodal_in_contact_fault(value: Any, _element_mass: Floats, lumping: Lumping, first: bool, last: bool) -> str:
     fault = _numbers_fault(value, (lumping.nodes,))
     if fault:
         return fault
@@ -286,7 +281,7 @@ def _nodal_in_contact_fault(value: Any, _element_mass: Any, lumping: Any, first:
     return "" if np.any(value) else "returned no mass at all"
 
 
-def _inverse_fault(value: Any, _element_mass: Any, lumping: Any) -> str:
+def _inverse_fault(value: object, _element_mass: Floats, lumping: Lumping) -> str:
     if value is None:
         return ""
     bands = max(value.shape[0], 1) if isinstance(value, np.ndarray) and value.ndim == 2 else 1
@@ -299,19 +294,11 @@ def _inverse_fault(value: Any, _element_mass: Any, lumping: Any) -> str:
     return ""
 
 
-def _element_numbers_fault(value: Any, body: Any, _property: float) -> str:
-    return _numbers_fault(value, (body.mesh.lengths.size,))
-
-
-def _parameters_fault(value: Any) -> str:
-    return _numbers_fault(value, (len(value),) if isinstance(value, tuple | list) else np.shape(value)[:1] or (1,))
-
-
-def _reason_fault(value: Any, *_arguments: Any) -> str:
+def _reason_fault(value: object, *_arguments: object) -> str:
     return "" if value is None or isinstance(value, str) else f"returned {_shown(value)}, expected a text or None"
 
 
-def _solve_fault(value: Any, _problem: Any, _end: float) -> str:
+def _solve_fault(value: object, _problem: object, _end: float) -> str:
     if isinstance(value, str) and value.strip():
         return ""
     if not isinstance(value, Exact):
@@ -319,14 +306,14 @@ def _solve_fault(value: Any, _problem: Any, _end: float) -> str:
     return "" if np.isfinite(value.reached) else f"returned a solution that reached the time {value.reached}"
 
 
-def _measure_fault(value: Any, _result: Any) -> str:
+def _measure_fault(value: object, _result: object) -> str:
     if value is None or isinstance(value, str | bool | int | np.integer | np.bool_):
         return ""
     fault = _numbers_fault(value, ())
     return f"{fault}; None says that there is no number" if fault else ""
 
 
-def _bound_law_fault(value: Any, _points: Any, _dt: float) -> str:
+def _bound_law_fault(value: object, _points: object, _dt: float) -> str:
     for name in getattr(value, "_fields", ()):
         array = getattr(value, name)
         if isinstance(array, np.ndarray) and array.dtype.kind != "V" and not np.can_cast(array.dtype, complex):
@@ -334,7 +321,7 @@ def _bound_law_fault(value: Any, _points: Any, _dt: float) -> str:
     return ""
 
 
-def _bound_integrator_fault(value: Any, _dt: float) -> str:
+def _bound_integrator_fault(value: object, _dt: float) -> str:
     if not isinstance(value, LeapFrog):
         return ""  # the numbers of `Stages` are checked with the trial steps
     states = {"explicit": value.explicit, "end": value.end}
@@ -354,10 +341,12 @@ CHECKS: dict[tuple[str, str], Callable[..., str]] = {
     ("elements", "rule"): _arrays_fault,
     ("elements", "reference_nodes"): _reference_nodes_fault,
     ("elements", "mass_shares"): _shares_fault,
-    ("elements", "volumes"): _volumes_fault,
-    ("elements", "axial_stiffness"): _element_numbers_fault,
-    ("elements", "highest_frequency"): _element_numbers_fault,
-    ("materials", "parameters"): _parameters_fault,
+    ("elements", "volumes"): lambda value, body: _numbers_fault(
+        value, (body.mesh.lengths.size, *(np.shape(value)[1:2] or (1,)))
+    ),
+    ("elements", "axial_stiffness"): lambda value, body, _modulus: _numbers_fault(value, (body.mesh.lengths.size,)),
+    ("elements", "highest_frequency"): lambda value, body, _speed: _numbers_fault(value, (body.mesh.lengths.size,)),
+    ("materials", "parameters"): lambda value: _numbers_fault(value, np.shape(value)[:1] or (1,)),
     ("solutions", "covers"): _reason_fault,
     ("solutions", "too_costly"): _reason_fault,
     ("solutions", "solve"): _solve_fault,

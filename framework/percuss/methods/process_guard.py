@@ -228,13 +228,13 @@ class _Names:
         self._open -= 1
         if self._open:
             return []
-        note_answers()
         changed = []
         for owner, held in self._held:
             for name, value in held.items() if _differ(owner, held) else ():
                 if (now := vars(owner).get(name, MISSING)) is not value:
                     changed.append((owner, name, now))
                     setattr(owner, name, value)
+        note_answers()  # only now: what a plug-in has overwritten is used here
         return changed
 
 
