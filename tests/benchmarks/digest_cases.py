@@ -251,12 +251,12 @@ FEATURES: Mapping[str, Mapping[str, Any]] = {
         "contacts": {"ab": TIP, "bc": {"between": ["b.right", "c.left"]}},
         "loads": {"push": {"constant": 0.01, "on": "b.right"}, "hold": {"prescribed-velocity": 0.0, "on": "c.right"}},
     },
-    "more nodes than a block of the loop": {
+    "more nodes than a block of the loop, graded": {
         "bodies": {
             "a": {**LEFT, "bar": {**GRADED, "elements": 1100}},
-            "b": {**RIGHT, "bar": {**BAR, "elements": 700}},
+            "b": {**RIGHT, "bar": {**GRADED, "elements": 1100}},
         },
-        "contacts": {"tip": TIP, "stop": STOP},
+        "contacts": {"tip": TIP, "stop": {"body": "b.right", "wall": 14.0}},
         "record": {"fields": 1},
         "time": {"steps": 20, "courant": 0.5},
     },
