@@ -14,16 +14,12 @@ from typing import Any
 # The places of a step, in their order.
 PLACES = (
     "snapshot",
-    "before bulk",
     "bulk",
-    "after bulk",
     "before supports",
     "before contact",
     "laws",
     "before solution",
-    "after solution",
     "after contact",
-    "work of loads",
     "after step",
     "before account",
     "kinetic energy",
@@ -41,16 +37,12 @@ PLACES = (
 )
 (
     SNAPSHOT,
-    BEFORE_BULK,
     BULK,
-    AFTER_BULK,
     BEFORE_SUPPORTS,
     BEFORE_CONTACT,
     LAWS,
     BEFORE_SOLUTION,
-    AFTER_SOLUTION,
     AFTER_CONTACT,
-    WORK_OF_LOADS,
     AFTER_STEP,
     BEFORE_ACCOUNT,
     KINETIC_ENERGY,
@@ -89,6 +81,8 @@ class Action:
         Whether the slots are those of plug-ins, whose array indices are checked.
     name
         Of what it belongs to, for the text of an error.
+    order
+        Place among the actions of a place: below 0 for those before the others, above 0 for those after them.
     """
 
     place: int
@@ -97,6 +91,7 @@ class Action:
     slots: Mapping[Kernel, Kernel] = field(default_factory=dict)
     of_plugin: bool = False
     name: str = "the step"
+    order: int = 0
 
 
 def perform(actions: Any, place: int, n: int, u: Any, v: Any, a: Any) -> None:

@@ -171,7 +171,7 @@ class Kernels:
 
     def linked(self, actions: Sequence[Action]) -> Any:
         """Return the actions of a step as `percuss.step.records.Step` has them."""
-        ordered = sorted(actions, key=lambda action: action.place)
+        ordered = sorted(actions, key=lambda action: (action.place, action.order))
         if not self.compiled:
             places: list[list[Any]] = [[] for _ in PLACES]
             for action in ordered:

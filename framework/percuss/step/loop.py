@@ -11,16 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.step.account import account
 from percuss.step.actions import (
-    AFTER_BULK,
     AFTER_CONTACT,
-    AFTER_SOLUTION,
     AFTER_STEP,
-    BEFORE_BULK,
     BEFORE_CONTACT,
     BEFORE_SOLUTION,
     BEFORE_SUPPORTS,
     BULK,
-    WORK_OF_LOADS,
     perform,
 )
 from percuss.step.equation import find_multipliers, push, see
@@ -66,9 +62,7 @@ def make_step(step: Step, n: int, u: Floats, v: Floats) -> bool:
     now.solved = 1
     total.work_of_parts = 0.0
     keep(boundary, u, v)
-    perform(actions, BEFORE_BULK, n, u, v, v)
     perform(actions, BULK, n, u, v, v)
-    perform(actions, AFTER_BULK, n, u, v, v)
 
     take(boundary, v)
     push_by_loads(loads, boundary, now)
@@ -79,14 +73,11 @@ def make_step(step: Step, n: int, u: Floats, v: Floats) -> bool:
     see(points, boundary, dt)
     perform(actions, BEFORE_SOLUTION, n, u, v, v)
     sound = find_multipliers(points, now, actions, n, u, v)
-    perform(actions, AFTER_SOLUTION, n, u, v, v)
     push(points, boundary, dt)
     perform(actions, AFTER_CONTACT, n, u, v, v)
 
     work += react_to_contact(loads, points.state, boundary, now)
-    total.work_of_loads = work_along(loads.nodal_forces, loads, boundary, now)
-    perform(actions, WORK_OF_LOADS, n, u, v, v)
-    work += total.work_of_loads + work_on_bodies(loads, boundary, now)
+    work += work_along(loads.nodal_forces, loads, boundary, now) + work_on_bodies(loads, boundary, now)
     put_back(boundary, u, v, dt)
     perform(actions, AFTER_STEP, n, u, v, v)
     return account(step, work + total.work_of_parts, n, u, v) and sound and now.solved == 1

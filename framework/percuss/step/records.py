@@ -73,7 +73,6 @@ TOTAL = np.dtype(
         ("drift_step", "i8"),  # step at the end of which it occurred
         ("round_off", "f8"),  # bound on the sum of the round-off errors of the energies, over the rounding unit
         # of the present step
-        ("work_of_loads", "f8"),
         ("work_of_parts", "f8"),  # external work beside that of loads and supports
         ("work_of_contacts", "f8"),
         ("stored_by_points", "f8"),

@@ -25,7 +25,6 @@ from percuss.step.actions import (
     INTERNAL_FORCES,
     INTERNAL_FORCES_ASIDE,
     LOADS_OF_A_STAGE,
-    WORK_OF_LOADS,
     perform,
 )
 from percuss.step.equation import find_multipliers, see
@@ -249,8 +248,10 @@ def advance(
         impose_velocities(system, u, v, False)
         take_step(numbers, system, u, v, state.kept, now.dt)
         impose_velocities(system, u, v, True)
+        total.work_of_parts = 0.0
+        work = work_of_impulses(system, v)
         perform(step.actions, AFTER_STEP, n, u, v, v)
-        sound = account(step, work_of_impulses(system, u, v), n, u, v)
+        sound = account(step, work + total.work_of_parts, n, u, v)
         if is_recorded(record, n):
             find_energies(step, n, u, v)
             write_record(record, step, n, u, v, 0.0)
@@ -260,13 +261,13 @@ def advance(
 
 
 @called
-def work_of_impulses(system: System, u: Floats, v: Floats) -> float:
+def work_of_impulses(system: System, v: Floats) -> float:
     """Return the work of loads and supports in a step, and find the contact forces of the step.
 
     Work and energies follow from the impulses, as if constant forces, impulse over dt, had acted.
     """
     step, loads, points, now = system.step, system.step.loads, system.step.points, system.step.now[0]
-    boundary, nodal, total = step.boundary, system.mass.size, system.step.totals[0]
+    boundary, nodal = step.boundary, system.mass.size
     for i in range(boundary.size):
         boundary[i].new_v = v[boundary[i].dof]
     see(points, boundary, now.dt)
@@ -277,9 +278,8 @@ def work_of_impulses(system: System, u: Floats, v: Floats) -> float:
     for i in range(system.amplitude_sums.size):
         loads.amplitudes[i] = v[start + i] / now.dt
         system.amplitude_sums[i] += loads.amplitudes[i]
-    total.work_of_loads = work_along(loads.nodal_forces, loads, boundary, now)
-    perform(step.actions, WORK_OF_LOADS, 0, u, v, v)
-    return work + total.work_of_loads + work_of_body_forces(system, loads, v)  # type: ignore[no-any-return]
+    work += work_along(loads.nodal_forces, loads, boundary, now)
+    return work + work_of_body_forces(system, loads, v)
 
 
 @called

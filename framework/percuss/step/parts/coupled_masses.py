@@ -16,13 +16,12 @@ from percuss.compiler.record_arrays import record_array
 from percuss.errors import refuse_if_any
 from percuss.mesh.coupled_masses import arrays_for_the_loop
 from percuss.step.actions import (
-    AFTER_BULK,
     AFTER_FORCES,
     AFTER_SUPPORTS,
-    BEFORE_BULK,
     BEFORE_CONTACT,
     BEFORE_LOADS,
     BEFORE_SUPPORTS,
+    BULK,
     KINETIC_ENERGY,
     Action,
 )
@@ -100,8 +99,8 @@ class CoupledMasses(Part):
             yield Action(BEFORE_LOADS, keep_ends, self.data)
             yield Action(AFTER_SUPPORTS, move_neighbours, self.data)
         else:
-            yield Action(BEFORE_BULK, keep_state, self.data)
-            yield Action(AFTER_BULK, couple_nodes, self.data)
+            yield Action(BULK, keep_state, self.data, order=-1)
+            yield Action(BULK, couple_nodes, self.data, order=1)
             yield Action(BEFORE_SUPPORTS, tell_change, self.data)
             yield Action(BEFORE_CONTACT, carry_to_neighbours, self.data)
         yield Action(KINETIC_ENERGY, add_coupled_kinetic_energy, self.data)

@@ -25,7 +25,7 @@ from percuss.contact.points import BY_CURRENT, BY_PART, NEVER, NOTHING, Points
 from percuss.errors import RefusedPair
 from percuss.methods.blame import breach
 from percuss.step.account import ROUNDING, stored_energy
-from percuss.step.actions import AFTER_SOLUTION, BEFORE_ACCOUNT, BEFORE_SOLUTION, BEFORE_SUPPORTS, Action
+from percuss.step.actions import AFTER_CONTACT, BEFORE_ACCOUNT, BEFORE_SOLUTION, BEFORE_SUPPORTS, Action
 from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ class EndForcesOfLaws(Part):
         """Yield the actions of a step."""
         yield Action(BEFORE_SUPPORTS, soften_end_elements, self.data)
         yield Action(BEFORE_SOLUTION, show_end_forces, self.data)
-        yield Action(AFTER_SOLUTION, show_gaps, self.data)
+        yield Action(AFTER_CONTACT, show_gaps, self.data)
         yield Action(BEFORE_ACCOUNT, add_work_and_energy, self.data)
 
     def changing_arrays(self) -> list[Any]:

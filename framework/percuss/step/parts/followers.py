@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.compiler.record_arrays import record_array
 from percuss.methods.slots import follow
-from percuss.step.actions import BEFORE_SUPPORTS, LOADS_OF_A_STAGE, WORK_OF_LOADS, Action
+from percuss.step.actions import AFTER_STEP, BEFORE_SUPPORTS, LOADS_OF_A_STAGE, Action
 from percuss.step.loads import work_along
 from percuss.step.part import Part, Setting
 from percuss.step.records import Loads
@@ -90,7 +90,7 @@ class Followers(Part):
             name = f"load {follower.load.load.name}"
             yield Action(place, find_force, data, {follow: follower.kernel}, of_plugin=True, name=name)
         yield Action(place, push_in_stage if self.multistage else push_ends, self.data)
-        yield Action(WORK_OF_LOADS, add_work, self.data)
+        yield Action(AFTER_STEP, add_work, self.data)
 
     def impulse(self) -> Floats | None:
         """Return the impulse of the loads so far, (dim,)."""
@@ -138,7 +138,7 @@ def push_ends(data: Following, n: int, u: Floats, v: Floats, a: Floats) -> None:
 
 def add_work(data: Following, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Add the work of the forces."""
-    data.totals[0].work_of_loads += work_along(data.followers, data.loads, data.boundary, data.now[0])
+    data.totals[0].work_of_parts += work_along(data.followers, data.loads, data.boundary, data.now[0])
 
 
 # ----------------------------------------------------------------------------------------------- multi-stage schemes
