@@ -141,3 +141,27 @@ def test_the_problem_of_an_exact_solution_knows_no_mesh_and_cannot_be_changed():
             problem.bodies["short"] = None
         with pytest.raises(dataclasses.FrozenInstanceError):
             problem.bodies["short"].area = 1.0
+
+
+def test_everything_that_does_not_work_together_is_told_at_once():
+    case = hunek(6, integrator="implicit-hht", contact={"name": "penalty", "beta_s": 0.25})
+    case["bodies"]["short"]["element"] = "green-bar"
+    case["loads"] = {
+        "end": {"absorbing": {}, "on": "short.left"},
+        "shake": {"harmonic": {"value": 0.2, "frequency": 3.0}, "on": "long.right", "as": "velocity"},
+    }
+    case["bodies"]["long"]["fixed"] = []
+    with pytest.raises(percuss.InputError) as refused:
+        Model(percuss.load(case))
+    assert [problem.path for problem in refused.value.problems] == ["method.integrator", "loads.shake", "loads.end"]
+
+
+def test_two_laws_that_an_integrator_refuses_are_both_named():
+    case = hunek(6, integrator="implicit-hht", contact="uzawa")
+    case["contacts"]["stop"] = {"body": "long.right", "wall": 30.0, "method": "bipenalty"}
+    case["bodies"]["long"]["fixed"] = []
+    with pytest.raises(percuss.RefusedPair) as refused:
+        Model(percuss.load(case))
+    told = str(refused.value)
+    assert "uzawa" in told
+    assert "bipenalty" in told

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.contact.contact_rows import Side, delassus_rows
+from percuss.mesh.loads import latest
 from percuss.methods.interfaces import Floats, Implicit, LeapFrog, Stages
 from percuss.methods.plugin_calls import answer
 
@@ -177,6 +179,35 @@ class ModelArrays:
         """The bodies, and the first node of each."""
         bodies = list(self.bodies.values())
         return bodies, [body.start for body in bodies]
+
+    def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
+        """Return intervals of steps (first, one past last) within which no support, drive or law starts or ends.
+
+        The trial step after the last step is included. Without `laws`, the intervals of time in which laws are active
+        do not split the run.
+        """
+        total = self.steps + 1
+        instants = [
+            instant
+            for constraint in self.constraints
+            if constraint.load is not None
+            for instant in (constraint.load.start, constraint.load.stop)
+        ]
+        if laws:
+            instants += [
+                instant
+                for bound_law in self.laws
+                if bound_law.during is not None
+                for instant in bound_law.during.ravel()
+            ]
+        cuts = {0, total}
+        for instant in instants:
+            if math.isfinite(instant):
+                # The change takes effect in the first step whose midpoint lies after the instant, as in `acts_at`.
+                step = math.floor(latest(instant) / self.dt + 0.5)
+                cuts.add(min(max(step, 0), total))
+        edges = sorted(cuts)
+        return list(itertools.pairwise(edges))
 
     def contact_rows(self, midpoint: float) -> ContactRows:
         """Return N and S = N^T M^-1 N for the supports and drives active at `midpoint`."""

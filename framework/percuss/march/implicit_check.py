@@ -2,43 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.errors import InputError, RefusedPair
+from percuss.errors import Problem, RefusedPair
 
 if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
     from percuss.methods.interfaces import LinearLaw
 
 
-def refuse_in_implicit(model: ModelArrays) -> None:
-    """Refuse bodies, loads and laws that an implicit scheme does not know.
+def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
+    """Yield bodies, loads and laws that an implicit scheme does not know.
 
-    Raises
-    ------
-    InputError
-        For bodies that are not linear, ends without mass, and loads that prescribe or follow a motion.
-    RefusedPair
-        For a law that is no line in the gap, and no tie of rates.
+    These are bodies that are not linear, ends without mass, loads that prescribe or follow a motion, and laws that are
+    no line in the gap, and no tie of rates.
     """
+    if not model.implicit:
+        return
     case, name = model.case, model.case.method.integrator.name
     if model.why_not_linear:
         message = f"expected linear bodies with the implicit {name}, found that {model.why_not_linear}"
-        raise InputError([case.problem(("method", "integrator"), message, "Take an explicit integrator.")])
+        yield case.problem(("method", "integrator"), message, "Take an explicit integrator.")
     moving = [constraint.load for constraint in model.constraints if constraint.load is not None]
     for load in (*moving, *(follower.load for follower in model.followers)):
         message = f"expected supports and forces with the implicit {name}, found a load that says how an end moves"
-        raise InputError([case.problem(("loads", load.name), message, "Take an explicit integrator.")])
+        yield case.problem(("loads", load.name), message, "Take an explicit integrator.")
     for bound_law in model.laws:
         reason = _why_not_solved(bound_law.linear)
         if model.points_without_mass[list(bound_law.where)].any():
             reason = "ends without mass are balanced with their contact explicitly"
         if reason:
-            raise RefusedPair(
-                name, bound_law.law.name, f"{name} solves for contact at the end of a step: {reason}", name
-            )
+            sentence = f"{name} solves for contact at the end of a step: {reason}"
+            yield RefusedPair(name, bound_law.law.name, sentence, name)
 
 
 def _why_not_solved(linear: LinearLaw | None) -> str:

@@ -18,23 +18,22 @@ from percuss.contact.contact_rows import Side, law_records
 from percuss.contact.model_arrays import ModelArrays
 from percuss.contact.points import LAW, NOTHING
 from percuss.contact.stiffness_limits import stiffness_limits
-from percuss.errors import InputError, Problem, RefusedPair, refuse_if_any
-from percuss.march.implicit_check import refuse_in_implicit
+from percuss.errors import Problem, refuse_if_any
+from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
 from percuss.mesh import size_limits
 from percuss.mesh.body import Body
 from percuss.mesh.cells import volumes_of
 from percuss.mesh.coupled_masses import inverse_mass
 from percuss.mesh.ends_without_mass import ends_at_contacts, nodal_masses
 from percuss.mesh.kernel_trial import try_kernels
-from percuss.mesh.loads import Constraint, acts_at, latest, supports_and_loads
+from percuss.mesh.loads import Constraint, acts_at, supports_and_loads
 from percuss.methods.blame import said_by
 from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog
 from percuss.methods.plugin_calls import answer
 from percuss.methods.process_guard import process_as_before
-from percuss.step.integrator_check import refuse_laws, scheme
-from percuss.step.parts.coupled_masses import refuse_coupled_ends
-from percuss.step.parts.end_forces import EndForce, end_forces, refuse_end_forces, trace_stiffness
-from percuss.step.parts.ends_without_mass import lines_in_balance, refuse_without_mass
+from percuss.step.integrator_check import scheme
+from percuss.step.parts.end_forces import EndForce, end_forces, trace_stiffness
+from percuss.step.parts.ends_without_mass import lines_in_balance
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -100,7 +99,6 @@ class Model(ModelArrays):
         loads = supports_and_loads(case, bodies, problems)
         refuse_if_any(problems)
         self._set(contact_pairs=tuple(pair for pair in pairs if pair is not None), **loads._asdict())
-        refuse_coupled_ends(self)
         self._bind()
 
     # -- construction and derived models -----------------------------------------------------------------
@@ -121,44 +119,13 @@ class Model(ModelArrays):
         self._set(dt=dt, steps=steps if steps is not None else size_limits.step_count(self.case, dt))
 
     def _bind(self) -> None:
-        """Bind the integrator and the laws for the step; name the places of two that refuse each other."""
-        try:
-            self._bind_methods()
-        except RefusedPair as refused:
-            contact = next((pair.name for pair in self.contact_pairs if pair.law.name == refused.contact), "")
-            own, origin = ("contacts", contact, "method"), self.case.origin
-            paths = (("method", "integrator"), own if origin.get(own) is not None else ("method", "contact"))
-            messages = (refused.sentence, f"{refused.contact}, the contact law of that pair")
-            problems = [
-                self.case.problem((*path, "name") if origin.get((*path, "name")) is not None else path, message)
-                for path, message in zip(paths, messages, strict=True)
-            ]
-            raise RefusedPair(refused.integrator, refused.contact, refused.reason, refused.said_by, problems) from None
-
-    def _bind_methods(self) -> None:
         """Bind the integrator and the laws for the step, and refuse methods that do not work together."""
-        integrator = self.case.method.integrator
         # Before anything else asks the integrator, so that the first of its answers are those that are watched.
-        stages, tables = scheme(integrator, self.dt)
+        stages, tables = scheme(self.case.method.integrator, self.dt)
         self._set(stages=stages, tables=tables)
-        self._refuse_pairs()
-        if self.viscosity and self.why_not_linear:
-            message = f"expected linear bodies with the viscous {integrator.name}, found that {self.why_not_linear}"
-            advice = "Its viscosity is that of a stiffness, which these bodies do not have: take central-difference."
-            raise InputError([self.case.problem(("method", "integrator"), message, advice)])
-        if self.couples_nodes and (self.implicit or self.own_steps):
-            mass = self.case.method.mass.name
-            what = "an implicit scheme" if self.implicit else "bodies with steps of their own"
-            message = f"expected a diagonal mass with {integrator.name}, found {mass}, which couples nodes"
-            advice = f"Masses that couple nodes are not built for {what}: take lumped, or central-difference."
-            raise InputError([self.case.problem(("method", "mass"), message, advice)])
-        self._check_movable()
+        refuse(self, BEFORE_LAWS)
         self._set(laws=self._bound_laws(self.dt))
-        refuse_without_mass(self)
-        refuse_end_forces(self)
-        refuse_laws(self)
-        if self.implicit:
-            refuse_in_implicit(self)
+        refuse(self, WITH_LAWS)
 
     def with_step(self, dt: float) -> Model:
         """Return the model of the whole run with another time step."""
@@ -247,35 +214,6 @@ class Model(ModelArrays):
         """Return the node at an end of a body."""
         return self.bodies[address.body].node(address.region)
 
-    def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
-        """Return intervals of steps (first, one past last) within which no support, drive or law starts or ends.
-
-        The trial step after the last step is included. Without `laws`, the intervals of time in which laws are active
-        do not split the run.
-        """
-        total = self.steps + 1
-        instants = [
-            instant
-            for constraint in self.constraints
-            if constraint.load is not None
-            for instant in (constraint.load.start, constraint.load.stop)
-        ]
-        if laws:
-            instants += [
-                instant
-                for bound_law in self.laws
-                if bound_law.during is not None
-                for instant in bound_law.during.ravel()
-            ]
-        cuts = {0, total}
-        for instant in instants:
-            if math.isfinite(instant):
-                # The change takes effect in the first step whose midpoint lies after the instant, as in `acts_at`.
-                step = math.floor(latest(instant) / self.dt + 0.5)
-                cuts.add(min(max(step, 0), total))
-        edges = sorted(cuts)
-        return list(itertools.pairwise(edges))
-
     def inactive_points(self, midpoint: float) -> tuple[int, ...]:
         """Return the contact points whose law is not active in the step around `midpoint`."""
         inactive = set(self._never_active)
@@ -354,31 +292,6 @@ class Model(ModelArrays):
             for nodes, sides in zip(moved, self.contact_rows((start + 0.5) * self.dt).sides, strict=True):
                 nodes.update(side.node for side in sides if _moves(side, self.mass))
         return [sorted(nodes) for nodes in moved]
-
-    def _check_movable(self) -> None:
-        problems: list[Problem] = []
-        for start, stop in self.segments(laws=False):
-            diagonal = self.contact_rows((start + 0.5) * self.dt).diagonal
-            for contact_pair, delassus in zip(self.contact_pairs, diagonal, strict=True):
-                lightest = min(self.mass[node] for node in contact_pair.nodes)
-                if lightest > 0.0 and delassus * lightest < 1e-12:
-                    message = "expected a contact that can move, found every side fixed or driven"
-                    advice = "Free one of the ends, or drop the contact."
-                    if start > 0 or stop < self.steps:
-                        message += f" from {start * self.dt:.6g} to {min(stop, self.steps) * self.dt:.6g}"
-                        advice = "Drive one of its ends at a time: without a free end its force is unknown."
-                    problems.append(self.case.problem(("contacts", contact_pair.name), message, advice))
-            refuse_if_any(problems)
-
-    def _refuse_pairs(self) -> None:
-        integrator = self.case.method.integrator
-        for contact_pair in self.contact_pairs:
-            for reason, refusing in (
-                (integrator.refuses(contact_pair.law), integrator.name),
-                (contact_pair.law.refuses(integrator), contact_pair.law.name),
-            ):
-                if reason:
-                    raise RefusedPair(integrator.name, contact_pair.law.name, reason, refusing)
 
     def laws_at(self, dt: float) -> tuple[BoundLaw, ...]:
         """Return the laws bound for a time step `dt`, in the order of `laws`."""

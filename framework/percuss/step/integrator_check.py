@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -106,36 +106,31 @@ def velocities_of(stages: Stages) -> Floats:
     return np.array(stages.velocity or [0.0] * len(stages.times), dtype=float)
 
 
-def refuse_laws(model: ModelArrays) -> None:
-    """Refuse laws that do not work with the scheme of an integrator.
+def laws_refused(model: ModelArrays) -> Iterator[RefusedPair]:
+    """Yield laws that do not work with the scheme of an integrator.
 
     These are, with a multi-stage scheme, laws at the end of the step if the scheme does not define that state, and laws
     that shift the ends of their contacts; with any scheme, linear laws with a weight on the gap acceleration where the
     integrator does not provide it. Otherwise that weight would have no effect, and no message would say so. A law may
     declare that it needs the acceleration only as far as its own multiplier changes it; then the integrator has to
     provide this response.
-
-    Raises
-    ------
-    RefusedPair
-        For the first such law.
     """
     name, stages = model.case.method.integrator.name, model.stages
     for bound_law in model.laws:
         law, linear = bound_law.law, bound_law.linear
         if linear is not None and linear.at == "end" and stages is not None and not stages.end:
-            raise RefusedPair(name, law.name, NO_END, name)
+            yield RefusedPair(name, law.name, NO_END, name)
+            continue
         if law.shifts and stages is not None:
             reason = (
                 f"{law.name} shifts the displacements that the forces of a step lead to, and {name} computes several "
                 "forces in a step"
             )
-            raise RefusedPair(name, law.name, reason, law.name)
+            yield RefusedPair(name, law.name, reason, law.name)
         states = [getattr(table, linear.at) for table in model.tables] if linear and np.any(linear.acceleration) else []
-        for state in states:
-            if reason := _why_unseen(law, state):
-                reason = f"{name} shows {law.name} no acceleration of the gap{reason}"
-                raise RefusedPair(name, law.name, reason, name)
+        reasons = dict.fromkeys(_why_unseen(law, state) for state in states)
+        for reason in filter(None, reasons):
+            yield RefusedPair(name, law.name, f"{name} shows {law.name} no acceleration of the gap{reason}", name)
 
 
 def _why_unseen(law: ContactLaw, state: ContactState) -> str:

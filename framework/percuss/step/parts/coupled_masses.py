@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.compiler.record_arrays import record_array
-from percuss.errors import refuse_if_any
 from percuss.mesh.coupled_masses import arrays_for_the_loop
 from percuss.step.actions import (
     AFTER_FORCES,
@@ -30,6 +29,7 @@ from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
+    from percuss.errors import Problem
     from percuss.methods.interfaces import Floats
 
 # A node beside an end on which a load, a support or a drive acts, one record for each direction.
@@ -230,22 +230,26 @@ def coupled_kinetic(factor: Floats, v: Floats, dim: int, work_space: Floats) -> 
 # ---------------------------------------------------------------------------------------------------------- refusals
 
 
-def refuse_coupled_ends(model: ModelArrays) -> None:
-    """Refuse supports, drives and loads on an end whose motion the mass couples to the other end of its body.
+def refusals(model: ModelArrays) -> Iterator[Problem]:
+    """Yield a problem for a scheme for which such masses are not built, and for ends that they couple to each other.
 
-    Raises
-    ------
-    InputError
-        With one problem for each such body.
+    A support, a drive or a load on an end whose motion the mass couples to the other end of its body has no neighbours
+    of its own.
     """
-    problems = []
+    if not model.couples_nodes:
+        return
+    mass, case = model.case.method.mass.name, model.case
+    if model.implicit or model.own_steps:
+        what = "an implicit scheme" if model.implicit else "bodies with steps of their own"
+        integrator = case.method.integrator.name
+        message = f"expected a diagonal mass with {integrator}, found {mass}, which couples nodes"
+        advice = f"Masses that couple nodes are not built for {what}: take lumped, or central-difference."
+        yield case.problem(("method", "mass"), message, advice)
     for body in model.bodies.values():
         reach, count = body.inverse.shape[0] - 1, body.stiffness.size
         if count <= reach and not {body.start, body.stop - 1}.isdisjoint(model.acted_nodes):
-            name = model.case.method.mass.name
             message = f"expected more than {reach} elements in body '{body.name}', found {count}"
             advice = (
-                f"The mass {name} couples both of its ends, and a support, a drive or a load acts on one: take more."
+                f"The mass {mass} couples both of its ends, and a support, a drive or a load acts on one: take more."
             )
-            problems.append(model.case.problem(("bodies", body.name), message, advice))
-    refuse_if_any(problems)
+            yield case.problem(("bodies", body.name), message, advice)

@@ -323,14 +323,8 @@ def trace_stiffness(model: ModelArrays, midpoint: float) -> Floats:
     )
 
 
-def refuse_end_forces(model: ModelArrays) -> None:
-    """Refuse laws that see or push end forces where these are not those of linear two-node elements at ends with mass.
-
-    Raises
-    ------
-    RefusedPair
-        For the first such law.
-    """
+def refusals(model: ModelArrays) -> Iterator[RefusedPair]:
+    """Yield laws of end forces where these are not those of linear two-node elements at ends with mass."""
     integrator = model.case.method.integrator.name
     for bound_law in filter(sees_end_force, model.laws):
         law, reason, refusing = bound_law.law.name, "", bound_law.law.name
@@ -353,7 +347,7 @@ def refuse_end_forces(model: ModelArrays) -> None:
             elif body.why_not_linear:
                 reason = f"{what} by their stiffness, and {body.why_not_linear}"
         if reason:
-            raise RefusedPair(integrator, law, reason, refusing)
+            yield RefusedPair(integrator, law, reason, refusing)
 
 
 def _kinds(body: Any) -> str:

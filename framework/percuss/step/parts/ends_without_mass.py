@@ -16,7 +16,7 @@ import numpy as np
 from percuss.compiler.record_arrays import record_array
 from percuss.contact.contact_rows import law_records
 from percuss.contact.points import BY_CURRENT, BY_END, FROM_PART, NOTHING, Points
-from percuss.errors import InputError, RefusedPair
+from percuss.errors import Problem, RefusedPair
 from percuss.mesh.ends_without_mass import BALANCE
 from percuss.methods.interfaces import ContactState, LeapFrog
 from percuss.step.account import takes_part
@@ -198,15 +198,11 @@ def lines_in_balance(bound_law: BoundLaw, records: Any, delassus: Floats, massle
     return np.where(massless, balanced, records)
 
 
-def refuse_without_mass(model: ModelArrays) -> None:
-    """Refuse ends without mass where their static balance with the contact is not that of a linear end element.
+def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
+    """Yield where the static balance of an end with its contact is not that of a linear end element.
 
-    Raises
-    ------
-    InputError
-        If a body is not linear, or has no node with mass beside an end without mass.
-    RefusedPair
-        If the integrator is a multi-stage scheme or one of such forces, or a law gives no force in static balance.
+    That is so if a body is not linear, or has no node with mass beside such an end, and if the integrator is a
+    multi-stage scheme or one of other forces, or a law gives no force in static balance.
     """
     massless, case = model.points_without_mass, model.case
     if not massless.any():
@@ -215,11 +211,11 @@ def refuse_without_mass(model: ModelArrays) -> None:
     for body in model.bodies.values():
         if not all(body.mass[beside - body.start] > 0.0 for beside in body.ends_without_mass.values()):
             message = f"expected a node with mass beside each end without mass of body '{body.name}', found none"
-            raise InputError([case.problem(("method", "mass"), message, "Give the body more elements.")])
+            yield case.problem(("method", "mass"), message, "Give the body more elements.")
         if body.why_not_linear:
             message = f"expected linear bodies, as {name} leaves ends without mass, found that {body.why_not_linear}"
             advice = f"{BALANCE[0].upper()}{BALANCE[1:]}, which is solved for linear bodies alone: take another mass."
-            raise InputError([case.problem(("method", "mass"), message, advice)])
+            yield case.problem(("method", "mass"), message, advice)
     for bound_law in model.laws:
         law, reason = bound_law.law, ""
         if law.shifts:
@@ -233,7 +229,7 @@ def refuse_without_mass(model: ModelArrays) -> None:
             elif model.own_steps:
                 reason = f"{BALANCE}, and with {integrator} its end element does not act in every step"
         if reason:
-            raise RefusedPair(integrator, law.name, reason, name)
+            yield RefusedPair(integrator, law.name, reason, name)
 
 
 def _why_no_balance(bound_law: BoundLaw) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -12,6 +13,8 @@ from percuss.step.bulk import Bulk, advance_block, strained
 from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
+    from percuss.contact.model_arrays import ModelArrays
+    from percuss.errors import Problem
     from percuss.methods.interfaces import Floats
 
 
@@ -48,3 +51,12 @@ def strained_ahead(data: Bulk, u: Floats, v: Floats) -> Floats:
     for i in range(u.size):
         ahead[i] = u[i] + data.part.time * v[i]
     return ahead
+
+
+def refusals(model: ModelArrays) -> Iterator[Problem]:
+    """Yield a problem where bodies are not linear: the viscosity is that of a stiffness."""
+    if model.viscosity and model.why_not_linear:
+        name = model.case.method.integrator.name
+        message = f"expected linear bodies with the viscous {name}, found that {model.why_not_linear}"
+        advice = "Its viscosity is that of a stiffness, which these bodies do not have: take central-difference."
+        yield model.case.problem(("method", "integrator"), message, advice)

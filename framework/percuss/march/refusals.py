@@ -1,0 +1,94 @@
+"""What does not work together in a case: one table of rules, all of which are told at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from percuss.errors import InputError, Problem, RefusedPair
+from percuss.march import implicit_check
+from percuss.step.integrator_check import laws_refused
+from percuss.step.parts import coupled_masses, end_forces, ends_without_mass, viscosity
+
+if TYPE_CHECKING:
+    from percuss.contact.model_arrays import ModelArrays
+
+Rule = Callable[["ModelArrays"], Iterator[Problem | RefusedPair]]
+
+
+def pairs_refused(model: ModelArrays) -> Iterator[RefusedPair]:
+    """Yield each pair of the integrator and a law of which one refuses the other."""
+    integrator = model.case.method.integrator
+    for law in dict.fromkeys(contact_pair.law for contact_pair in model.contact_pairs):
+        for reason, refusing in (
+            (integrator.refuses(law), integrator.name),
+            (law.refuses(integrator), law.name),
+        ):
+            if reason:
+                yield RefusedPair(integrator.name, law.name, reason, refusing)
+
+
+def not_movable(model: ModelArrays) -> Iterator[Problem]:
+    """Yield each contact whose sides are all fixed or driven at some time: its force is unknown."""
+    told = set()
+    for start, stop in model.segments(laws=False):
+        diagonal = model.contact_rows((start + 0.5) * model.dt).diagonal
+        for contact_pair, delassus in zip(model.contact_pairs, diagonal, strict=True):
+            lightest = min(model.mass[node] for node in contact_pair.nodes)
+            if lightest > 0.0 and delassus * lightest < 1e-12 and contact_pair.name not in told:
+                message = "expected a contact that can move, found every side fixed or driven"
+                advice = "Free one of the ends, or drop the contact."
+                if start > 0 or stop < model.steps:
+                    message += f" from {start * model.dt:.6g} to {min(stop, model.steps) * model.dt:.6g}"
+                    advice = "Drive one of its ends at a time: without a free end its force is unknown."
+                told.add(contact_pair.name)
+                yield model.case.problem(("contacts", contact_pair.name), message, advice)
+
+
+# The rules that need no bound laws, and those that do.
+BEFORE_LAWS: Sequence[Rule] = (
+    pairs_refused,
+    coupled_masses.refusals,
+    viscosity.refusals,
+    not_movable,
+)
+WITH_LAWS: Sequence[Rule] = (
+    ends_without_mass.refusals,
+    end_forces.refusals,
+    laws_refused,
+    implicit_check.refusals,
+)
+
+
+def refuse(model: ModelArrays, rules: Sequence[Rule]) -> None:
+    """Refuse what some rules refuse in a model, all of it at once.
+
+    Raises
+    ------
+    RefusedPair
+        If the first refusal is that of an integrator and a law; with the places of all problems.
+    InputError
+        If it is another one.
+    """
+    found = [refusal for rule in rules for refusal in rule(model)]
+    if not found:
+        return
+    problems = [problem for refusal in found for problem in _problems(model, refusal)]
+    first = found[0]
+    if isinstance(first, RefusedPair):
+        raise RefusedPair(first.integrator, first.contact, first.reason, first.said_by, dict.fromkeys(problems))
+    raise InputError(dict.fromkeys(problems))
+
+
+def _problems(model: ModelArrays, refusal: Problem | RefusedPair) -> list[Problem]:
+    """Return the problems of a refusal; of an integrator and a law the places of both."""
+    if isinstance(refusal, Problem):
+        return [refusal]
+    contact = next((pair.name for pair in model.contact_pairs if pair.law.name == refusal.contact), "")
+    own, origin = ("contacts", contact, "method"), model.case.origin
+    paths = (("method", "integrator"), own if origin.get(own) is not None else ("method", "contact"))
+    messages = (refusal.sentence, f"{refusal.contact}, the contact law of that pair")
+    return [
+        model.case.problem((*path, "name") if origin.get((*path, "name")) is not None else path, message)
+        for path, message in zip(paths, messages, strict=True)
+    ]
