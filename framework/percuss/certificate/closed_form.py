@@ -8,7 +8,7 @@ import numpy as np
 
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.lines import held_throughout
-from percuss.certificate.search import largest_step_below
+from percuss.certificate.search import largest_step_below, signed_distance
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -101,7 +101,7 @@ class ClosedFormCriterion:
             ]
             if contact_stiffness > 0:
                 softening = max(softening, sum(contact_stiffness / k if k > 0 else np.inf for k in end_stiffnesses))
-        return (softening - 1.0) / (softening + 1.0) if softening < np.inf else 1.0
+        return signed_distance(softening)
 
     @property
     def critical_step(self) -> float:

@@ -25,7 +25,7 @@ import numpy as np
 from percuss.certificate.assessment import Assessment
 from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.certificate.lines import LineOperator, line_operator, rows_along
-from percuss.certificate.search import largest_step_below
+from percuss.certificate.search import largest_step_below, signed_distance
 from percuss.step.integrator_check import unchecked_scheme
 from percuss.step.parts.end_forces import end_forces, sees_end_force
 
@@ -172,10 +172,9 @@ class DecoupledGapsCriterion:
         """Return the signed distance of a step from the critical one, as `percuss.certificate.search.largest_step`."""
         frequency_squared, softens = self._oscillators(dt)
         share = self._stiffening(dt, softens)
-        if (frequency_squared <= 0.0).any() or not np.isfinite(share):
+        if (frequency_squared <= 0.0).any():
             return 1.0
-        numbers = dt**2 * float(frequency_squared.max()) / LIMIT, share
-        return max((number - 1.0) / (number + 1.0) for number in numbers)
+        return signed_distance(dt**2 * float(frequency_squared.max()) / LIMIT, share)
 
     @cached_property
     def critical_step(self) -> float:

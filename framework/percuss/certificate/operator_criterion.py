@@ -25,7 +25,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from percuss.certificate.assessment import Assessment, quoted
-from percuss.certificate.search import MARGINAL_DISTANCE, largest_step_below
+from percuss.certificate.operator import SMALL_MATRIX, largest_eigenvalue
+from percuss.certificate.search import MARGINAL_DISTANCE, SMALLEST_NUMBER, largest_step_below, signed_distance
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -139,6 +140,11 @@ class OperatorCriterion:
             for q, value in self.coupling[p].items():
                 if q in place:
                     s[k, place[q]] = value
+        if part.size > SMALL_MATRIX and np.ptp(laws.surplus[part]) == 0.0:
+            # Of the same eps_m / eps_s, theta rises with the eigenvalues of the symmetric D_s^1/2 S D_s^1/2.
+            root = np.sqrt(laws.stiffness[part])
+            largest = largest_eigenvalue(root[:, None] * s * root)
+            return float(dt**2 * largest / (1.0 + laws.inertia[part[0]] / laws.stiffness[part[0]] * largest))
         left = np.eye(part.size) + s * laws.inertia[part]
         values = np.linalg.eigvals(np.linalg.solve(left, s * laws.stiffness[part]))
         return float(dt**2 * np.max(values.real))
@@ -216,10 +222,8 @@ class OperatorCriterion:
         laws = self.laws_at(dt)
         theta = self.theta(dt, laws)[0] or 0.0
         softening = self.operator.largest_softening(dt / self.limit_ratio, *_at_current_state(laws))
-        if not (np.isfinite(softening) and np.isfinite(theta)):
-            return 1.0
-        excess = [(number - 1.0) / (number + 1.0) for number in (softening, max(theta, 0.0))]
-        return max(*excess, np.finfo(float).tiny) if softening >= 1.0 else max(excess)
+        excess = signed_distance(softening, max(theta, 0.0))
+        return max(excess, SMALLEST_NUMBER) if softening >= 1.0 else excess
 
     # ---------------------------------------------------------------------------------------------- critical step
 

@@ -12,6 +12,12 @@ SMALLEST_NUMBER = 2.2250738585072014e-308  # of those with all their digits
 SMALLEST_RELATIVE_TOLERANCE = 2.0**-50  # the least that SciPy accepts
 
 
+def signed_distance(*shares: float) -> float:
+    """Return the excess of a step from the shares of what would make it unstable: 0 where the largest share is 1."""
+    largest = max(shares)
+    return (largest - 1.0) / (largest + 1.0) if math.isfinite(largest) else 1.0
+
+
 def largest_step_below(excess: Callable[[float], float], free: float) -> float:
     """Return the largest stable step, `free` where contact does not lower it; `excess` is that of `largest_step`."""
     just_below = free * (1.0 - 0.1 * MARGINAL_DISTANCE)

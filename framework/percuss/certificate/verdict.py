@@ -238,22 +238,17 @@ def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_cr
     verdict, why = _verdict(criterion, assessment, free, critical)
     energy, energy_why = _energy_guarantee(criterion, assessment, verdict)
     stretch = criterion.stretches[assessment.stretch]
-    return {
-        "stable": verdict,
-        "energy": energy,
-        "energy_why": energy_why,
-        "dt_critical": None if np.isnan(critical) else critical,
-        "dt_critical_free": free,
-        "courant_critical": None if np.isnan(critical) else 0.5 * critical * model.omega,
-        "margin": None if np.isnan(critical) else model.dt / critical if critical > 0 else np.inf,
-        "worst": [model.contact_pairs[p].name for p in assessment.worst],
-        "stretch": [stretch.start, stretch.stop] if len(criterion.stretches) > 1 else None,
-        "theta": assessment.theta,
-        "by": criterion.by,
-        "why": why,
-        "cure": (assessment.cure or cure_of(criterion, critical)) if verdict == "no" else "",
-        "ignores": model.ignored_couplings(),
-    }
+    found = _unknown_certificate(criterion.closed, model, why)
+    found |= {"stable": verdict, "energy": energy, "energy_why": energy_why, "dt_critical_free": free}
+    found |= {"theta": assessment.theta, "by": criterion.by, "worst": [criterion.names[p] for p in assessment.worst]}
+    if not np.isnan(critical):
+        margin = model.dt / critical if critical > 0 else np.inf
+        found |= {"dt_critical": critical, "courant_critical": 0.5 * critical * model.omega, "margin": margin}
+    if len(criterion.stretches) > 1:
+        found["stretch"] = [stretch.start, stretch.stop]
+    if verdict == "no":
+        found["cure"] = assessment.cure or cure_of(criterion, critical)
+    return found
 
 
 def unknown_by_mass(model: Model) -> str:
