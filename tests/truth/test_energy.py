@@ -321,31 +321,32 @@ def warned(case):
 
 @pytest.mark.parametrize("law", ["penalty", "matched", "lagrange"])
 def test_a_contact_that_lets_go_a_step_late_is_seen(monkeypatch, law):
-    def late(points, others, dt, source):
-        before = points.multiplier.copy()
-        sound = right(points, others, dt, source)
-        let_go = (points.multiplier == 0.0) & (before > 0.0) & (points.last != -2)
-        points.multiplier[let_go] = before[let_go]
-        points.last[let_go] = -2
+    def late(points, *others):
+        multiplier = points.state.multiplier
+        before = multiplier.copy()
+        sound = right(points, *others)
+        let_go = (multiplier == 0.0) & (before > 0.0) & (points.sums.last != -2)
+        multiplier[let_go] = before[let_go]
+        points.sums.last[let_go] = -2
         return sound
 
-    right = leapfrog_loop.solve
-    monkeypatch.setattr(leapfrog_loop, "solve", late)
+    right = leapfrog_loop.find_multipliers
+    monkeypatch.setattr(leapfrog_loop, "find_multipliers", late)
     result = run(warned(between_two_walls(NEVER[law], WU, 150)), compiled=False)
     assert rise(result) > 1e-6
     assert noted(result, WU, NEVER[law]["name"])
 
 
-def twice(points, entries, special, dt):
+def twice(points, boundary, dt):
     """Let every multiplier act twice."""
-    for p in points:
-        for k in range(p.start, p.stop):
-            special[entries[k].place].new_v += 2 * dt * entries[k].response * p.multiplier
+    for law, state in zip(points.law, points.state, strict=True):
+        for entry in points.entries[law.start : law.stop]:
+            boundary[entry.place].new_v += 2 * dt * entry.response * state.multiplier
 
 
 @pytest.mark.parametrize("law", ["penalty", "matched", "lagrange"])
 def test_a_force_that_acts_twice_is_seen(monkeypatch, law):
-    monkeypatch.setattr(leapfrog_loop, "apply_multipliers", twice)
+    monkeypatch.setattr(leapfrog_loop, "push", twice)
     result = run(warned(between_two_walls(NEVER[law], WU, 300)), compiled=False)
     assert rise(result) > 1e-6
     assert result.summary["energy"]["ledger_error"] > 1e-6
@@ -355,17 +356,18 @@ def test_a_force_that_acts_twice_is_seen(monkeypatch, law):
 def test_a_spring_that_follows_a_step_late_is_seen(monkeypatch):
     """Central difference with the force of the step before: the energy of a closed contact is not kept."""
 
-    def behind(points, others, dt, source):
-        sound = right(points, others, dt, source)
-        asked = points.multiplier.copy()
+    def behind(points, *others):
+        sound = right(points, *others)
+        multiplier = points.state.multiplier
+        asked = multiplier.copy()
         closed = (asked != 0) & (before[0] != 0)
-        points.multiplier[closed] = before[0][closed]
+        multiplier[closed] = before[0][closed]
         before[0] = asked
         return sound
 
     before = [np.zeros(2)]
-    right = leapfrog_loop.solve
-    monkeypatch.setattr(leapfrog_loop, "solve", behind)
+    right = leapfrog_loop.find_multipliers
+    monkeypatch.setattr(leapfrog_loop, "find_multipliers", behind)
     law = {"name": "penalty", "beta_s": 0.1}
     result = run(warned(between_two_walls(law, CD, 300)), compiled=False)
     assert drift(result) > 1e-6
