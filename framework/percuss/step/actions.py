@@ -11,30 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-# The places of a step, in their order.
-PLACES = (
-    "snapshot",
-    "bulk",
-    "before supports",
-    "before contact",
-    "laws",
-    "before solution",
-    "after contact",
-    "after step",
-    "before account",
-    "kinetic energy",
-    "before strain energy",
-    "strain energy",
-    "after strain energy",
-    "record",
-    # the places of a stage of a multi-stage scheme
-    "internal forces",
-    "internal forces aside",
-    "after forces",
-    "before loads",
-    "loads of a stage",
-    "after supports",
-)
+# The places of a step in their order, then those of a stage of a multi-stage scheme.
+PLACES = range(20)
 (
     SNAPSHOT,
     BULK,
@@ -50,13 +28,14 @@ PLACES = (
     STRAIN_ENERGY,
     AFTER_STRAIN_ENERGY,
     RECORD,
+    # in a stage
     INTERNAL_FORCES,
     INTERNAL_FORCES_ASIDE,
     AFTER_FORCES,
     BEFORE_LOADS,
     LOADS_OF_A_STAGE,
     AFTER_SUPPORTS,
-) = range(len(PLACES))
+) = PLACES
 
 Kernel = Callable[..., Any]
 
@@ -68,7 +47,7 @@ class Action:
     Attributes
     ----------
     place
-        The place, one of the numbers of `PLACES`.
+        The place, one of `PLACES`.
     kernel
         Called as ``kernel(data, n, u, v, a)``: data, the number of the step, or of the stage at a place of a stage, and
         the displacements, velocities and accelerations of all nodes. A leap-frog scheme has no accelerations, and
