@@ -12,12 +12,12 @@ from numba.core import types
 
 import percuss
 from percuss.compiler import specialise
-from percuss.compiler.machine_code import CannotLink
+from percuss.compiler.machine_code import CannotLink, jit_disabled
 from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.step.calls import at, call, form_of
 from percuss.step.linking import Block, structure
-from strategies import hunek
+from strategies import REGISTRY, hunek
 
 
 class Inner(NamedTuple):
@@ -217,3 +217,31 @@ def test_a_layout_of_the_loop_is_part_of_every_tag(monkeypatch):
     specialise._versions.cache_clear()
     assert specialise._versions() != before
     specialise._versions.cache_clear()
+
+
+SCHEMES = [{"method.integrator": name} for name in REGISTRY.names("integrators") if name != "implicit-hht"]
+BODIES = [
+    *({"bodies.short.element": name} for name in REGISTRY.names("elements")),
+    {"bodies.short.material": {"name": "bilinear-plastic", "young": 100.0, "density": 0.01, "yield_stress": 0.02}},
+]
+ALL = [
+    *({"method.contact": name} for name in REGISTRY.names("contacts")),
+    *({"method.mass": name} for name in REGISTRY.names("masses")),
+    *(scheme | bodies for scheme in SCHEMES for bodies in BODIES),
+]
+
+
+def words(changes):
+    return " ".join(value if isinstance(value, str) else value["name"] for value in changes.values())
+
+
+@pytest.mark.skipif(jit_disabled(), reason="compilation is switched off")
+@pytest.mark.parametrize("changes", ALL, ids=words)
+def test_every_registered_method_is_compiled(changes):
+    """Plain Python gives the same numbers, a hundred times slower: nothing else would show that a kernel is none."""
+    base = hunek(4, integrator="central-difference", contact="penalty", end=0.05)
+    try:
+        result = percuss.run(percuss.load(base, changes))
+    except (percuss.RefusedPair, percuss.InputError):
+        pytest.skip("refused")
+    assert result.summary["compiled"], result.summary["compiled_why"]

@@ -51,9 +51,14 @@ def energy_of_body(data: Bulk, b: int, u: Floats, v: Floats, dt: float) -> float
     unbound()
 
 
-def strained(data: Bulk, u: Floats, v: Floats) -> Floats:
-    """Return the displacement at which internal forces are computed: u, if no part of the step fills this slot."""
-    return u
+def force_of_elements(data: Bulk, material: MaterialPoints, first: int, u: Floats, v: Floats, force: Floats) -> None:
+    """Set the internal force of two-node elements from `first` on; a part of the step may fill this slot."""
+    internal_force(data.block.element, material, first, data.dim, u, force)
+
+
+def force_of_cells(data: Bulk, material: MaterialPoints, b: int, u: Floats, v: Floats, force: Floats) -> None:
+    """Set the internal force of the cells of body `b`; a part of the step may fill this slot."""
+    add_up_forces(data.block.element, material, b, u, force)
 
 
 def add_internal_work(data: Bulk, force: Floats, v: Floats, dt: float) -> None:
@@ -132,8 +137,7 @@ def advance_row(data: Bulk, b: int, steps: int, u: Floats, v: Floats) -> None:
             for d in range(dim):
                 force[storage + d] = force[d]
             first, after = lo * dim, (lo + count + 1) * dim
-            at = strained(data, u[first:after], v[first:after])
-            internal_force(block.element, material, offset + lo, dim, at, force[: after - first])
+            force_of_elements(data, material, offset + lo, u[first:after], v[first:after], force[: after - first])
             for d in range(dim):
                 force[d] += force[storage + d]
         advance_nodes(data, force[: (hi - lo) * dim], lo * dim, u, v, steps * data.dt)
@@ -165,7 +169,7 @@ def advance_cells(data: Bulk, b: int, steps: int, u: Floats, v: Floats) -> None:
         data.acceleration[d] = data.accelerations[body + d] / steps
     force = data.force[: hi - lo]
     material = MaterialPoints(block.parameters[b], block.before, block.after)
-    add_up_forces(block.element, material, b, strained(data, u[lo:hi], v[lo:hi]), force)
+    force_of_cells(data, material, b, u[lo:hi], v[lo:hi], force)
     advance_nodes(data, force, lo, u, v, steps * data.dt)
     add_momentum(data, body, lo, hi, v)
 

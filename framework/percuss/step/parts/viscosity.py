@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
+from percuss.mesh.cell_kernels import add_up_forces
+from percuss.mesh.materials import MaterialPoints
+from percuss.methods.slots import internal_force
 from percuss.step.actions import Action
-from percuss.step.bulk import Bulk, advance_block, strained
+from percuss.step.bulk import Bulk, advance_block, force_of_cells, force_of_elements
 from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
@@ -42,15 +45,28 @@ class Viscosity(Part):
         if action.kernel is not advance_block:
             return action
         data = action.data._replace(part=Lead(self.time, np.zeros(action.data.force.size)))
-        return replace(action, data=data, slots={**action.slots, strained: strained_ahead})
+        filled = {force_of_elements: force_of_elements_ahead, force_of_cells: force_of_cells_ahead}
+        return replace(action, data=data, slots={**action.slots, **filled})
 
 
-def strained_ahead(data: Bulk, u: Floats, v: Floats) -> Floats:
-    """Return the displacement that lies ahead along the velocity of half a step before."""
-    ahead: Floats = data.part.displacement[: u.size]
+def look_ahead(lead: Lead, u: Floats, v: Floats) -> None:
+    """Set the displacement that lies ahead along the velocity of half a step before."""
     for i in range(u.size):
-        ahead[i] = u[i] + data.part.time * v[i]
-    return ahead
+        lead.displacement[i] = u[i] + lead.time * v[i]
+
+
+def force_of_elements_ahead(
+    data: Bulk, material: MaterialPoints, first: int, u: Floats, v: Floats, force: Floats
+) -> None:
+    """Set the internal force of two-node elements from `first` on, at the displacement that lies ahead."""
+    look_ahead(data.part, u, v)
+    internal_force(data.block.element, material, first, data.dim, data.part.displacement[: u.size], force)
+
+
+def force_of_cells_ahead(data: Bulk, material: MaterialPoints, b: int, u: Floats, v: Floats, force: Floats) -> None:
+    """Set the internal force of the cells of body `b`, at the displacement that lies ahead."""
+    look_ahead(data.part, u, v)
+    add_up_forces(data.block.element, material, b, data.part.displacement[: u.size], force)
 
 
 def refusals(model: ModelArrays) -> Iterator[Problem]:
