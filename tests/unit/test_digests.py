@@ -107,7 +107,7 @@ def differences(before, now, tmp_path, capsys):
 
 
 GAP = np.linspace(1.0, 4.0, 200)
-ENERGY = {"kinetic_energy": np.full(3, 8.0), "energy_error": np.array([0.0, 1.6e-15, 1.6e-15])}
+ENERGY = {"kinetic_energy": np.full(3, 8.0), "contact_work": np.array([0.0, 1.6e-15]), "energy_error": np.zeros(2)}
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,8 @@ ENERGY = {"kinetic_energy": np.full(3, 8.0), "energy_error": np.array([0.0, 1.6e
     [
         ({"gap": GAP * (1.0 + 2.0**-50)}, "arrays; gap 8.9e-16", 1),
         ({"gap": np.append(GAP[:-1], 3.96)}, "arrays; gap 1.0e-02", 0),
-        ({"energy_error": 2 * ENERGY["energy_error"]}, "arrays; energy_error 2.0e-16", 1),
+        ({"contact_work": 2 * ENERGY["contact_work"]}, "arrays; contact_work 2.0e-16", 1),
+        ({"energy_error": np.full(2, 3e-15)}, "arrays; energy_error 3.0e-15", 1),
         ({"gap": GAP[:150]}, "gap rows '200' -> '150'", 0),
         ({"gap": GAP[:50]}, "gap shape (64,) -> (50,)", 0),
         ({"gap": np.concatenate([GAP[:1], [1.5], GAP[2:]])}, "arrays; only in rows that the record leaves out", 0),
