@@ -56,10 +56,10 @@ QUICK_CASE = "hunek"
 MOST_ROWS = 64  # kept of an array, at equal distances
 ROUND_OFF = 1e-12  # a smaller change, as a share of the largest value, is called round-off
 MOST_ENTRIES = 6  # listed of a run, besides its arrays
-# Histories by a part of their name: those of one group are measured by the largest value in the group, shares by 1.
+# Numbers by a part of their path: those of one group are measured by the largest value in the group, shares by 1.
 GROUPS = {
-    "energy_error": "share",
-    "energy_growth": "share",
+    "error": "share",
+    "growth": "share",
     "energy": "energy",
     "work": "energy",
     "gap": "length",
@@ -353,8 +353,8 @@ class Change(NamedTuple):
 
 def group_of(path):
     """Return the name of those numbers whose largest value measures a change."""
-    name = path.removeprefix("arrays.")
-    return next((group for word, group in GROUPS.items() if name != path and word in name), path)
+    of_run = path.startswith(("arrays.", "summary."))
+    return next((group for word, group in GROUPS.items() if of_run and word in path), path)
 
 
 def changes(before, now):

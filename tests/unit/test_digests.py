@@ -133,6 +133,12 @@ def test_a_change_of_an_array_is_told_with_its_size(changed, text, round_off, tm
     assert f"1 compared, 1 differ, {round_off} of them by round-off" in told
 
 
+def test_an_energy_of_the_summary_is_measured_by_the_largest_energy(tmp_path, capsys):
+    before, now = (recorded(ENERGY, energy={"contact_work": work}) for work in (1.6e-9, 1.6e-9 + 8e-15))
+    told, _ = differences(before, now, tmp_path, capsys)
+    assert told.startswith("run: summary.energy; summary.energy.contact_work 1.0e-15\n1 compared, 1 differ, 1 of them")
+
+
 def test_a_changed_word_or_number_of_the_summary_is_told(tmp_path, capsys):
     before = recorded({}, certificate={"stable": "yes", "dt_critical": 0.5}, work=[1, 2.0], dt=1e-17, kept=None)
     now = recorded({}, certificate={"stable": "no", "dt_critical": 0.25}, work=[1, 2.0], dt=3e-17, kept=None)
