@@ -70,6 +70,14 @@ def test_each_pair_meets_each_mass_element_and_material(registry, runs):
             assert " | ".join(["materials", *pair, material]) in names
 
 
+def test_every_example_of_a_method_is_in_a_run(registry, runs):
+    parts = {part for run in runs for part in run.name.split(" | ")}
+    for family in digest_cases.FAMILIES:
+        for choice in itertools.chain(*digest_cases.choices(registry, family).values()):
+            title = {"loads": f"load {choice.label} on a.left, always", "shapes": f"shape {choice.label}"}
+            assert title.get(family, choice.label) in parts
+
+
 def test_a_newly_registered_law_joins_unasked(tmp_path):
     file = tmp_path / "spring.py"
     file.write_text(LAW)
