@@ -38,7 +38,13 @@ class LinkedSystem(NamedTuple):
 
 
 _LINE = np.zeros(1)
-ACTION, ACCELERATIONS, INTERNAL, SCHEME, LOOP = "action", "accelerations", "internal forces", "step of a scheme", "loop"
+ACTION, ACCELERATIONS, INTERNAL, SCHEME, LOOP = (
+    "action",
+    "accelerations of a stage",
+    "internal forces of a stage",
+    "step of a scheme",
+    "loop",
+)
 # For each kind of kernel an example of what it returns, and of its arguments behind the data. Python calls a loop, with
 # the block that holds its arguments alone.
 EXAMPLES: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -89,12 +95,12 @@ def perform(actions: LinkedActions, place: int, n: int, u: Floats, v: Floats, a:
 
 def accelerations(system: LinkedSystem, stage: int, u: Floats, v: Floats, a: Floats) -> None:
     """Set `a` to the accelerations in a stage."""
-    call("accelerations", system.accelerate, system.data, (stage, u, v, a))
+    call("accelerations of a stage", system.accelerate, system.data, (stage, u, v, a))
 
 
 def internal(system: LinkedSystem, stage: int, u: Floats, f: Floats) -> None:
     """Set `f` to the internal forces in a stage, over the masses."""
-    call("internal forces", system.internal, system.data, (stage, u, f))
+    call("internal forces of a stage", system.internal, system.data, (stage, u, f))
 
 
 def take_step(numbers: LinkedKernel, system: Any, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
