@@ -107,9 +107,9 @@ def test_values_of_one_structure_have_one_type():
 
 def test_a_call_with_other_arguments_than_declared_is_not_compiled():
     line = np.zeros(4)
-    for arguments in ((line, line, 1.0), (line, line[::2], 1), (line, line)):
-        with pytest.raises(numba.TypingError, match="internal forces: the arguments"):
-            numba.njit(lambda given: call("internal forces", 0, 0, given))(arguments)
+    for arguments in ((1.0, line, line), (1, line, line[::2]), (1, line)):
+        with pytest.raises(numba.TypingError, match="internal forces of a stage: the arguments"):
+            numba.njit(lambda given: call("internal forces of a stage", 0, 0, given))(arguments)
 
 
 TEXT = """
