@@ -370,12 +370,19 @@ def changes(before, now):
             found += change_of_numbers(path, numbers[path], new_numbers[path], largest[group_of(path)])
         elif path in words and path in new_words:
             if words[path] != new_words[path]:
-                found.append(Change(path, np.inf, f"{words[path][:150]!r} -> {new_words[path][:150]!r}"))
+                found.append(Change(path, np.inf, change_of_words(words[path], new_words[path])))
         else:
             known = path in numbers or path in words
             still = path in new_numbers or path in new_words
             found.append(Change(path, np.inf, "another kind" if known and still else "gone" if known else "new"))
     return sorted(found, key=lambda change: (not change.of_array, -change.size))
+
+
+def change_of_words(before, now):
+    """Return two texts from shortly before the place where they begin to differ."""
+    alike = sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], zip(before, now, strict=False)))
+    start = max(alike - 30, 0)
+    return f"{before[start : start + 150]!r} -> {now[start : start + 150]!r}"
 
 
 def change_of_numbers(path, before, now, largest):
@@ -410,18 +417,21 @@ def told(changed, found):
 
 def compare(before, made, contents_before, contents):
     """Print each difference between two records and return how many tasks differ."""
-    differing, only_round_off, new = 0, 0, [name for name in made if name not in before]
+    new = [name for name in made if name not in before]
+    differing, only_round_off, only_refusals = 0, 0, 0
     for name, digests in made.items():
         old = before.get(name, digests)
         changed = sorted(key for key in {**digests, **old} if digests.get(key) != old.get(key))
         if not changed:
             continue
         differing += 1
+        only_refusals += "refused" in digests and "refused" in old
         found = changes(contents_before[name], contents[name]) if name in contents_before else None
         only_round_off += bool(found) and max(change.size for change in found) <= ROUND_OFF
         print(f"{name}: {told(changed, found)}")
     print(f"{len(made) - len(new)} compared, {differing} differ", end="")
-    print(f", {only_round_off} of them by round-off" if differing else "", end="")
+    if differing:
+        print(f", {only_round_off} of them by round-off, {only_refusals} in the words of a refusal", end="")
     print(f"; {len(new)} are not in the record, as {new[0]}" if new else "")
     return differing
 

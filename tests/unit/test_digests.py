@@ -170,3 +170,13 @@ def test_a_run_that_is_refused_now_differs(tmp_path, capsys):
     assert count == 1
     assert "arrays, refused; gap gone; gap rows gone; refused new" in told
     assert json.loads(json.dumps(now[0])) == {"refused": "no such law"}
+
+
+def test_changed_words_of_a_refusal_are_told_from_where_they_differ(tmp_path, capsys):
+    texts = ("the law is refused by the scheme: it " + "reads and " * 20 + end for end in ("pulls", "pushes"))
+    looked = [digests.refusal(ValueError(text)) for text in texts]
+    before, now = ((one.digests, digests.numbers_and_words(one.content)) for one in looked)
+    told, _ = differences(before, now, tmp_path, capsys)
+    assert "reads and pulls' -> '" in told
+    assert "reads and pushes'" in told
+    assert "0 of them by round-off, 1 in the words of a refusal" in told
