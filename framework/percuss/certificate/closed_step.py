@@ -198,7 +198,7 @@ class Motions:
         self.held = held_directions(model)
         self.basis = _basis(model, self.held)
         self.projection = self.basis.T.tocsr()
-        self.root = np.sqrt(np.repeat(model.mass, model.dim))
+        self.root = np.sqrt(model.mass_of_dofs)
         self.shortest_element = min(float(body.mesh.lengths.min()) for body in model.bodies.values())
         self._march: March | None = None
         self.open_points: Any = None  # contact points of that march before a combination holds some of them closed

@@ -99,6 +99,17 @@ class ModelArrays:
         """Number of nodes."""
         return self.mass.size
 
+    @cached_property
+    def mass_of_dofs(self) -> Floats:
+        """Nodal mass of each degree of freedom, (nodes * dim,)."""
+        return np.repeat(self.mass, self.dim)
+
+    @cached_property
+    def inverse_mass_of_dofs(self) -> Floats:
+        """The inverse of that mass, 0 at an end without mass, (nodes * dim,)."""
+        mass = self.mass_of_dofs
+        return np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
+
     @property
     def multistage(self) -> bool:
         """Whether the integrator is a multi-stage scheme; if not, it is a leap-frog scheme."""

@@ -16,7 +16,7 @@ from percuss.mesh.block import Block
 from percuss.mesh.cells import cell_arrays, element_slots, has_cells
 from percuss.mesh.materials import material_slots
 from percuss.methods.interfaces import BodyMesh
-from percuss.methods.plugin_calls import answer
+from percuss.methods.plugin_calls import answer, read_only
 from percuss.step import bulk, uniform_rows
 from percuss.step.actions import BULK, INTERNAL_FORCES, INTERNAL_FORCES_ASIDE, KINETIC_ENERGY, STRAIN_ENERGY, Action
 from percuss.step.law_kernels import kernel_laws
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
 
 # The optional parts of a step, in the order in which they act at one place.
-PARTS: tuple[type[Part], ...] = (
+PARTS: tuple[type[Part[Any]], ...] = (
     CoupledMasses,
     Followers,
     EndForcesOfLaws,
@@ -82,7 +82,7 @@ class Arrays:
     """
 
     step: Step
-    parts: Sequence[Part]
+    parts: Sequence[Part[Any]]
     actions: Sequence[Action]
     uniform: bool
 
@@ -95,7 +95,6 @@ class Arrays:
         self.place = _places(model)
         self.recorded = recorded_elements(model)
         self.record, self.time = empty_record(model, self.place)
-        self.mass: Floats = np.repeat(model.mass, model.dim)
         self.blocks = list(_blocks(model, self.variables))
 
     def begin(self, momenta: Floats) -> None:
@@ -147,13 +146,23 @@ class Arrays:
             carry_over(self.step.points, points)
         self.step = self.step._replace(points=points, loads=self._loads(constraints, sides, midpoint))
         self.step.now["in_turn"] = 0
+        shifts = np.zeros(len(self.order))
         setting = Setting(
-            model, midpoint, self.place, self.order, sides, self.step, self.record, self.variables, self.recorded
+            model,
+            midpoint,
+            self.place,
+            self.order,
+            sides,
+            self.step,
+            self.record,
+            self.variables,
+            self.recorded,
+            shifts,
         )
         known = {type(part): part for part in self.parts}
         made = (kind.of(setting, known.get(kind)) for kind in PARTS)
         self.parts = [part for part in made if part is not None]
-        self.actions = list(self._actions())
+        self.actions = list(self._actions(shifts))
 
     def _loads(self, constraints: Sequence[tuple[int, Any]], sides: Any, midpoint: float) -> Loads:
         """Return supports and loads with the constraints of a stretch, whose reactions start at zero."""
@@ -186,7 +195,7 @@ class Arrays:
             axes=np.array(axes, dtype=float).ravel(),
         )
 
-    def _actions(self) -> Iterator[Action]:
+    def _actions(self, shifts: Floats) -> Iterator[Action]:
         """Yield what a step of this stretch does."""
         for action in self._of_bodies():
             changed: Action | None = action
@@ -194,9 +203,6 @@ class Arrays:
                 changed = part.changed(changed) if changed is not None else None
             if changed is not None:
                 yield changed
-        shifts = next(
-            (part.data.of_points for part in self.parts if isinstance(part, Shifts)), np.zeros(len(self.order))
-        )
         yield from kernel_laws(self.kernel_laws, self.step.points, self.step.now, self.variables.of_laws(), shifts)
         for part in self.parts:
             yield from part.actions()
@@ -211,14 +217,14 @@ class Arrays:
             yield Action(BULK, uniform_rows.advance_whole, rows)
             yield Action(STRAIN_ENERGY, uniform_rows.add_energies, rows)
             return
-        yield Action(KINETIC_ENERGY, bulk.add_kinetic_energy, bulk.Masses(self.mass, step.totals))
-        inverse = np.divide(1.0, self.mass, out=np.zeros_like(self.mass), where=self.mass > 0.0)
+        yield Action(KINETIC_ENERGY, bulk.add_kinetic_energy, bulk.Masses(model.mass_of_dofs, step.totals))
         for block, element, material in self.blocks:
             cells = has_cells(element)
             largest = int((block.stop - block.start).max()) if cells else bulk.PIECE + 2
             data = bulk.Bulk(
-                block, self.mass, inverse, np.zeros(largest * model.dim), step.loads.accelerations, np.zeros(model.dim),
-                step.loads.momentum, step.totals, model.dim, model.dt, 0.0 if model.multistage else model.dt, (),
+                block, model.mass_of_dofs, model.inverse_mass_of_dofs, np.zeros(largest * model.dim),
+                step.loads.accelerations, np.zeros(model.dim), step.loads.momentum, step.totals, model.dim, model.dt,
+                0.0 if model.multistage else model.dt, (),
             )  # fmt: skip
             filled: Mapping[Callable[..., Any], Any] = {
                 **material_slots(type(material)),
@@ -282,12 +288,14 @@ def _blocks(model: Model, variables: StateVariables) -> Iterator[tuple[Block, An
             arrays: Any = cell_arrays(element, meshes)
         else:
             bound = [answer(body.spec.element, "bind", mesh) for body, mesh in zip(bodies, meshes, strict=True)]
-            arrays = type(bound[0])(*(_read_only(np.concatenate(columns)) for columns in zip(*bound, strict=True)))
+            arrays = type(bound[0])(
+                *(read_only(np.ascontiguousarray(np.concatenate(columns))) for columns in zip(*bound, strict=True))
+            )
         counts = [body.volumes.size for body in bodies]
         yield (
             Block(
                 arrays,
-                _read_only(np.array([answer(body.spec.material, "parameters") for body in bodies], dtype=float)),
+                read_only(np.array([answer(body.spec.material, "parameters") for body in bodies], dtype=float)),
                 np.array([body.number for body in bodies], dtype=np.int64),
                 np.array([body.start for body in bodies], dtype=np.int64),
                 np.array([body.stop for body in bodies], dtype=np.int64),
@@ -297,9 +305,3 @@ def _blocks(model: Model, variables: StateVariables) -> Iterator[tuple[Block, An
             element,
             bodies[0].spec.material,
         )
-
-
-def _read_only(array: Any) -> Any:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array

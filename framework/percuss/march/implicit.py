@@ -59,7 +59,7 @@ class ImplicitStepper:
     def __init__(self, model: Model, implicit: Implicit) -> None:
         self.model, self.implicit = model, implicit
         self.dt, self.gamma = model.dt, implicit.gamma
-        self.mass: Floats = np.repeat(model.mass, model.dim)
+        self.mass: Floats = model.mass_of_dofs
         self.u: Floats = np.zeros(self.mass.size)
         self.v: Floats = initial_velocity(model).ravel().astype(np.float64)
         self.acceleration: Floats = np.zeros(self.mass.size)
@@ -147,7 +147,7 @@ class ImplicitStepper:
             self._impulse,
         ]  # fmt: skip
 
-    def set_step(self, step: Step, parts: Sequence[Part], kernels: Kernels, midpoint: float) -> None:  # noqa: ARG002
+    def set_step(self, step: Step, parts: Sequence[Part[Any]], kernels: Kernels, midpoint: float) -> None:  # noqa: ARG002
         """Use the arrays of the next stretch of the run."""
         self.step = step
         self.acting = np.flatnonzero(~np.isin(self.order, self.model.inactive_points(midpoint)))

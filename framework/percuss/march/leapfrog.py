@@ -43,9 +43,9 @@ class LeapFrogStepper:
         self.columns = len(model.case.loads) + 1
         self._impulse = np.zeros(model.dim)
         self.step: Step
-        self.parts: Sequence[Part]
+        self.parts: Sequence[Part[Any]]
 
-    def set_step(self, step: Step, parts: Sequence[Part], kernels: Kernels, midpoint: float) -> None:  # noqa: ARG002
+    def set_step(self, step: Step, parts: Sequence[Part[Any]], kernels: Kernels, midpoint: float) -> None:  # noqa: ARG002
         """Use the arrays and actions of the next stretch of the run."""
         self.step, self.parts, self._loop = step, parts, kernels.loop(loop.advance)
 

@@ -29,9 +29,6 @@ from percuss.march.stop import Kind, Stop
 from percuss.step.account import NOISE
 from percuss.step.build import Kernels, compile_actions, kernels, why_not_compiled
 from percuss.step.equation import SWEEPS
-from percuss.step.parts.coupled_masses import CoupledMasses, coupled_kinetic
-from percuss.step.parts.ends_without_mass import EndsWithoutMass
-from percuss.step.parts.own_steps import OwnSteps
 from percuss.step.record import Record
 
 if TYPE_CHECKING:
@@ -126,8 +123,7 @@ class March:
         self.u, self.v = self.stepper.u, self.stepper.v
         self.arrays.begin(self._momenta() if model.body_forces else np.zeros(0))
         for part in self.arrays.parts:
-            if isinstance(part, EndsWithoutMass):
-                part.balance_at_rest(self.u, self.v)
+            part.balance_at_rest(self.u, self.v)
         self._link(0.5 * model.dt)
 
     def _link(self, midpoint: float) -> None:
@@ -138,9 +134,10 @@ class March:
 
     def use(self, how: Kernels, actions: Sequence[Action]) -> None:
         """Let the steps of this stretch perform some actions."""
-        arrays, self.kernels = self.arrays, how
-        step = arrays.step._replace(actions=how.linked(actions))
-        self.stepper.set_step(step, arrays.parts, how, self._midpoint)
+        # A march that was copied from this one may still read the memory of its own links.
+        arrays, self.kernels = self.arrays, Kernels(how.compiled, how.reasons)
+        step = arrays.step._replace(actions=self.kernels.linked(actions))
+        self.stepper.set_step(step, arrays.parts, self.kernels, self._midpoint)
 
     def _momenta(self) -> Floats:
         mass = self.model.mass[:, None]
@@ -225,8 +222,8 @@ class March:
 
     def _displacement(self, step: int) -> Floats:
         """Return the displacement before a step, of nodes that are ahead of it too, (nodes * dim,)."""
-        own = next((part for part in self.arrays.parts if isinstance(part, OwnSteps)), None)
-        return self.u.copy() if own is None else own.displacement(step, self.u, self.v)
+        found = (part.displacement(step, self.u, self.v) for part in self.arrays.parts)
+        return next((displacement for displacement in found if displacement is not None), self.u.copy())
 
     def _start_stepper(self) -> None:
         """Prepare the first step; report the error of a kernel with its law, file and line."""
@@ -373,11 +370,11 @@ class March:
         return self._kinetic(initial_velocity(self.model).ravel())
 
     def _kinetic(self, v: Floats) -> float:
-        coupled = next((part.data for part in self.arrays.parts if isinstance(part, CoupledMasses)), None)
-        if coupled is not None:
-            return coupled_kinetic(coupled.factor, v, self.dim, np.empty_like(v))
+        found = (part.kinetic_energy(v) for part in self.arrays.parts)
+        if (energy := next((energy for energy in found if energy is not None), None)) is not None:
+            return energy
         # Not `@`: from about ten thousand entries on, BLAS wakes threads, which costs more than the sum.
-        return 0.5 * float(np.einsum("i,i,i", self.arrays.mass, v, v))
+        return 0.5 * float(np.einsum("i,i,i", self.model.mass_of_dofs, v, v))
 
     @cached_property
     def noise(self) -> float:

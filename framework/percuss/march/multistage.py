@@ -82,12 +82,12 @@ class MultistageStepper:
         """Return displacement, velocity, the arrays kept between steps, and the sums of the load amplitudes."""
         return [*self.state, self.amplitude_sums]
 
-    def set_step(self, step: Step, parts: Sequence[Part], kernels: Kernels, midpoint: float) -> None:  # noqa: ARG002
+    def set_step(self, step: Step, parts: Sequence[Part[Any]], kernels: Kernels, midpoint: float) -> None:  # noqa: ARG002
         """Use the arrays and actions of the next stretch of the run."""
-        stages, columns, mass = self.stages, self.columns, np.repeat(self.model.mass, self.model.dim)
+        stages, columns, model = self.stages, self.columns, self.model
         self.system = System(
-            step, mass, np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0), self.body_forces, self.axes,
-            np.array([constraint.active(midpoint) for constraint in self.model.constraints], dtype=np.int64),
+            step, model.mass_of_dofs, model.inverse_mass_of_dofs, self.body_forces, self.axes,
+            np.array([constraint.active(midpoint) for constraint in model.constraints], dtype=np.int64),
             self.responses, self.ends, np.array(stages.times, dtype=float),
             np.zeros((len(stages.times), columns)), np.zeros((2, columns)), self.amplitude_sums, np.zeros(1),
         )  # fmt: skip

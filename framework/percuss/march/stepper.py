@@ -35,7 +35,7 @@ class Stepper(Protocol):
     v: Floats
     levels: int
 
-    def set_step(self, step: Step, parts: Sequence[Part], kernels: Kernels, midpoint: float) -> None:
+    def set_step(self, step: Step, parts: Sequence[Part[Any]], kernels: Kernels, midpoint: float) -> None:
         """Use the arrays and actions of the next stretch of the run."""
 
     def changing_arrays(self) -> list[Any]:

@@ -51,12 +51,7 @@ def add_up_contacts(points: Points, boundary: Any, total: Any, n: int, dt: float
         law, state, sums = points.law[i], points.state[i], points.sums[i]
         if takes_part(law, state, sums):
             total.any_contact = 1
-            rate = 0.0
-            reach = 0.0
-            for k in range(law.start, law.stop):
-                q = boundary[points.entries[k].place]
-                rate += points.entries[k].normal * q.new_v
-                reach = max(reach, abs(q.old_u) + dt * abs(q.new_v))
+            rate, reach = rate_and_reach(points, law, boundary, dt)
             work = 0.5 * dt * state.multiplier * (state.rate + rate)
             energy = stored_energy(law, state, law.stores, state.gap, rate, dt)
             active = 1 if state.multiplier != 0.0 or energy != 0.0 else 0
@@ -78,6 +73,17 @@ def add_up_contacts(points: Points, boundary: Any, total: Any, n: int, dt: float
         if state.gap < 0.0:
             sums.overlap -= state.gap
             sums.deepest = max(sums.deepest, -state.gap)
+
+
+def rate_and_reach(points: Points, law: Any, boundary: Any, dt: float) -> tuple[float, float]:
+    """Return the gap rate of a point after the step, and a bound of the displacements of its nodes."""
+    rate = 0.0
+    reach = 0.0
+    for k in range(law.start, law.stop):
+        q = boundary[points.entries[k].place]
+        rate += points.entries[k].normal * q.new_v
+        reach = max(reach, abs(q.old_u) + dt * abs(q.new_v))
+    return rate, reach
 
 
 def takes_part(law: Any, state: Any, sums: Any) -> bool:

@@ -185,7 +185,7 @@ class Kernels:
             blocks[id(action.data)] = block
             row[1] = block.address
         edges = np.searchsorted([action.place for action in ordered], np.arange(len(PLACES) + 1)).astype(np.int64)
-        self._kept[:] = [blocks, ordered]
+        self._kept.append(blocks)
         return linked.LinkedActions(rows, edges)
 
     def loop(self, function: Kernel, scheme: Scheme | None = None) -> Callable[..., int]:
@@ -210,7 +210,7 @@ class Kernels:
         read = scheme.numbers, linked.LinkedSystem(block.address, address, internal)
         form, address = _bound(scheme.source, jit=True, counting=True).kernel.address(read, scheme.name)
         own = Block(read, form)
-        self._kept.append((block, own, system))
+        self._kept.extend((block, own))
         return linked.LinkedKernel(own.address, address), read[1]
 
 

@@ -21,7 +21,7 @@ from percuss.step.actions import (
 )
 from percuss.step.equation import find_multipliers, push, see
 from percuss.step.loads import hold, push_by_loads, react_to_contact, work_along, work_on_bodies
-from percuss.step.record import Record, find_energies, is_recorded, snapshot, write_record
+from percuss.step.record import Record, count_start, find_energies, is_recorded, snapshot, write_record
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -34,16 +34,14 @@ def advance(step: Step, record: Record, amplitudes: Floats, u: Floats, v: Floats
     A step fails if the contact equation was not solved, or if the contact work exceeds its limit or is nan.
     `amplitudes` has one row for each step, as `percuss.step.records.Loads` has it.
     """
-    total, now = step.totals[0], step.now[0]
+    now = step.now[0]
     for s in range(count):
         n = first + s
         for k in range(amplitudes.shape[1]):
             step.loads.amplitudes[k] = amplitudes[s, k]
         snapshot(record, step, n, u, v)
         if n == 0:
-            find_energies(step, n - 1, u, v)
-            total.energy_before += total.elastic_energy
-            total.began_with = max(total.began_with, total.energy_before)
+            count_start(step, u, v)
         sound = make_step(step, n, u, v)
         if is_recorded(record, n):
             find_energies(step, n, u, v)

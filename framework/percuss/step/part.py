@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 if TYPE_CHECKING:
     from percuss.contact.contact_rows import Side
@@ -16,6 +14,8 @@ if TYPE_CHECKING:
     from percuss.step.actions import Action
     from percuss.step.record import Record
     from percuss.step.records import Step
+
+Data = TypeVar("Data")
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,8 @@ class Setting:
         The state variables of the run.
     recorded
         Numbers of the elements of each body whose stress is recorded.
+    shifts : (P,)
+        Shifts of all points, which laws with a kernel set.
     """
 
     model: ModelArrays
@@ -53,13 +55,22 @@ class Setting:
     record: Record
     variables: StateVariables
     recorded: Mapping[str, Integers]
+    shifts: Floats
 
 
-class Part:
+class Part(Generic[Data]):
     """An optional part of a step.
 
     A part of a model that needs it enters the step by its actions, and by what it changes in those of the bodies.
+
+    Parameters
+    ----------
+    data
+        The arrays and numbers that its kernels read.
     """
+
+    def __init__(self, data: Data) -> None:
+        self.data = data
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -86,6 +97,17 @@ class Part:
         """Return the arrays that a step changes, without those of the step itself."""
         return []
 
+    def balance_at_rest(self, u: Floats, v: Floats) -> None:
+        """Put what the part moves into balance before the first step; displacements change, velocities do not."""
+
+    def displacement(self, step: int, u: Floats, v: Floats) -> Floats | None:  # noqa: ARG002
+        """Return the displacement before a step, (nodes * dim,); None if it is u."""
+        return None
+
+    def kinetic_energy(self, v: Floats) -> float | None:  # noqa: ARG002
+        """Return the kinetic energy of all bodies; None if it is that of nodal masses."""
+        return None
+
     def impulse(self) -> Floats | None:
         """Return the impulse of the loads of the part so far, (dim,), which a leap-frog scheme does not sum up."""
         return None
@@ -93,8 +115,3 @@ class Part:
     def results(self) -> Mapping[str, Floats]:
         """Return the histories that the part records, by name."""
         return {}
-
-
-def indices(values: Sequence[int]) -> Integers:
-    """Return whole numbers as an array."""
-    return np.array(values, dtype=np.int64)

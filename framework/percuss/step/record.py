@@ -72,6 +72,14 @@ def find_energies(step: Step, n: int, u: Floats, v: Floats) -> None:
     perform(step.actions, AFTER_STRAIN_ENERGY, n, u, v, v)
 
 
+def count_start(step: Step, u: Floats, v: Floats) -> None:
+    """Add the strain energy before the first step to the energy at the beginning of the run."""
+    total = step.totals[0]
+    find_energies(step, -1, u, v)
+    total.energy_before += total.elastic_energy
+    total.began_with = max(total.began_with, total.energy_before)
+
+
 def snapshot(record: Record, step: Step, n: int, u: Floats, v: Floats) -> None:
     """Record the displacements from which the stress field is computed."""
     if record.field_every > 0 and n % record.field_every == 0:

@@ -30,7 +30,7 @@ from percuss.step.actions import (
 from percuss.step.equation import find_multipliers, see
 from percuss.step.loads import work_along
 from percuss.step.loop import keep
-from percuss.step.record import Record, find_energies, is_recorded, snapshot, write_record
+from percuss.step.record import Record, count_start, find_energies, is_recorded, snapshot, write_record
 from percuss.step.records import Loads, Step
 
 if TYPE_CHECKING:
@@ -240,9 +240,7 @@ def advance(
         n = first + s
         snapshot(record, step, n, u, v)
         if n == 0:
-            find_energies(step, n - 1, u, v)
-            total.energy_before += total.elastic_energy
-            total.began_with = max(total.began_with, total.energy_before)
+            count_start(step, u, v)
         keep(step.boundary, u, v)
         prepare_step(system, amplitudes, s, n, u, v)
         impose_velocities(system, u, v, False)

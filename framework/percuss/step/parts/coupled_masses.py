@@ -59,11 +59,12 @@ class Coupling(NamedTuple):
     sums_work: bool  # whether the internal work is summed up
 
 
-class CoupledMasses(Part):
+class CoupledMasses(Part[Coupling]):
     """The part of a step with masses that couple nodes."""
 
     def __init__(self, data: Coupling, *, multistage: bool) -> None:
-        self.data, self.multistage = data, multistage
+        super().__init__(data)
+        self.multistage = multistage
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -79,7 +80,6 @@ class CoupledMasses(Part):
             if node != end
             for d in range(model.dim)
         ]
-        mass = np.repeat(model.mass, model.dim)
         neighbours, sums_work = record_array(rows, NEIGHBOUR), model.sums_internal_work
         if before is not None:
             data = before.data._replace(boundary=step.boundary, totals=step.totals, neighbours=neighbours)
@@ -87,8 +87,8 @@ class CoupledMasses(Part):
         coupling, factor = arrays_for_the_loop(model.bodies.values(), model.dim)
         correction, former, change = (np.zeros(coupling.shape[1]) for _ in range(3))
         data = Coupling(
-            coupling, factor, correction, former, change, mass, neighbours, step.boundary, step.totals, model.dim,
-            model.dt, sums_work,
+            coupling, factor, correction, former, change, model.mass_of_dofs, neighbours, step.boundary, step.totals,
+            model.dim, model.dt, sums_work,
         )  # fmt: skip
         return cls(data, multistage=model.multistage)
 
@@ -104,6 +104,10 @@ class CoupledMasses(Part):
             yield Action(BEFORE_SUPPORTS, tell_change, self.data)
             yield Action(BEFORE_CONTACT, carry_to_neighbours, self.data)
         yield Action(KINETIC_ENERGY, add_coupled_kinetic_energy, self.data)
+
+    def kinetic_energy(self, v: Floats) -> float | None:
+        """Return the kinetic energy ``v M v / 2``."""
+        return coupled_kinetic(self.data.factor, v, self.data.dim, np.empty_like(v))
 
     def changed(self, action: Action) -> Action | None:
         """Return any action but that of the kinetic energy of nodal masses, which this part has of its own."""

@@ -71,11 +71,8 @@ class EndForces(NamedTuple):
     dt: float
 
 
-class EndForcesOfLaws(Part):
+class EndForcesOfLaws(Part[EndForces]):
     """The part of a step with laws that see or push more than the gap."""
-
-    def __init__(self, data: EndForces) -> None:
-        self.data = data
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:

@@ -19,7 +19,7 @@ from percuss.contact.points import BY_CURRENT, BY_END, FROM_PART, NOTHING, Point
 from percuss.errors import Problem, RefusedPair
 from percuss.mesh.ends_without_mass import BALANCE
 from percuss.methods.interfaces import ContactState, LeapFrog
-from percuss.step.account import takes_part
+from percuss.step.account import rate_and_reach, takes_part
 from percuss.step.actions import AFTER_STEP, BEFORE_ACCOUNT, BEFORE_CONTACT, Action
 from percuss.step.equation import see, solve
 from percuss.step.part import Part, Setting
@@ -51,11 +51,8 @@ class Balance(NamedTuple):
     now: Any  # percuss.step.records.NOW
 
 
-class EndsWithoutMass(Part):
+class EndsWithoutMass(Part[Balance]):
     """The part of a step with ends without mass."""
-
-    def __init__(self, data: Balance) -> None:
-        self.data = data
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -160,12 +157,7 @@ def add_round_off(data: Balance, n: int, u: Floats, v: Floats, a: Floats) -> Non
     for i in range(points.law.size):
         law, state = points.law[i], points.state[i]
         if law.source == FROM_PART and takes_part(law, state, points.sums[i]):
-            rate = 0.0
-            reach = 0.0
-            for k in range(law.start, law.stop):
-                q = data.boundary[points.entries[k].place]
-                rate += points.entries[k].normal * q.new_v
-                reach = max(reach, abs(q.old_u) + dt * abs(q.new_v))
+            rate, reach = rate_and_reach(points, law, data.boundary, dt)
             data.totals[0].round_off += reach * (abs(state.rate) + abs(rate)) / (dt * law.delassus)
 
 

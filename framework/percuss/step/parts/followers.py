@@ -58,11 +58,12 @@ class FollowingLoad(NamedTuple):
     now: Any  # percuss.step.records.NOW
 
 
-class Followers(Part):
+class Followers(Part[Following]):
     """The part of a step with loads that follow the motion of an end."""
 
     def __init__(self, setting: Setting, data: Following) -> None:
-        self.loads, self.data, self.multistage = setting.model.followers, data, setting.model.multistage
+        super().__init__(data)
+        self.loads, self.multistage = setting.model.followers, setting.model.multistage
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:

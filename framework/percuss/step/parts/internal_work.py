@@ -26,11 +26,8 @@ class OnBoundary(NamedTuple):
     dt: float
 
 
-class InternalWork(Part):
+class InternalWork(Part[OnBoundary]):
     """The part of a step that sums up the work of the internal forces."""
-
-    def __init__(self, data: OnBoundary) -> None:
-        self.data = data
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:

@@ -47,11 +47,12 @@ class OfBlock(NamedTuple):
     own_step: Integers  # (bodies,)
 
 
-class OwnSteps(Part):
+class OwnSteps(Part[Ahead]):
     """The part of a step with bodies that have steps of their own."""
 
     def __init__(self, own_steps: Integers, of_nodes: Integers, data: Ahead) -> None:
-        self.own_steps, self.of_nodes, self.data = own_steps, of_nodes, data
+        super().__init__(data)
+        self.own_steps, self.of_nodes = own_steps, of_nodes
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -74,7 +75,7 @@ class OwnSteps(Part):
         yield Action(AFTER_STRAIN_ENERGY, move_back, self.data)
         yield Action(SNAPSHOT, shift_snapshot_back, self.data)
 
-    def displacement(self, step: int, u: Floats, v: Floats) -> Floats:
+    def displacement(self, step: int, u: Floats, v: Floats) -> Floats | None:
         """Return the displacement before a step, of nodes that are ahead of it too, (nodes * dim,)."""
         return u - -step % self.of_nodes * float(self.data.now["dt"][0]) * v
 

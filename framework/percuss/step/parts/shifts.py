@@ -31,11 +31,8 @@ class Shifting(NamedTuple):
     sums_work: bool  # whether the internal work is summed up
 
 
-class Shifts(Part):
+class Shifts(Part[Shifting]):
     """The part of a step with laws that shift the ends of their contacts."""
-
-    def __init__(self, data: Shifting) -> None:
-        self.data = data
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -45,12 +42,21 @@ class Shifts(Part):
             return None
         count = step.boundary.size
         after, previous, speed = (np.zeros(count) for _ in range(3))
-        of_points, sums_work = np.zeros(len(setting.order)), model.sums_internal_work
+        sums_work = model.sums_internal_work
         data = Shifting(
-            of_points, after, previous, speed, step.points, step.boundary, step.loads, step.totals, step.now, sums_work
+            setting.shifts,
+            after,
+            previous,
+            speed,
+            step.points,
+            step.boundary,
+            step.loads,
+            step.totals,
+            step.now,
+            sums_work,
         )
         if before is not None:
-            data = data._replace(of_points=before.data.of_points, after=before.data.after, before=before.data.before)
+            data = data._replace(after=before.data.after, before=before.data.before)
         return cls(data)
 
     def actions(self) -> Iterator[Action]:

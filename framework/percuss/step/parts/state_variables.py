@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.step.actions import AFTER_STEP, BEFORE_ACCOUNT, RECORD, SNAPSHOT, STRAIN_ENERGY, Action
-from percuss.step.part import Part, Setting, indices
+from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,11 +31,8 @@ class Remembered(NamedTuple):
     now: Any  # percuss.step.records.NOW
 
 
-class StateVariablesKept(Part):
+class StateVariablesKept(Part[Remembered]):
     """The part of a step with state variables."""
-
-    def __init__(self, data: Remembered) -> None:
-        self.data = data
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -45,7 +42,11 @@ class StateVariablesKept(Part):
             return None
         if before is not None:
             return cls(before.data._replace(totals=step.totals, now=step.now))
-        recorded = variables.of_elements(setting.model, setting.recorded) if record.field_every else indices(())
+        recorded = (
+            variables.of_elements(setting.model, setting.recorded)
+            if record.field_every
+            else np.zeros(0, dtype=np.int64)
+        )
         of_laws = np.full((record.energy.size, variables.laws), np.nan)
         of_elements = np.full((record.field.shape[0], recorded.size), np.nan)
         arrays = variables.before, variables.after, variables.stored, variables.dissipated, variables.stored_by_laws

@@ -28,11 +28,8 @@ class Lead(NamedTuple):
     displacement: Floats  # work space of the size of `Bulk.force`
 
 
-class Viscosity(Part):
-    """The part of a step with viscous bodies."""
-
-    def __init__(self, time: float) -> None:
-        self.time = time
+class Viscosity(Part[float]):
+    """The part of a step with viscous bodies; its data is the time by which their internal forces look ahead."""
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -44,7 +41,7 @@ class Viscosity(Part):
         """Return the update of a block with forces that look ahead."""
         if action.kernel is not advance_block:
             return action
-        data = action.data._replace(part=Lead(self.time, np.zeros(action.data.force.size)))
+        data = action.data._replace(part=Lead(self.data, np.zeros(action.data.force.size)))
         filled = {force_of_elements: force_of_elements_ahead, force_of_cells: force_of_cells_ahead}
         return replace(action, data=data, slots={**action.slots, **filled})
 
