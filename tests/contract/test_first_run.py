@@ -1,5 +1,6 @@
 """A method is asked everything twice before the first run of its source, and not again until the source changes."""
 
+import contextlib
 import weakref
 
 import numpy as np
@@ -11,6 +12,7 @@ from percuss.march.model import Model
 from percuss.methods import first_run
 from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
+from percuss.testing.kit import checks_of, perform
 from percuss.testing.subject import Subject
 
 PLUGIN = '''
@@ -76,11 +78,11 @@ def asked(tmp_path, monkeypatch):
             text.write(edit)
         registry = Registry.load([file])
         law = registry.get("contacts", "counted")
-        if again:
-            Subject.of(law, registry)
         law.counts.update(bind=0, multipliers=0)
         method = {"contact": {"name": "counted", "beta_s": beta_s}}
-        Model(percuss.load({**CASE, "method": method}, registry=registry))
+        asking = first_run.asked_again(law, Subject.of(law, registry).answers) if again else contextlib.nullcontext()
+        with asking:
+            Model(percuss.load({**CASE, "method": method}, registry=registry))
         return tuple(law.counts.values())
 
     return ask
@@ -156,3 +158,13 @@ def test_a_cached_property_is_no_change_of_the_component(tmp_path):
     type(load).amplitude = lambda self, time: self.__dict__.update(order=3) or time
     with pytest.raises(percuss.PluginError, match="amplitude changes the component itself"):
         answer(load, "amplitude", np.ones(2))
+
+
+def test_the_kit_asks_a_method_of_percuss_in_its_checks_alone():
+    """Runs of the same process are those of any other: nothing is asked twice because the kit was there before."""
+    law = Registry.load().get("contacts", "penalty")
+    subject = Subject.of(law)
+    found = [perform(check, subject, partner) for check, partner in checks_of(subject) if check.first]
+    assert [outcome.status for outcome in found] == ["passed"]
+    assert subject.answers.now
+    assert not first_run.is_watched(law())

@@ -30,10 +30,16 @@ NEVER_ANSWERED = -(2**31)  # number of good answers to a question that has been 
 MOST_NOTED = 10_000  # answers of a class, such as those of a study over as many options
 
 
-class _Answers:
-    """The questions that a class has answered: in earlier processes, and how often in this one."""
+class Answers:
+    """The questions that a class has answered: in earlier processes, and how often in this one.
 
-    def __init__(self, file: str) -> None:
+    Parameters
+    ----------
+    file
+        Name of the file in the cache folder that has the answers of earlier processes; empty for none.
+    """
+
+    def __init__(self, file: str = "") -> None:
         self.file = file
         self.before = self._noted()
         self.now: Counter[str] = Counter()
@@ -50,7 +56,7 @@ class _Answers:
                 keep(self.file, json.dumps(sorted(self.before | answered)).encode())
 
 
-_ANSWERS: weakref.WeakKeyDictionary[type[Component], _Answers] = weakref.WeakKeyDictionary()
+_ANSWERS: weakref.WeakKeyDictionary[type[Component], Answers] = weakref.WeakKeyDictionary()
 
 
 @contextmanager
@@ -85,9 +91,18 @@ def is_watched(component: Component) -> bool:
     return _answers_of(type(component)) is not None
 
 
-def ask_again(component: type[Component]) -> None:
-    """Ask a class everything once more in this process, whatever is known of it and wherever it comes from."""
-    _ANSWERS[component] = _Answers("")
+@contextmanager
+def asked_again(component: type[Component], answers: Answers) -> Iterator[None]:
+    """Ask a class everything inside this context that `answers` does not have, wherever the class comes from."""
+    before = _ANSWERS.get(component)
+    _ANSWERS[component] = answers
+    try:
+        yield
+    finally:
+        if before is None:
+            del _ANSWERS[component]
+        else:
+            _ANSWERS[component] = before
 
 
 def note_answers() -> None:
@@ -96,10 +111,10 @@ def note_answers() -> None:
         answers.note()
 
 
-def _answers_of(component: type[Component]) -> _Answers | None:
+def _answers_of(component: type[Component]) -> Answers | None:
     """Return the answers of a class; None for one of percuss itself, which the tests of percuss ask."""
     if component not in _ANSWERS and is_third_party(component.__module__):
-        _ANSWERS[component] = _Answers(_file_of(component))
+        _ANSWERS[component] = Answers(_file_of(component))
     return _ANSWERS.get(component)
 
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from percuss.errors import PluginError, RefusedPair, RunError
 from percuss.jsonable import Data
-from percuss.methods.first_run import ask_again
+from percuss.methods.first_run import Answers
 from percuss.methods.interfaces import FAMILIES, Component, DataFile
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
@@ -58,6 +58,8 @@ class Subject:
         Whether a check that draws cases looks for a small one that fails.
     options, partner
         Options of the component and name of its partner in the cases of a check that draws them.
+    answers
+        What the component has answered in the checks so far.
     """
 
     component: type[Component]
@@ -68,13 +70,13 @@ class Subject:
     shrinks: bool = False
     options: Data = field(default_factory=dict, repr=False)
     partner: str = ""
+    answers: Answers = field(default_factory=Answers, compare=False, repr=False)
 
     @staticmethod
     def of(component: type[Component], registry: Registry | None = None, draws: int = DRAWS) -> Subject:
         """Return the subject of a class, which need not be registered and replaces a registered class of its name."""
         if not (isinstance(component, type) and issubclass(component, Component) and "name" in vars(component)):
             raise PluginError(f"{component!r} is no finished component: pass the class of a method")
-        ask_again(component)
         registry = registry or Registry.load()
         key = component.family, component.name
         if registry.components.get(key) is not component:

@@ -214,13 +214,12 @@ class BarChain:
         curved = bool(self.loads.pieces[:, :, 2:].any())
         limits = fronts.Limits(end, 10.0 * FIT if curved else 1e-13, quantum)
         status, over = fronts.FULL, ""
-        fresh, told = 1, 0.0
+        fresh = 1
         while status in (fronts.FULL, fronts.PAUSED) and not over:
             status = self._advance(junctions, waves, self.loads, forces, limits, fresh)
             fresh = int(status == fronts.FULL)
             share = float(junctions.clock.min()) / end
-            told = max(told, share)  # a history that is full is begun again
-            self.meter.tell(told)
+            self.meter.tell(share)
             over = self._excess(waves, forces, status, share, most_fronts)
             if status == fronts.FULL and not over:
                 waves = fronts.Histories(_grown(waves.times, np.inf), _grown(waves.pieces), waves.count)
