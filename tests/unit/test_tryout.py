@@ -183,8 +183,8 @@ BEFORE_THE_FIRST_RUN = ("keeps a list", "draws at random", "an index that turns 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WRONG)
 def test_a_mistake_is_found_in_every_run_or_else_by_the_kit(ran, name, monkeypatch, capsys):
-    known = first_run._Answers._noted
-    monkeypatch.setattr(first_run._Answers, "_noted", lambda self: Everything() if self.file else known(self))
+    known = first_run.Answers._noted
+    monkeypatch.setattr(first_run.Answers, "_noted", lambda self: Everything() if self.file else known(self))
     monkeypatch.setattr("numba.config.DISABLE_JIT", True)
     text, right, wrong, *_ = WRONG[name]
     code, *_ = ran(text.replace(right, wrong))
