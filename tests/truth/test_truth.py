@@ -11,7 +11,7 @@ import places
 from percuss.march.model import Model
 from percuss.methods.interfaces import ExactContact
 from percuss.reporting import run_figure
-from percuss.reporting.terminal import tell_exact, tell_result
+from percuss.reporting.terminal import tell_result
 from percuss.results import nudged_twin, true_error
 from percuss.results.exact import exact_solution
 from percuss.results.exact_only import run_exact
@@ -297,7 +297,7 @@ def test_an_exact_solution_that_ends_early_says_where_and_why(short_of_breath, c
     assert result.end == result.solution.reached == result.summary["exact_covered"]["until"]
     assert result.arrays["time"][-1] == result.end
     reason = result.summary["exact_reason"]
-    tell_exact(result)
+    tell_result(result)
     assert f"exact solution: {reason}" in " ".join(capsys.readouterr().out.split())
     words = " ".join(text.get_text() for text in run_figure.figure_of(result).findobj(Text))
     assert f"INTERRUPTED at time {result.end:.4g}" in words

@@ -84,7 +84,7 @@ GROUND = {
 }
 DOORS = {"percuss", "percuss.__main__"}
 # a result shows its picture in a notebook
-DECLARED = {("percuss.results.case_result", "percuss.reporting.report")}
+DECLARED = {("percuss.results.result", "percuss.reporting.report")}
 NOT_THERE = {"percuss.laws"}  # a name that a test asks for in vain
 
 

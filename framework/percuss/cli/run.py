@@ -32,7 +32,6 @@ from percuss.process import INTERRUPTED
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
-    from percuss.results.exact_result import ExactSolutionResult
     from percuss.results.result import Result
 
 SEARCHED = ("method.contact", "method.integrator", "refine", "time.courant")  # values that a recommendation finds
@@ -79,13 +78,10 @@ def run(
         for path in files:
             if path is not None:
                 expect_writable(path, loaded.inputs)
-        if exact_only:
-            _solve(loaded, files, as_json=as_json)
-        else:
-            words = shlex.join(["percuss", "recommend", str(case), *(f"--plugin={file}" for file in plugin or [])])
-            lost = any(not change.startswith(SEARCHED) for change in set_ or [])
-            search = f"`{words}`{' (first write the values of --set into the case)' if lost else ''}"
-            _run(loaded, files, "" if tied else search, nudge=nudge, as_json=as_json)
+        words = shlex.join(["percuss", "recommend", str(case), *(f"--plugin={file}" for file in plugin or [])])
+        lost = any(not change.startswith(SEARCHED) for change in set_ or [])
+        search = f"`{words}`{' (first write the values of --set into the case)' if lost else ''}"
+        _run(loaded, files, "" if tied else search, exact_only=exact_only, nudge=nudge, as_json=as_json)
 
 
 class _Files(NamedTuple):
@@ -106,7 +102,7 @@ class _Files(NamedTuple):
 
             check_animation(self.animate)
 
-    def write(self, result: Result | ExactSolutionResult) -> Outputs:
+    def write(self, result: Result) -> Outputs:
         """Save, draw and animate a result; a run that was not started has none."""
         outputs = Outputs()
         if result.status == "unstable" and result.summary["steps"] == 0:
@@ -122,27 +118,13 @@ class _Files(NamedTuple):
         return outputs
 
 
-def _solve(case: Case, files: _Files, *, as_json: bool) -> None:
-    """Print, save and draw the exact solution of a case."""
-    from percuss.results.exact_only import run_exact
+def _run(case: Case, files: _Files, search: str, *, exact_only: bool, nudge: bool, as_json: bool) -> None:
+    """Run a case or solve it exactly, and print, save and draw the result.
 
-    with exact_solution_shown():
-        result = run_exact(case)
-    outputs = files.write(result)
-    if as_json:
-        print_json({"title": result.title, **result.summary, "error": "; ".join(outputs.errors) or None})
-    else:
-        from percuss.reporting.terminal import tell_exact
-
-        tell_exact(result)
-    outputs.finish()
-    if result.status != "done":
-        raise typer.Exit(1)
-
-
-def _run(case: Case, files: _Files, search: str, *, nudge: bool, as_json: bool) -> None:
-    """Run a case, and print, save and draw its result; `search` is a command that finds better methods, if there is."""
+    `search` is a command that finds better methods, if there is.
+    """
     from percuss.reporting.verdict import run_verdict
+    from percuss.results.exact_only import run_exact
     from percuss.results.ledger import open_accounts
     from percuss.results.runner import run as run_case
     from percuss.studies.alternatives import alternatives
@@ -150,7 +132,7 @@ def _run(case: Case, files: _Files, search: str, *, nudge: bool, as_json: bool) 
     failure: RunError | None = None
     with progress_bar() as progress, exact_solution_shown():
         try:
-            result = run_case(case, nudge=nudge, progress=progress)
+            result = run_exact(case) if exact_only else run_case(case, nudge=nudge, progress=progress)
         except RunError as error:
             if error.result is None:  # a plug-in raised it
                 raise
@@ -165,9 +147,10 @@ def _run(case: Case, files: _Files, search: str, *, nudge: bool, as_json: bool) 
         tell_result(result)
     if failure is not None:
         tell(f"error: {failure}")
-    print_verdict(run_verdict(result, alternatives(case, result) if search else None, search), as_json=as_json)
+    if result.marched:
+        print_verdict(run_verdict(result, alternatives(case, result) if search else None, search), as_json=as_json)
     outputs.finish()
-    if result.status == "interrupted":
+    if result.status == "interrupted" and result.marched:
         raise typer.Exit(INTERRUPTED)
     if result.status != "done" or open_accounts(result.summary):
         raise typer.Exit(1)

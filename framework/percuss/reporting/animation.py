@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from percuss.results.case_result import CaseResult
+    from percuss.results.result import Result
 
 SUFFIXES = (".gif", ".mp4")
 MOST_FRAMES = 100
@@ -64,7 +64,7 @@ def check_animation(path: str | os.PathLike[str]) -> None:
         raise PercussError(message)
 
 
-def animate(result: CaseResult, path: str | os.PathLike[str]) -> None:
+def animate(result: Result, path: str | os.PathLike[str]) -> None:
     """Write the waves of a run or of an exact solution as a gif or mp4 file, completely or not at all.
 
     Parameters
@@ -91,7 +91,7 @@ def animate(result: CaseResult, path: str | os.PathLike[str]) -> None:
                 writer.grab_frame()
 
 
-def wave_frames(result: CaseResult) -> tuple[Figure, Callable[[int], None], list[int]]:
+def wave_frames(result: Result) -> tuple[Figure, Callable[[int], None], list[int]]:
     """Return the figure of an animation, the function that shows a snapshot in it, and the snapshots to show."""
     time = np.asarray(result.field_arrays["time"], dtype=float)
     frames = np.unique(np.linspace(0, time.size - 1, min(time.size, MOST_FRAMES)).round().astype(int)).tolist()
@@ -126,7 +126,7 @@ def _freeze(figure: Figure) -> None:
     figure.figimage(still, zorder=-1)
 
 
-def _stress_lines(axes: Axes, result: CaseResult) -> Callable[[int], None]:
+def _stress_lines(axes: Axes, result: Result) -> Callable[[int], None]:
     """Draw the stress of each body, and return the function that shows a snapshot."""
     fields, units = result.field_arrays, result.units
     strips, label = strips_of(fields, result.provenance["geometry"]["bodies"])
@@ -162,7 +162,7 @@ def _stress_lines(axes: Axes, result: CaseResult) -> Callable[[int], None]:
     return show
 
 
-def _force_lines(axes: Axes, result: CaseResult) -> Any:
+def _force_lines(axes: Axes, result: Result) -> Any:
     """Draw the forces of the first contacts over time, and return the line that marks a moment."""
     names = result.coordinates["contact"][:OVERLAY]
     entries: dict[str, Any] = {}

@@ -18,14 +18,13 @@ import numpy as np
 from percuss.case.arguments import expect_suffix
 from percuss.errors import PercussError, printable
 from percuss.files import PACKAGE, replacing
-from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.ledger import open_accounts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from percuss.results.case_result import CaseResult
+    from percuss.results.result import Result
 
 
 INK, SOFT, FAINT, ALARM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00"
@@ -53,13 +52,13 @@ def number(value: Any, digits: int = 4) -> str:
     return f"{value:.{digits}g}" if isinstance(value, (int, float)) else one_line(value)
 
 
-def subtitle_lines(result: CaseResult) -> list[str]:
+def subtitle_lines(result: Result) -> list[str]:
     """Return the lines below a title: the methods with the parameters used, and the steps with the status.
 
     Of an exact solution they are one line: its name, and the time up to which it holds.
     """
     units = [] if result.units else ["consistent units"]
-    if isinstance(result, ExactSolutionResult):
+    if not result.marched:
         return ["  ·  ".join([f"exact solution {result.solution_name}", f"up to time {number(result.end)}", *units])]
     resolved, summary = result.provenance.get("resolved", {}), result.summary
     laws: dict[str, list[str]] = {}
@@ -81,18 +80,18 @@ def _symbol(name: str) -> str:
     return GREEK[head] + SMALL.get(tail, underscore + tail) if head in GREEK else name
 
 
-def stopped_at(result: CaseResult) -> float:
+def stopped_at(result: Result) -> float:
     """Return the time at which a run ended or stopped, or up to which an exact solution holds."""
     return float(result.summary["end"])
 
 
-def warning_lines(result: CaseResult) -> list[str]:
+def warning_lines(result: Result) -> list[str]:
     """Return the warnings that must head a result that is not complete or not valid; none for a valid one."""
     if result.status == "done":
         return [f"NOT A VALID RESULT: {words}" for words in open_accounts(result.summary)]
-    if isinstance(result, ExactSolutionResult):
+    if not result.marched:
         head = f"INTERRUPTED at time {number(result.end)}: the solution is not complete"
-        return [head, result.summary["exact_reason"]]
+        return [head, str(result.summary["exact_reason"])]
     summary, stop = result.summary, result.summary["stop"]
     planned = result.provenance.get("resolved", {}).get("steps", "?")
     where = f"step {summary['steps']} of {planned}, time {number(stopped_at(result))}"
@@ -336,15 +335,15 @@ def write(path: str | os.PathLike[str], figure: Figure) -> None:
         beside.write_bytes(content)
 
 
-def axis_end(result: CaseResult) -> float:
+def axis_end(result: Result) -> float:
     """Return the end of the time axis: the planned end, or 1.3 times the time of the stop if that is less."""
-    if isinstance(result, ExactSolutionResult):
+    if not result.marched:
         return result.end
     planned = result.provenance.get("resolved", {}).get("steps", result.summary["steps"]) * result.summary["dt"]
     return float(max(min(planned, 1.3 * stopped_at(result)), result.summary["dt"]))
 
 
-def hatch_after_stop(axes: Axes, result: CaseResult, until: float, *, word: bool = True, upwards: bool = False) -> None:
+def hatch_after_stop(axes: Axes, result: Result, until: float, *, word: bool = True, upwards: bool = False) -> None:
     """Hatch the part of the time axis from the stop of a run that is not done up to `until`, the end of the axis."""
     stopped = stopped_at(result)
     if result.status == "done" or stopped >= until:

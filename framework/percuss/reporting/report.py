@@ -27,13 +27,12 @@ from percuss.reporting.figures import (
 )
 from percuss.reporting.run_figure import figure_of, force_figure
 from percuss.reporting.verdict import error_words
-from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.ledger import ledger_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from percuss.results.case_result import CaseResult
+    from percuss.results.result import Result
 
 
 # Every colour is set explicitly, so that a dark notebook shows the same light card.
@@ -46,12 +45,12 @@ CELL = "padding:2px 14px 2px 0;text-align:left;vertical-align:top;background:#ff
 BAND = f"background:{ALARM};color:#ffffff;font-weight:bold;border-radius:3px;padding:3px 8px;margin:6px 0"
 
 
-def notebook_html(result: CaseResult) -> str:
+def notebook_html(result: Result) -> str:
     """Return a result as HTML: its true error or solution, settings, balances, contacts and a picture of their forces.
 
     It looks the same in light and dark notebooks. Without matplotlib it has no picture.
     """
-    if isinstance(result, ExactSolutionResult):
+    if not result.marched:
         facts = {"status": result.status, "solution": subtitle_lines(result)[0]}
     else:
         methods, steps = subtitle_lines(result)
@@ -65,7 +64,7 @@ def notebook_html(result: CaseResult) -> str:
     return f'<div style="{CARD}">{head}{bad}{table}{_contacts(result)}{_picture(result, axis_end(result))}</div>'
 
 
-def plotted(result: CaseResult, path: str | os.PathLike[str] | None) -> Figure:
+def plotted(result: Result, path: str | os.PathLike[str] | None) -> Figure:
     """Return the figure of a result, which a notebook shows; write it to `path` if that is given."""
     if path is not None:
         check_suffix(path)
@@ -93,7 +92,7 @@ def _facts(rows: dict[str, str]) -> str:
     return f'<table style="{TABLE}">{body}</table>'
 
 
-def _contacts(result: CaseResult) -> str:
+def _contacts(result: Result) -> str:
     """Return the HTML table of the contacts, or an empty text for a run without contacts."""
     contacts = result.summary["contacts"]
     if not contacts:
@@ -112,7 +111,7 @@ def _contacts(result: CaseResult) -> str:
     return f'<table style="{TABLE}"><tr>{head}</tr>{body}</table>'
 
 
-def _picture(result: CaseResult, until: float) -> str:
+def _picture(result: Result, until: float) -> str:
     """Return the picture of the contact forces as an img element, so that it cannot change the styles of the page."""
     try:
         content = picture(force_figure(result, until), "png")

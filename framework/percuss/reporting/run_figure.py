@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from percuss.results.case_result import CaseResult
+    from percuss.results.result import Result
 
 
-def figure_of(result: CaseResult) -> Figure:
+def figure_of(result: Result) -> Figure:
     """Return the figure of a run or of an exact solution: contact forces, energies, and stress in space and time.
 
     Where its attribute ``exact_histories`` is not None, a mapping of a contact's name to (times, forces), these exact
@@ -64,7 +64,7 @@ def figure_of(result: CaseResult) -> Figure:
     return figure
 
 
-def force_figure(result: CaseResult, until: float) -> Figure:
+def force_figure(result: Result, until: float) -> Figure:
     """Return the figure of the contact forces up to `until`, as a notebook shows it."""
     with drawing():
         from matplotlib.figure import Figure
@@ -81,7 +81,7 @@ def force_figure(result: CaseResult, until: float) -> Figure:
         return fix_layout(figure)
 
 
-def _panel_count(result: CaseResult) -> int:
+def _panel_count(result: Result) -> int:
     return min(max(len(result.coordinates["contact"]), 1), MOST_PANELS)
 
 
@@ -90,7 +90,7 @@ def contacts_left_out(names: Sequence[str]) -> list[str]:
     return [f"the first {MOST_PANELS} of {len(names)} contacts are shown"] if len(names) > MOST_PANELS else []
 
 
-def forces(panels: Sequence[Axes], result: CaseResult) -> None:
+def forces(panels: Sequence[Axes], result: Result) -> None:
     """Draw the force of each contact in a panel with the values that the case expects and the exact history."""
     names, time = result.coordinates["contact"], result.arrays["time"]
     if not names:
@@ -107,7 +107,7 @@ def forces(panels: Sequence[Axes], result: CaseResult) -> None:
     legend(panels[0], entries, room=max(30, 74 - len(names[0])))
 
 
-def draw_references(axes: Axes, result: CaseResult, names: Sequence[str]) -> dict[str, Any]:
+def draw_references(axes: Axes, result: Result, names: Sequence[str]) -> dict[str, Any]:
     """Draw the exact histories and the expected values of contacts, and return their legend entries."""
     entries: dict[str, Any] = {}
     exact = getattr(result, "exact_histories", None) or {}
@@ -131,7 +131,7 @@ def draw_references(axes: Axes, result: CaseResult, names: Sequence[str]) -> dic
     return entries
 
 
-def _energies(axes: Axes, result: CaseResult) -> None:
+def _energies(axes: Axes, result: Result) -> None:
     """Draw the energies and works of a result, and write how well they agree."""
     arrays, heads = result.arrays, {name: quantity.head for name, quantity in QUANTITIES.items()}
     total = arrays["kinetic_energy"] + arrays["elastic_energy"]

@@ -13,7 +13,7 @@ from percuss.reporting.figures import INK, hatch_after_stop, legend, powers, sto
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from percuss.results.case_result import CaseResult
+    from percuss.results.result import Result
 
 
 class _Strip(NamedTuple):
@@ -68,7 +68,7 @@ def _edges(middle: Any, ends: Any) -> Any:
     return np.stack([ends[0], *(0.5 * (middle[1:] + middle[:-1])), ends[1]])
 
 
-def space_time(axes: Axes, result: CaseResult, until: float) -> None:
+def space_time(axes: Axes, result: Result, until: float) -> None:
     """Draw the stress of each body over position and time up to `until`, and each contact as a line while closed."""
     fields = result.field_arrays
     if not fields or not np.size(fields["stress"]):
@@ -124,7 +124,7 @@ def body_names(axes: Axes, strips: Mapping[str, _Strip]) -> float:
     return 1.02 + 0.0155 * longest if upright else 1.045
 
 
-def _contact_lines(axes: Axes, result: CaseResult, strips: Mapping[str, _Strip], up: float) -> None:
+def _contact_lines(axes: Axes, result: Result, strips: Mapping[str, _Strip], up: float) -> None:
     """Mark the times at which each contact is closed, with a thicker line while it carries force.
 
     A white outline keeps both lines visible on the colours of the stress.

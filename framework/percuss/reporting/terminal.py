@@ -25,7 +25,7 @@ from percuss.studies.perform import Run
 
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
-    from percuss.results.exact_result import ExactSolutionResult
+    from percuss.jsonable import Data
     from percuss.results.result import Result
     from percuss.results.summary import Summary
 
@@ -41,52 +41,52 @@ def _number(value: Any, digits: int = 6) -> str:
 
 
 def tell_result(result: Result) -> None:
-    """Print a run: status, step, notes, contacts, true errors, energy ledger and momentum balance."""
-    summary = result.summary
-    resolved = result.provenance["resolved"]
-    console = console_of_output()
+    """Print a result: status, methods and step, notes, contacts, true errors, energy ledger and momentum balance.
+
+    Of the exact solution alone its name stands in place of methods and step, and how far it holds in place of errors.
+    """
+    summary, console = result.summary, console_of_output()
     console.print(f"[bold]{plain_text(result.title or 'untitled case')}[/bold]: {summary['status']}")
-    console.print(
-        f"{resolved['integrator']}, "
-        f"{summary['steps']} steps of {summary['dt']:.6g} (Courant number {summary['courant']:.4g}), "
-        f"{'compiled' if summary['compiled'] else 'plain Python'}, marched in {summary['seconds']['march']:.3g} s"
-    )
+    if result.marched:
+        console.print(
+            f"{result.provenance['resolved']['integrator']}, "
+            f"{summary['steps']} steps of {summary['dt']:.6g} (Courant number {summary['courant']:.4g}), "
+            f"{'compiled' if summary['compiled'] else 'plain Python'}, marched in {summary['seconds']['march']:.3g} s"
+        )
+    else:
+        console.print(plain_text(result.solution_name))
     for note in summary["notes"]:
         console.print(f"  note: {plain_text(note)}")
-    for reason in summary["compiled_why"]:
+    for reason in summary.get("compiled_why", ()):
         console.print(f"  not compiled: {plain_text(reason)}")
     if summary["status"] == "unstable" and summary["steps"] == 0:
         return
+    # Exact contacts do not overlap and do no work; the table has the columns of a run, so that both are read alike.
+    contacts = summary["contacts"]
+    depths = {name: contact["penetration"]["largest"] if result.marched else 0.0 for name, contact in contacts.items()}
+    laws = _laws(result.provenance["resolved"]) if result.marched else dict.fromkeys(contacts, "exact")
+    _print_contacts(console, contacts, laws, depths, result.units)
+    if result.marched:
+        _print_errors(console, summary)
+    elif summary["exact_reason"]:
+        console.print(f"exact solution: {plain_text(summary['exact_reason'])}")
+    _print_balances(console, summary, summary["energy"].get("contact_work", 0.0))
+
+
+def _laws(resolved: Data) -> dict[str, str]:
+    """Return the law of each contact with its most important parameters."""
     laws = {}
     for name, law in resolved["contacts"].items():
         options = ", ".join(
             f"{key} {_number(law[key], 4)}" for key in resolved.get("headline", {}).get(name, ()) if key in law
         )
         laws[name] = f"{law['law']}{f' ({options})' if options else ''}"
-    depths = {name: contact["penetration"]["largest"] for name, contact in summary["contacts"].items()}
-    _print_contacts(console, summary["contacts"], laws, depths, result.units)
-    _print_errors(console, summary)
-    _print_balances(console, summary, summary["energy"]["contact_work"])
-
-
-def tell_exact(result: ExactSolutionResult) -> None:
-    """Print an exact solution: how far it holds, notes, contacts, and the balances of energy and momentum."""
-    summary, console = result.summary, console_of_output()
-    console.print(f"[bold]{plain_text(result.title or 'untitled case')}[/bold]: {result.status}")
-    console.print(plain_text(result.solution_name))
-    for note in summary["notes"]:
-        console.print(f"  note: {plain_text(note)}")
-    # Exact contacts do not overlap and do no work; the table has the columns of a run, so that both are read alike.
-    contacts = summary["contacts"]
-    _print_contacts(console, contacts, dict.fromkeys(contacts, "exact"), dict.fromkeys(contacts, 0.0), result.units)
-    if summary["exact_reason"]:
-        console.print(f"exact solution: {plain_text(summary['exact_reason'])}")
-    _print_balances(console, summary, 0.0)
+    return laws
 
 
 def _print_contacts(
     console: Console,
-    contacts: dict[str, Any],
+    contacts: Mapping[str, Data],
     laws: dict[str, str],
     penetrations: dict[str, float],
     units: Mapping[str, str],

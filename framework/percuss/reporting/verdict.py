@@ -19,7 +19,6 @@ from percuss.studies.tasks import TIED
 
 if TYPE_CHECKING:
     from percuss.certificate.verdict import Certificate
-    from percuss.results.case_result import CaseResult
     from percuss.results.result import Result
     from percuss.studies.alternatives import Alternatives
     from percuss.studies.perform import Run
@@ -71,7 +70,7 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
     yield from _error_lines(result, others, next_command)
 
 
-def error_words(result: CaseResult) -> str:
+def error_words(result: Result) -> str:
     """Return the true error of a run in a few words, or that it is unknown."""
     summary = result.summary
     error, covered = largest_error(summary), summary.get("exact_covered")

@@ -121,9 +121,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     components = components_used(model.case, solution=errors["solution"] if errors else None)
     provenance = provenance_of(model, components, resolved=resolved_methods(model))
     coordinates = {"contact": [contact_pair.name for contact_pair in model.contact_pairs], "probe": probe_names}
-    result = Result(arrays, coordinates, _fields(march, outcome), plain(summary), provenance)
-    result.solution = solution
-    return result
+    return Result(arrays, coordinates, _fields(march, outcome), plain(summary), provenance, solution)
 
 
 def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: EnergySummary) -> list[str]:

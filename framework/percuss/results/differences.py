@@ -11,7 +11,7 @@ import numpy as np
 from percuss.case.quantities import QUANTITIES
 
 if TYPE_CHECKING:
-    from percuss.results.case_result import CaseResult
+    from percuss.results.result import Result
 
 # Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
 _NOT_COMPARED = {"seconds", "notes", "compiled_why"}
@@ -62,7 +62,7 @@ class Change:
     now: str | None
 
 
-def differences(then: CaseResult, now: CaseResult) -> list[Difference]:
+def differences(then: Result, now: Result) -> list[Difference]:
     """Return all quantities whose bits differ: histories in the order of their first difference, then numbers."""
     histories = [
         *_of_arrays({**then.arrays}, {**now.arrays}, then.coordinates),

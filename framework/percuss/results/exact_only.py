@@ -17,8 +17,8 @@ from percuss.jsonable import plain
 from percuss.march.model import Model
 from percuss.march.recording import refuse_large
 from percuss.results.exact import exact_solution
-from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.provenance import components_used, provenance_of
+from percuss.results.result import Result
 from percuss.results.true_error import summary_entries
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def load_for_exact(
 
 @one_blas_thread()
 @np.errstate(all="ignore")  # an overflow is told as what it makes of the solution
-def run_exact(case: Case) -> ExactSolutionResult:
+def run_exact(case: Case) -> Result:
     """Return the exact solution of a case up to its end, or up to the time that the solution reaches.
 
     Raises
@@ -91,7 +91,7 @@ def run_exact(case: Case) -> ExactSolutionResult:
     components = sorted({*components_used(case, methods=False, solution=name), *of_files})
     provenance = provenance_of(model, components)
     coordinates = {"contact": names, "probe": [str(address) for address in case.recorded_ends]}
-    return ExactSolutionResult(arrays, coordinates, _field(model, solution), plain(summary), provenance, solution)
+    return Result(arrays, coordinates, _field(model, solution), plain(summary), provenance, solution)
 
 
 def _sample_count(model: Model, solution: Exact) -> int:

@@ -57,14 +57,16 @@ def measure(
         return _scalar(result, quantity, contact)
     time, values = _history(result, quantity, contact, probe, component)
     if statistic == "value":
-        if at is not None and at > time[-1] + result.summary["dt"]:  # the last record may be a step before the end
+        if at is not None and at > time[-1] + result.summary.get(
+            "dt", 0.0
+        ):  # the last record may be a step before the end
             raise CannotMeasure(f"{quantity} has no record at {at:g}, after the end at {time[-1]:g}")
         return float(np.interp(at if at is not None else time[-1], time, values))
     if statistic == "final":
         return float(values[-1])
     inside = np.ones(time.size, dtype=bool)
     if during is not None:
-        slack = 1e-9 * result.summary["dt"]
+        slack = 1e-9 * result.summary.get("dt", 0.0)
         inside = (time >= during[0] - slack) & (time <= during[1] + slack)
     if not inside.any():
         raise CannotMeasure(f"{quantity} has no record between {during}")

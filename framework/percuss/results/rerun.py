@@ -9,10 +9,9 @@ from typing import Any
 
 from percuss.errors import InputError, PercussError, RunError
 from percuss.results.case_inside import case_inside
-from percuss.results.case_result import CaseResult
 from percuss.results.differences import Change, Difference, changes, differences
 from percuss.results.exact_only import run_exact
-from percuss.results.result import Result, open_result
+from percuss.results.result import open_result
 from percuss.results.runner import run_again
 
 
@@ -77,8 +76,7 @@ def rerun(path: Path, plugins: Sequence[Path] = ()) -> Rerun:
     then = open_result(path)
     case = case_inside(then.provenance, plugins=plugins, name=str(path))
     try:
-        now: CaseResult
-        now = run_again(case, then.summary) if isinstance(then, Result) else run_exact(case)
+        now = run_again(case, then.summary) if then.marched else run_exact(case)
     except RunError as stopped:
         now = stopped.result
     except InputError:

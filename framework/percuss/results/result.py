@@ -1,25 +1,92 @@
-"""Result of a run, and the opening of results in NetCDF-4 files."""
+"""Result of a case: histories, fields, summary and provenance, saved as a NetCDF-4 file and opened again."""
 
 from __future__ import annotations
 
 import json
 import os
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from percuss.results.case_result import CaseResult
-from percuss.results.datasets import Source, plain_arrays
-from percuss.results.exact_result import ExactSolutionResult
-from percuss.results.netcdf import read
+from percuss.results.datasets import Source, definition_attributes, fields_dataset, histories_dataset, plain_arrays
+from percuss.results.netcdf import FORMAT, read, write
 
 if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
     from percuss.methods.interfaces import Exact
     from percuss.results.summary import Summary
 
 
-class Result(CaseResult):
-    """Result of a run."""
+class Result:
+    """Result of a case, saved to NetCDF-4 and drawn: of a run, or of its exact solution alone, for which none marched.
 
-    summary: Summary
+    The exact solution alone has no methods, steps, certificate and contact work: their histories and the entries of the
+    summary about them are missing.
+
+    Attributes
+    ----------
+    arrays
+        Histories as plain arrays by name; `histories` is the same as an xarray Dataset.
+    coordinates
+        Names along the axes ``contact`` and ``probe``.
+    field_arrays
+        ``time``, ``body``, ``position`` and ``stress`` of the stress field over time; empty if the case records none.
+    summary
+        Plain dict of the entries by which results are compared.
+    provenance
+        All that the result can be made again with: the case with its data files, versions, settings, machine, digests
+        of percuss and of each plug-in.
+    solution
+        The exact solution, for any place and any time; None if there is none, or if this result was read from a file.
+    """
+
+    def __init__(
+        self,
+        arrays: dict[str, Any],
+        coordinates: dict[str, list[str]],
+        field_arrays: dict[str, Any],
+        summary: Summary,
+        provenance: dict[str, Any],
+        solution: Exact | None = None,
+    ) -> None:
+        self.arrays = arrays
+        self.coordinates = coordinates
+        self.field_arrays = field_arrays
+        self.summary = summary
+        self.provenance = provenance
+        self.solution = solution
+
+    @property
+    def status(self) -> str:
+        """``done``, ``interrupted`` or ``unstable``; an exact solution that ends before its case is interrupted."""
+        return str(self.summary["status"])
+
+    @property
+    def title(self) -> str:
+        """Title of the case."""
+        return str(self.provenance["case"].get("title", ""))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Names of the units by kind, as ``{"length": "m"}``, that the case gives."""
+        return dict(self.provenance["case"].get("units") or {})
+
+    @property
+    def marched(self) -> bool:
+        """Whether it is the result of a run, not of the exact solution alone, which makes no steps."""
+        return self.summary.get("steps") is not None
+
+    @property
+    def end(self) -> float:
+        """Time at which the run ended or stopped, or up to which the exact solution holds."""
+        return float(self.summary["end"])
+
+    @property
+    def solution_name(self) -> str:
+        """Name of the exact solution; empty if there is none."""
+        errors = self.summary["exact"] or self.summary["exact_covered"]
+        return errors["solution"] if errors else ""
 
     @property
     def exact(self) -> Exact | None:
@@ -46,15 +113,76 @@ class Result(CaseResult):
         return {name: (self.arrays["time"], forces[:, k]) for k, name in enumerate(self.coordinates["contact"])}
 
     def _source(self) -> Source:
-        """Return the kind of scheme, which shows in the time of its energies: t_{n+1/2}, t_{n+1} or t_n."""
+        """Return the kind of source of the histories, on which their definitions depend.
+
+        That of a run shows in the time of its energies: t_{n+1/2}, t_{n+1} or t_n.
+        """
+        if not self.marched:
+            return "exact"
         if not self.arrays["time_half"].size:
             return "leap-frog"
         after = float(self.arrays["time_half"][0] - self.arrays["time"][0]) / self.summary["dt"]
         return "multistage" if after > 0.75 else "leap-frog" if after > 0.25 else "implicit"
 
+    @cached_property
+    def histories(self) -> xr.Dataset:
+        """Histories on the axis ``time``; energies of a run carry the coordinate ``time_half(time)``."""
+        attributes = {
+            "format": FORMAT,
+            "title": self.title,
+            "status": self.status,
+            "summary": json.dumps(self.summary),
+            "provenance": json.dumps(self.provenance),
+        }
+        definitions = definition_attributes(self._source(), self.units)
+        return histories_dataset(self.arrays, self.coordinates, definitions, attributes)
 
-def open_result(path: str | os.PathLike[str]) -> Result | ExactSolutionResult:
-    """Return a result that its method `save` wrote: that of a run, or of ``percuss run --exact-only``.
+    @cached_property
+    def fields(self) -> xr.Dataset:
+        """Stress along the bodies over time, (time, element); empty unless the case sets `record.fields`."""
+        return fields_dataset(self.field_arrays, self.units)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the result as NetCDF-4 to a temporary file beside `path`, then rename it.
+
+        Raises
+        ------
+        InputError
+            If the folder does not exist or cannot be written.
+        """
+        write(path, self.histories, self.fields if self.field_arrays else None)
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Return the figure of ``percuss run --plot``: contact forces, energies, and stress where the case records it.
+
+        Parameters
+        ----------
+        path
+            File ending in .png, .svg or .pdf to which the figure is written; by default none is.
+
+        Raises
+        ------
+        PercussError
+            If matplotlib is not installed.
+        """
+        from percuss.reporting.report import plotted
+
+        return plotted(self, path)
+
+    def _repr_html_(self) -> str:
+        """Return a small table and the force figure as HTML for a notebook."""
+        from percuss.reporting.report import notebook_html
+
+        return notebook_html(self)
+
+    def __repr__(self) -> str:
+        contacts = ", ".join(f"{k}: impulse {v['impulse']:.6g}" for k, v in self.summary["contacts"].items())
+        steps = f"{self.summary['steps']} steps" if self.marched else "exact solution"
+        return f"<percuss.Result {self.title!r}: {self.status}, {steps}, {contacts or 'no contact'}>"
+
+
+def open_result(path: str | os.PathLike[str]) -> Result:
+    """Return a result that its method `save` wrote.
 
     Raises
     ------
@@ -63,5 +191,4 @@ def open_result(path: str | os.PathLike[str]) -> Result | ExactSolutionResult:
     """
     histories, fields = read(path)
     summary, provenance = (json.loads(histories.attrs[name]) for name in ("summary", "provenance"))
-    kind = Result if summary.get("steps") is not None else ExactSolutionResult  # an exact solution makes no steps
-    return kind(*plain_arrays(histories, fields), summary, provenance)
+    return Result(*plain_arrays(histories, fields), summary, provenance)
