@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from percuss.case.expectations import after_the_end, misfits
+from percuss.case.reader import Reader
 from percuss.case.specs import Address, CaseSection, Expectation, RecordSpec, quantity_named
 from percuss.case.yaml_text import KeyPath, dotted
 from percuss.errors import suggestion
-
-if TYPE_CHECKING:
-    from percuss.case.reader import Reader
 
 
 def completed(case: CaseSection, dimension: int) -> CaseSection:

@@ -6,7 +6,8 @@ They are made from the classes that validate a case, so that the two cannot drif
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
@@ -14,12 +15,8 @@ from percuss.case.options import options_of
 from percuss.case.specs import CaseSection
 from percuss.case.type_words import fact
 from percuss.case.validation import NO_KEY, Keyed, Named, adapter
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from percuss.methods.interfaces import Component
-    from percuss.methods.registry import Registry
+from percuss.methods.interfaces import Component
+from percuss.methods.registry import Registry
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

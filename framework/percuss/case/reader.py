@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import pydantic
 
+from percuss.case.source import Source
 from percuss.case.validation import Context, mistakes_in, validate
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, Problem
-
-if TYPE_CHECKING:
-    from percuss.case.source import Source
-    from percuss.methods.registry import Registry
+from percuss.methods.registry import Registry
 
 T = TypeVar("T")
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeVar, cast
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, cast
 
 import pydantic
 from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownError, core_schema
@@ -26,9 +26,7 @@ from percuss.errors import PluginError, suggestion
 from percuss.methods.blame import SINGULAR, is_third_party, said_by
 from percuss.methods.interfaces import AllowInf, Component, DataFile, Gt, OptionError
 from percuss.methods.process_guard import process_as_before
-
-if TYPE_CHECKING:
-    from percuss.methods.registry import Registry
+from percuss.methods.registry import Registry
 
 T = TypeVar("T")
 

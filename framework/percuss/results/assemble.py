@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from percuss.case.quantities import percent
 from percuss.certificate import cause
+from percuss.certificate.verdict import Certificate
 from percuss.compiling import Stopwatch
 from percuss.garbage import collection_paused
 from percuss.jsonable import plain
@@ -18,16 +19,13 @@ from percuss.march.model import Model
 from percuss.march.recording import field_nodes, recorded_elements
 from percuss.march.stop import Stop
 from percuss.mesh.stresses import stress_field
+from percuss.methods.interfaces import Exact, Floats
 from percuss.results import energy_growth, ledger, true_error
 from percuss.results.encounters import encounters
 from percuss.results.exact import exact_solution, impulse_at, sampled
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
 from percuss.results.result import Result
-
-if TYPE_CHECKING:
-    from percuss.certificate.verdict import Certificate
-    from percuss.methods.interfaces import Exact, Floats
-    from percuss.results.summary import Accounts, EnergySummary, ExactEntries, ExactErrors, StopSummary, Summary
+from percuss.results.summary import Accounts, EnergySummary, ExactEntries, ExactErrors, StopSummary, Summary
 
 # Notes that begin with these words are also shown in the row of the run in a table.
 AGAINST_CERTIFICATE, NOT_VALID = "the certificate says unstable", "not a valid result"

@@ -5,16 +5,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from percuss.case.case import load
+from percuss.case.case import Case, load
 from percuss.case.source import Source
 from percuss.errors import InputError, PluginError, Problem, refuse_if_any
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
-
-if TYPE_CHECKING:
-    from percuss.case.case import Case
 
 
 def case_inside(provenance: Mapping[str, Any], *, plugins: Sequence[Path] = (), name: str = "the result") -> Case:

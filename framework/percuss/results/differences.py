@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from percuss.case.quantities import QUANTITIES
-
-if TYPE_CHECKING:
-    from percuss.results.result import Result
+from percuss.results.result import Result
 
 # Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
 _NOT_COMPARED = {"seconds", "notes", "compiled_why"}

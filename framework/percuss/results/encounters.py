@@ -9,18 +9,16 @@ from __future__ import annotations
 import bisect
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from percuss.contact.contact_pairs import TOUCHING
+from percuss.march.march import March, Outcome
+from percuss.march.model import Model
 from percuss.march.recording import probe_nodes
-
-if TYPE_CHECKING:
-    from percuss.march.march import March, Outcome
-    from percuss.march.model import Model
-    from percuss.mesh.body import Body
-    from percuss.methods.interfaces import Floats
+from percuss.mesh.body import Body
+from percuss.methods.interfaces import Floats
 
 NOT_DECLARED = "no contact is declared between them"
 

@@ -10,17 +10,15 @@ lambda follows from the current gap, the sum is constant while the contact stays
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from percuss.case.quantities import percent
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS
+from percuss.certificate.verdict import Certificate
 from percuss.contact.points import BY_CURRENT, BY_END, BY_PART
+from percuss.march.march import March, Outcome
+from percuss.results.summary import GrowthSummary
 from percuss.step.account import ROUNDING
-
-if TYPE_CHECKING:
-    from percuss.certificate.verdict import Certificate
-    from percuss.march.march import March, Outcome
-    from percuss.results.summary import GrowthSummary
 
 ALLOWED = 1e-12  # allowed growth over the largest energy or work, beside round-off
 # Error of a step in rounding units. A gap is the sum of two displacements and a distance, each rounded to half a unit,

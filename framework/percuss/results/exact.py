@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from percuss.blas import one_blas_thread
 from percuss.contact.contact_problem import contact_problem
 from percuss.heartbeat import progress
+from percuss.march.model import Model
+from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
 from percuss.methods.plugin_calls import answer
 from percuss.results import kept_solutions
-
-if TYPE_CHECKING:
-    from percuss.march.model import Model
-    from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
 
 ROUND_OFF = 1e-12  # relative tolerance of times; a force below this fraction of the peak counts as zero
 

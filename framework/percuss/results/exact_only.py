@@ -6,24 +6,22 @@ import itertools
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from percuss.blas import one_blas_thread
+from percuss.case.case import Case
 from percuss.errors import InputError, Problem
 from percuss.heartbeat import progress
 from percuss.jsonable import plain
 from percuss.march.model import Model
 from percuss.march.recording import refuse_large
+from percuss.methods.interfaces import Exact
 from percuss.results.exact import exact_solution
 from percuss.results.provenance import components_used, provenance_of
 from percuss.results.result import Result
 from percuss.results.true_error import summary_entries
-
-if TYPE_CHECKING:
-    from percuss.case.case import Case
-    from percuss.methods.interfaces import Exact
 
 SAMPLES, FEWEST_SAMPLES = 2001, 101
 # Seconds that the energies of all samples may take, and that those of a front and of a bar take at one time. They are

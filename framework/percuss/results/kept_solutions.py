@@ -6,14 +6,12 @@ import dataclasses
 import functools
 import threading
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
 from percuss.methods.plugin_calls import answer
-
-if TYPE_CHECKING:
-    from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
 
 MOST_KEPT = 4
 # Fronts and bytes of the largest solution that is kept, and largest number of values of one kind that are kept with it.

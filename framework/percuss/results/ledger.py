@@ -20,19 +20,15 @@ round-off. The remaining closure error is the change of the strain energy made b
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
 from percuss.case.quantities import percent
+from percuss.march.march import March, Outcome
+from percuss.methods.interfaces import Floats
+from percuss.results.summary import Accounts, ContactSummary, EnergySummary, MomentumSummary
 from percuss.step.account import ROUNDING
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from percuss.march.march import March, Outcome
-    from percuss.methods.interfaces import Floats
-    from percuss.results.summary import Accounts, ContactSummary, EnergySummary, MomentumSummary
 
 # Allowed closure error of the ledger over the largest energy, and allowed imbalance over the momentum.
 CLOSURE_TOLERANCE, MOMENTUM_TOLERANCE = 1e-9, 1e-9

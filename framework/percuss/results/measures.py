@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE
 from percuss.errors import PercussError
-
-if TYPE_CHECKING:
-    from percuss.methods.interfaces import Floats
-    from percuss.results.result import Result
+from percuss.methods.interfaces import Floats
+from percuss.results.result import Result
 
 
 class CannotMeasure(PercussError):

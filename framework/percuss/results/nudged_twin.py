@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from percuss.case.case import Case
-    from percuss.methods.interfaces import Floats
-    from percuss.results.result import Result
+from percuss.case.case import Case
+from percuss.methods.interfaces import Floats
+from percuss.results.result import Result
 
 NUDGE_OF_AREA = 1e-12  # relative
 FRAGILE_DIFFERENCE = 1e-4  # relative, in L2

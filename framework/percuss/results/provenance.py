@@ -7,22 +7,19 @@ import datetime as dt
 import platform
 import subprocess
 import sys
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from percuss.case.case import Case
 from percuss.errors import InputError
 from percuss.jsonable import as_lists, plain
+from percuss.march.model import Model
+from percuss.methods.provenance import Provenance
+from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, numeric_settings, own_digest
 from percuss.version import installed_version
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from percuss.case.case import Case
-    from percuss.march.model import Model
-    from percuss.methods.provenance import Provenance
-    from percuss.methods.single_file import SingleFile
 
 
 def versions() -> dict[str, str]:

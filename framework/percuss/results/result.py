@@ -7,15 +7,14 @@ import os
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from percuss.methods.interfaces import Exact
 from percuss.results.datasets import Source, definition_attributes, fields_dataset, histories_dataset, plain_arrays
 from percuss.results.netcdf import FORMAT, read, write
+from percuss.results.summary import Summary
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
-
-    from percuss.methods.interfaces import Exact
-    from percuss.results.summary import Summary
 
 
 class Result:

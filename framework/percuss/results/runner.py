@@ -3,34 +3,29 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 from contextlib import nullcontext
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from percuss.blas import one_blas_thread
-from percuss.case.case import expect_case
+from percuss.case.case import Case, expect_case
 from percuss.certificate import cause, verdict
 from percuss.compiling import Stopwatch
 from percuss.errors import RunError
 from percuss.heartbeat import heard_by
 from percuss.interrupt import interruptible
 from percuss.march.march import March, Outcome, Progress
+from percuss.march.model import Model
 from percuss.march.recording import recordable
 from percuss.march.stop import NOT_STARTED
 from percuss.methods.process_guard import process_as_before
 from percuss.results import nudged_twin
 from percuss.results.assemble import result_of
 from percuss.results.result import Result
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from percuss.case.case import Case
-    from percuss.march.model import Model
-    from percuss.results.summary import StopSummary
-
+from percuss.results.summary import StopSummary
 
 REPEATS, REPEAT_SECONDS = 5, 0.3  # most marches of a timed run, and seconds after which no other begins
 SAME_TIME = 1.05  # ratio of two times of a march at which a third one would tell nothing

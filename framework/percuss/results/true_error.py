@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from collections.abc import Callable
+from typing import Any, cast
 
 import numpy as np
 
+from percuss.march.model import Model
+from percuss.methods.interfaces import Exact, ExactContact, Floats
 from percuss.results.exact import ROUND_OFF, displacement_at
-from percuss.results.summary import ContactErrors, CoveredErrors
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from percuss.march.model import Model
-    from percuss.methods.interfaces import Exact, ExactContact, Floats
-    from percuss.results.summary import ExactEntries, ExactErrors
+from percuss.results.summary import ContactErrors, CoveredErrors, ExactEntries, ExactErrors
 
 NEGLIGIBLE = 1e-18
 

@@ -6,19 +6,17 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from percuss.case.case import Case
 from percuss.compiling import NOTICES
 from percuss.results.ledger import open_accounts
+from percuss.results.result import Result
 from percuss.results.true_error import largest_error
 from percuss.studies.candidates import needed_quantities, required_options
 from percuss.studies.columns import metric
 from percuss.studies.perform import perform
 from percuss.studies.tasks import Task
-
-if TYPE_CHECKING:
-    from percuss.case.case import Case
-    from percuss.results.result import Result
 
 LARGE_ERROR = 0.05  # a run with a smaller true error needs no other run
 CHANGE_OF_ENERGY = 0.1  # a law that takes or adds a larger share, and more than the run does, is no better law

@@ -8,15 +8,12 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, zip_longest
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 from percuss.case.options import Option, options_of
 from percuss.case.type_words import bounds, branches
-from percuss.methods.interfaces import Stages
-
-if TYPE_CHECKING:
-    from percuss.methods.interfaces import Component, Integrator
-    from percuss.methods.registry import Registry
+from percuss.methods.interfaces import Component, Integrator, Stages
+from percuss.methods.registry import Registry
 
 FIRST_COURANT, SAFE_COURANT = 0.9, 0.5  # of the first candidates
 # At 1 the mesh of a uniform bar adds no error to that of the contact.

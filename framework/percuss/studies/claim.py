@@ -6,17 +6,15 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from percuss.errors import InputError, Problem
 from percuss.filelock import BusyError, locked
 from percuss.files import expect_place
+from percuss.jsonable import Data
 from percuss.methods.source_digest import content_digest
+from percuss.studies.spec import StudySpec
 from percuss.studies.store import Store, as_json_data
-
-if TYPE_CHECKING:
-    from percuss.jsonable import Data
-    from percuss.studies.spec import StudySpec
 
 
 @contextmanager

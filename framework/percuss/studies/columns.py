@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
 from percuss.errors import nearest, suggestion
 from percuss.methods.plugin_calls import answer
+from percuss.methods.registry import Registry
 from percuss.results.measures import CannotMeasure, measure
-
-if TYPE_CHECKING:
-    from percuss.methods.registry import Registry
-    from percuss.results.result import Result
-    from percuss.results.summary import Summary
-    from percuss.studies.layout import MeasureSection
+from percuss.results.result import Result
+from percuss.results.summary import Summary
+from percuss.studies.layout import MeasureSection
 
 
 @dataclass(frozen=True)

@@ -8,20 +8,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.arguments import expect_methods, expect_names
-from percuss.case.case import expect_case
+from percuss.case.case import Case, expect_case
 from percuss.case.overrides import as_given_by
 from percuss.case.quantities import METRICS
 from percuss.errors import InputError, PercussError
 from percuss.studies.columns import metric
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import Run, perform
-from percuss.studies.tasks import tasks
+from percuss.studies.tasks import Task, tasks
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from percuss.case.case import Case
-    from percuss.studies.tasks import Task
 
 
 class Comparison(list[Run]):

@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING
 
+from percuss.case.case import Case
 from percuss.compiling import announced
 from percuss.errors import InputError
 from percuss.interrupt import interruptible
+from percuss.jsonable import Data
+from percuss.studies.job_package import Bench, Job
 from percuss.studies.perform import LOST
 from percuss.studies.preflight import rehearse
-
-if TYPE_CHECKING:
-    import threading
-
-    from percuss.case.case import Case
-    from percuss.jsonable import Data
-    from percuss.studies.job_package import Bench, Job
-    from percuss.studies.spec import StudySpec
-    from percuss.studies.store import Store
-    from percuss.studies.stored_run import Record
-    from percuss.studies.tasks import Task
-    from percuss.studies.workers import LocalWorkers
+from percuss.studies.spec import StudySpec
+from percuss.studies.store import Store
+from percuss.studies.stored_run import Record
+from percuss.studies.tasks import Task
+from percuss.studies.workers import LocalWorkers
 
 Progress = Callable[[int, int], None]
 

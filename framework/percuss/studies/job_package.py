@@ -11,9 +11,10 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from percuss.case.case import Case, load
+from percuss.case.source import Source
 from percuss.compiling import LOCK as ONE_AT_A_TIME
 from percuss.errors import PluginError
 from percuss.heartbeat import beat
@@ -21,15 +22,12 @@ from percuss.methods.blame import plugin_faults
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
+from percuss.studies.columns import RowSettings
 from percuss.studies.perform import LOST, perform_timed
+from percuss.studies.run_key import Keys
 from percuss.studies.stored_run import Record, record
+from percuss.studies.tasks import Task
 from percuss.version import __version__
-
-if TYPE_CHECKING:
-    from percuss.case.source import Source
-    from percuss.studies.columns import RowSettings
-    from percuss.studies.run_key import Keys
-    from percuss.studies.tasks import Task
 
 LONGEST = 1.0  # seconds after which a worker returns the runs it has made
 

@@ -10,16 +10,14 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from percuss.case.csv_file import NOT_FINITE, NUMBER
 from percuss.case.options import LARGEST_NUMBER
 from percuss.errors import InputError, Problem, shortened
-
-if TYPE_CHECKING:
-    from percuss.studies.layout import SampleSection
+from percuss.studies.layout import SampleSection
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,4000}")
 MOST = 1_000_000

@@ -5,21 +5,19 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from percuss.case.case import Case
 from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError, TooLargeError
+from percuss.march.march import Progress
 from percuss.march.recording import recordable
 from percuss.methods.blame import described, line_in_plugin, plugin_faults
+from percuss.methods.interfaces import ContactLaw
+from percuss.methods.registry import Registry
 from percuss.results.assemble import AGAINST_CERTIFICATE, NOT_VALID
+from percuss.results.result import Result
 from percuss.results.runner import run, timed_run
 from percuss.studies.tasks import TIED, Task
-
-if TYPE_CHECKING:
-    from percuss.case.case import Case
-    from percuss.march.march import Progress
-    from percuss.methods.interfaces import ContactLaw
-    from percuss.methods.registry import Registry
-    from percuss.results.result import Result
 
 WAITING = "waiting"  # status of a run that is still to be made
 LOST = "lost"  # status of a run whose failure does not come from its methods: it is made again

@@ -5,19 +5,16 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from percuss.case.case import Case
+from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, Problem, refuse_if_any
+from percuss.jsonable import Data
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import perform
-from percuss.studies.tasks import tasks
-
-if TYPE_CHECKING:
-    from percuss.case.case import Case
-    from percuss.case.yaml_text import KeyPath
-    from percuss.jsonable import Data
-    from percuss.studies.spec import StudySpec
-    from percuss.studies.tasks import Task
+from percuss.studies.spec import StudySpec
+from percuss.studies.tasks import Task, tasks
 
 
 def check_points(spec: StudySpec) -> None:

@@ -12,19 +12,16 @@ import os
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from percuss.case import overrides as overriding
-from percuss.case.case import load
+from percuss.case.case import Case, load
 from percuss.case.source import Source
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, PercussError
+from percuss.jsonable import Data
 from percuss.studies.run_key import SILENT
-
-if TYPE_CHECKING:
-    from percuss.case.case import Case
-    from percuss.jsonable import Data
-    from percuss.studies.tasks import Task
+from percuss.studies.tasks import Task
 
 # Texts, and between them places of numbers: the varied path, and whether its value is a whole number.
 Template = list[str | dict[str, Any]]

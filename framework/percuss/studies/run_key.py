@@ -6,20 +6,17 @@ import contextlib
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from percuss.case import overrides
-from percuss.case.case import load
+from percuss.case.case import Case, load
+from percuss.case.source import Source
 from percuss.errors import PercussError
+from percuss.jsonable import Data
 from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
+from percuss.studies.columns import RowSettings
+from percuss.studies.tasks import Task
 from percuss.version import __version__
-
-if TYPE_CHECKING:
-    from percuss.case.case import Case
-    from percuss.case.source import Source
-    from percuss.jsonable import Data
-    from percuss.studies.columns import RowSettings
-    from percuss.studies.tasks import Task
 
 SILENT = ("title", "source", "expect", "plugins")  # entries of a case that change no number of its run
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from percuss.methods.registry import Registry
-    from percuss.results.result import Result
-    from percuss.studies.columns import RowSettings
-    from percuss.studies.perform import Run
+from percuss.methods.registry import Registry
+from percuss.results.result import Result
+from percuss.studies.columns import RowSettings
+from percuss.studies.perform import Run
 
 
 @dataclass(frozen=True)

@@ -13,24 +13,21 @@ import os
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from percuss.case.arguments import expect_files, expect_mapping_or_path
 from percuss.errors import InputError, Problem
 from percuss.filelock import NotWritableError
 from percuss.files import expect_no_input, expect_writable
+from percuss.jsonable import Data
 from percuss.results.provenance import machine
 from percuss.studies.claim import claimed
 from percuss.studies.dispatch import Progress, local_workers, make, row_counter, summaries_of
+from percuss.studies.job_package import Bench, Job
 from percuss.studies.row_command import RowCommands
+from percuss.studies.spec import StudySpec
 from percuss.studies.store import Store, as_json_data
 from percuss.studies.study_files import files_of
 from percuss.studies.study_table import Study
-
-if TYPE_CHECKING:
-    from percuss.jsonable import Data
-    from percuss.studies.job_package import Bench, Job
-    from percuss.studies.spec import StudySpec
 
 AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again on request
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from percuss.case.source import Source
 from percuss.methods.source_digest import content_digest
+from percuss.studies.job_package import Bench
 from percuss.studies.row_command import named_path
-
-if TYPE_CHECKING:
-    from percuss.case.source import Source
-    from percuss.studies.job_package import Bench
-    from percuss.studies.spec import StudySpec
+from percuss.studies.spec import StudySpec
 
 LONGEST_TEXT = 200_000  # bytes of a file that is kept as text
 LONGEST_TEXTS = 2_000_000  # bytes of all texts of a study

@@ -12,14 +12,12 @@ from percuss.case.arguments import expect_suffix
 from percuss.errors import InputError, Problem
 from percuss.files import replacing
 from percuss.studies.perform import LOST, WAITING
-from percuss.studies.row_command import command_of
+from percuss.studies.row_command import Template, command_of
 from percuss.studies.store import Store
 from percuss.studies.study_files import StudyFile
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from percuss.studies.row_command import Template
 
 SECONDS = "wall time of the time steps alone, the least of its repeats; the provenance names the processor"
 

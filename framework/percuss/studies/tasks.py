@@ -5,13 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from percuss.case.case import Case
 from percuss.case.options import options_of
-
-if TYPE_CHECKING:
-    from percuss.case.case import Case
-    from percuss.jsonable import Data
+from percuss.jsonable import Data
 
 TIED = "tied"  # name of a tied twin in place of that of a contact law
 
