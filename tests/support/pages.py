@@ -27,7 +27,7 @@ from percuss.case.json_schema import case_schema
 from percuss.cli.common import COMPILING
 from percuss.cli.main import app
 from percuss.methods.registry import Registry
-from percuss.studies.json_schema import study_schema
+from percuss.studies.layout import study_schema
 
 FAMILIES = ("integrators", "contacts", "masses", "materials", "elements", "shapes", "loads", "solutions", "measures")
 

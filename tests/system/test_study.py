@@ -22,8 +22,7 @@ from percuss.methods.registry import Registry
 from percuss.reporting.tell_study import tell_study
 from percuss.studies import forecast, parameters
 from percuss.studies import workers as local_workers
-from percuss.studies.json_schema import study_schema
-from percuss.studies.layout import RangeSection, SampleSection
+from percuss.studies.layout import RangeSection, SampleSection, study_schema
 from percuss.studies.parameters import combinations
 from percuss.studies.spec import read_study
 

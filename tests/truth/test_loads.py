@@ -8,7 +8,7 @@ from scipy.integrate import quad
 
 import percuss
 import places
-from percuss.results.case_inside import case_inside
+from percuss.results.provenance import case_inside
 from percuss_methods.loads.base_excitation import BaseExcitation
 from percuss_methods.loads.table import Table
 

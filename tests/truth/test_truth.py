@@ -12,14 +12,13 @@ from percuss.march.model import Model
 from percuss.methods.interfaces import ExactContact
 from percuss.reporting import run_figure
 from percuss.reporting.terminal import tell_result
-from percuss.results import nudged_twin, true_error
+from percuss.results import runner, true_error
 from percuss.results.exact import exact_solution
 from percuss.results.exact_only import run_exact
 from percuss.results.summary import ContactErrors
 from percuss.results.verify import verify
 from percuss.studies.columns import column_by_name
-from percuss.studies.comparison import compare, metrics
-from percuss.studies.convergence import orders
+from percuss.studies.comparison import compare, metrics, orders
 from percuss_methods.solutions._row import BarChain
 from strategies import hunek, run
 
@@ -416,9 +415,9 @@ def test_a_nudge_needs_no_exact_solution_and_no_contact():
 def test_fragile_is_a_change_of_more_than_a_ten_thousandth():
     forces = run(hunek(n=10)).arrays["contact_force"]
     for factor, fragile in ((1.0, False), (1.00009, False), (1.00011, True)):
-        assert nudged_twin.differs(forces, factor * forces) is fragile
-    assert nudged_twin.differs(forces, forces[:-1]) is True
-    assert nudged_twin.nudged(percuss.load(hunek()), 0.5).bodies["short"].area == 1.0 + 1e-12
+        assert runner.differs(forces, factor * forces) is fragile
+    assert runner.differs(forces, forces[:-1]) is True
+    assert runner.nudged(percuss.load(hunek()), 0.5).bodies["short"].area == 1.0 + 1e-12
 
 
 # ------------------------------------------------------------------------------------------------ files

@@ -5,7 +5,7 @@ import pytest
 
 import percuss
 import places
-from percuss.results import kept_solutions
+from percuss.results import exact
 
 HUNEK = str(places.ROOT / "cases" / "hunek.yaml")
 SMALL = {"bodies.short.bar.elements": 5, "bodies.long.bar.elements": 10}
@@ -14,7 +14,7 @@ SMALL = {"bodies.short.bar.elements": 5, "bodies.long.bar.elements": 10}
 @pytest.fixture
 def solved(monkeypatch):
     """Return the list of problems that were solved."""
-    monkeypatch.setattr(kept_solutions, "_kept", {})
+    monkeypatch.setattr(exact, "_kept", {})
     problems = []
     engine = percuss.load(HUNEK).registry.get("solutions", "bars-in-a-row")
     solve = engine.solve
@@ -78,7 +78,7 @@ def test_a_problem_with_loads_is_solved_anew(solved):
 def test_few_solutions_are_kept(solved):
     for velocity in np.linspace(-0.1, -0.2, 7):
         run(**{"bodies.short.velocity": float(velocity)})
-    assert len(kept_solutions._kept) == kept_solutions.MOST_KEPT
+    assert len(exact._kept) == exact.MOST_KEPT
     run(**{"bodies.short.velocity": -0.2})
     assert len(solved) == 7
     run(**{"bodies.short.velocity": -0.1})

@@ -110,7 +110,7 @@ def test_a_table_of_quantities_is_recognised(text, count):
 def test_every_history_is_in_a_result(result, of_plastic_body, name):
     quantity = QUANTITIES[name]
     result = of_plastic_body if name in OF_OTHER_BODIES else result
-    if name == "energy":  # the sum of two histories, see `percuss.results.measures`
+    if name == "energy":  # the sum of two histories, see `percuss.results.verify`
         return
     dataset = result.fields if quantity.of == "element" else result.histories
     axes = {"contact": ["contact"], "probe": ["probe", "component"], "element": ["element"], "run": []}

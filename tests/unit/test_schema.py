@@ -18,7 +18,7 @@ from percuss.case.specs import _existing_quantity
 from percuss.case.validation import Context, mistakes_in, validate
 from percuss.methods.interfaces import AllowInf, ContactLaw, Doc, Gt, LinearLaw, Load, Unit
 from percuss.methods.registry import Registry
-from percuss.studies.json_schema import study_schema
+from percuss.studies.layout import study_schema
 
 CASES = sorted(places.CASES.glob("*.yaml"))
 BASE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))["base"]

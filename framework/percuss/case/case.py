@@ -10,10 +10,10 @@ from typing import Any
 from percuss.case import overrides as overriding
 from percuss.case.arguments import expect_files, expect_mapping_or_path, expect_paths, wrong_argument
 from percuss.case.cross_checks import CrossChecks, completed
-from percuss.case.reader import Reader
 from percuss.case.source import Source
 from percuss.case.specs import Address, CaseSection
 from percuss.case.type_words import found
+from percuss.case.validation import Reader
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem
 from percuss.files import is_file

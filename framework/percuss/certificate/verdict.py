@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
 import numpy as np
 
 from percuss.blas import one_blas_thread
-from percuss.case.expectations import after_the_end
+from percuss.case.cross_checks import after_the_end
 from percuss.certificate import following_loads
 from percuss.certificate.assessment import Answer, Assessment, Criterion, quoted
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts

@@ -42,7 +42,7 @@ def compare(
     """Run pairs of methods on one case, side by side."""
     with reporting(as_json):
         from percuss.reporting.verdict import comparison_verdict
-        from percuss.studies import comparison, convergence
+        from percuss.studies import comparison
         from percuss.studies.parameters import varied
 
         axes = varied(vary or [])
@@ -55,7 +55,7 @@ def compare(
             rows = comparison.compare(loaded, names_in(integrator), contacts, axes, tied=tied, progress=progress)
         for note in comparison.notes_of_swaps(loaded, names_in(integrator), contacts, axes):
             tell(f"note: {note}")
-        orders = convergence.orders(rows)
+        orders = comparison.orders(rows)
         outputs = Outputs()
         if plot is not None:
             from percuss.reporting.comparison_figure import comparison_figure

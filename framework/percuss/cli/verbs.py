@@ -139,7 +139,7 @@ def schema(*, study: bool = False, files: Sequence[str | Path] = ()) -> dict[str
         Single-file plug-ins whose options the schema contains too.
     """
     from percuss.case.json_schema import case_schema
-    from percuss.studies.json_schema import study_schema
+    from percuss.studies.layout import study_schema
 
     expect_files("percuss.schema", files)
     registry = Registry.load([Path(file) for file in files])

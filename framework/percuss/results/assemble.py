@@ -20,7 +20,7 @@ from percuss.march.recording import field_nodes, recorded_elements
 from percuss.march.stop import Stop
 from percuss.mesh.stresses import stress_field
 from percuss.methods.interfaces import Exact, Floats
-from percuss.results import energy_growth, ledger, true_error
+from percuss.results import ledger, true_error
 from percuss.results.encounters import encounters
 from percuss.results.exact import exact_solution, impulse_at, sampled
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
@@ -81,7 +81,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     solution, true_errors = _true_errors(march, outcome, arrays)
     outcome.seconds["exact"] = watch.lap()
     largest_energy = ledger.largest(outcome)
-    growth = energy_growth.growth_summary(march, outcome, certificate, largest_energy)
+    growth = ledger.growth_summary(march, outcome, certificate, largest_energy)
     accounts: Accounts = {
         "energy": ledger.energy_summary(march, outcome, energies, largest_energy),
         "momentum": ledger.momentum_summary(march, outcome, largest_energy),
@@ -93,7 +93,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         *model.case.notes,
         *_warnings(march, outcome, certificate, accounts["energy"]),
         *encounters(march, outcome, arrays),
-        *energy_growth.growth_notes(march, outcome, growth),
+        *ledger.growth_notes(march, outcome, growth),
     ]
     notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]
     summary: Summary = {

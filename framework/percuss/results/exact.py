@@ -1,7 +1,11 @@
-"""Exact solution of a case: choice of the registered solution that covers it, and its values at recorded times."""
+"""Exact solution of a case: the choice of the registered solution that covers it, and its values at recorded times."""
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import threading
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,9 +16,14 @@ from percuss.heartbeat import progress
 from percuss.march.model import Model
 from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
 from percuss.methods.plugin_calls import answer
-from percuss.results import kept_solutions
 
 ROUND_OFF = 1e-12  # relative tolerance of times; a force below this fraction of the peak counts as zero
+# The last exact solutions are kept for other runs of the same problem: those of a study often differ in methods alone.
+MOST_KEPT = 4
+# Fronts and bytes of the largest solution that is kept, and largest number of values of one kind that are kept with it.
+MOST_FRONTS = 10_000
+MOST_BYTES = 2**24
+MOST_VALUES = 1_000_000
 
 
 @one_blas_thread()
@@ -42,7 +51,7 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     if engine is None:
         return None, "", reason
     progress(0.0)
-    solution = kept_solutions.solve(engine, problem, end)
+    solution = solve(engine, problem, end)
     if isinstance(solution, str):
         return None, "", f"{engine.name}: {solution}"
     if solution.reached >= end * (1.0 - ROUND_OFF):
@@ -86,15 +95,13 @@ def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt:
         each.
     """
     places = tuple(names), time.tobytes(), middle.tobytes(), dt
-    force, gap = kept_solutions.values_at(
-        solution, "histories", places, lambda: _histories(solution, names, time, middle, dt)
-    )
+    force, gap = values_at(solution, "histories", places, lambda: _histories(solution, names, time, middle, dt))
     return {"contact_force_exact": force, "gap_exact": gap}
 
 
 def impulse_at(solution: Exact, name: str, time: Floats) -> Floats:
     """Return the exact impulse of the contact `name` from 0 to each of several times."""
-    (impulse,) = kept_solutions.values_at(
+    (impulse,) = values_at(
         solution, ("impulse", name), time.tobytes(), lambda: (solution.contacts[name].impulse(time),)
     )
     return impulse
@@ -102,7 +109,7 @@ def impulse_at(solution: Exact, name: str, time: Floats) -> Floats:
 
 def displacement_at(solution: Exact, name: str, along: Floats, time: float) -> Floats:
     """Return the exact displacement of the body `name` at distances `along` from its start, along its direction."""
-    (displacement,) = kept_solutions.values_at(
+    (displacement,) = values_at(
         solution,
         ("displacement", name),
         (along.tobytes(), time),
@@ -121,3 +128,108 @@ def _histories(solution: Exact, names: list[str], time: Floats, middle: Floats, 
         force[covered, k] = contact.mean_force(middle[covered] - 0.5 * dt, middle[covered] + 0.5 * dt)
         gap[covered, k] = contact.gap(time[covered])
     return force, gap
+
+
+@dataclasses.dataclass
+class _Kept:
+    """An exact solution or why there is none, and its values of each kind where the last run evaluated it."""
+
+    solution: Exact | str
+    values: dict[Any, tuple[Any, tuple[Floats, ...]]] = dataclasses.field(default_factory=dict)
+
+
+_kept: dict[Any, _Kept] = {}
+_lock = threading.Lock()
+
+
+def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact | str:
+    """Return the exact solution of a problem up to `end`, kept or found by `engine`, or why there is none."""
+    try:
+        key = _identity(engine), end, _identity(problem)
+    except (TypeError, AttributeError):
+        key = None
+    with _lock:
+        kept = _kept.pop(key, None)
+    if kept is None:
+        kept = _Kept(answer(engine, "solve", problem, end))
+    if key is not None and _is_small(kept.solution):
+        with _lock:
+            _kept[key] = kept  # The last of the dictionary is the one used last.
+            while len(_kept) > MOST_KEPT:
+                del _kept[next(iter(_kept))]
+    return kept.solution
+
+
+def _is_small(found: Exact | str) -> bool:
+    """Return whether a solution is kept; that there is none is kept too, since the search may have taken long."""
+    return isinstance(found, str) or (found.fronts <= MOST_FRONTS and found.memory <= MOST_BYTES and not found.stopped)
+
+
+def values_at(
+    solution: Exact, kind: Any, places: Any, evaluate: Callable[[], tuple[Floats, ...]]
+) -> tuple[Floats, ...]:
+    """Return values of a solution, which `evaluate` finds unless they are kept.
+
+    Parameters
+    ----------
+    solution
+        The solution.
+    kind
+        Which values they are, such as the displacement of one body; the last values of each kind are kept.
+    places
+        All that the values depend on besides the solution and their kind, as a value that can be compared: times and
+        positions.
+    evaluate
+        Returns the values.
+
+    Returns
+    -------
+    tuple of arrays
+        They belong to the caller, who may change them.
+    """
+    with _lock:
+        kept = next((kept for kept in _kept.values() if kept.solution is solution), None)
+        if kept is not None and kind in kept.values:
+            places_before, values = kept.values[kind]
+            if places_before == places:
+                return tuple(array.copy() for array in values)
+    values = evaluate()
+    if kept is not None and 0 < sum(array.size for array in values) <= MOST_VALUES:
+        with _lock:
+            kept.values[kind] = places, tuple(array.copy() for array in values)
+    return values
+
+
+@functools.lru_cache(maxsize=256)
+def _field_names(kind: type[Any]) -> tuple[str, ...]:
+    """Return the names of the fields of a dataclass, whose look-up takes longer than everything else about it."""
+    return tuple(field.name for field in dataclasses.fields(kind))
+
+
+def _identity(value: Any) -> Any:
+    """Return a hashable value that is equal for equal values only, to the last bit.
+
+    Raises
+    ------
+    TypeError
+        If a value is of another type, or may change although it looks the same: a load, whose amplitude may depend on
+        more than its options.
+    AttributeError
+        If an option of a component has no value.
+    """
+    if value is None or isinstance(value, (str, int)):
+        return type(value), value
+    if isinstance(value, float):
+        return type(value), value.hex()
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        return value.dtype.str, value.shape, value.tobytes()
+    if isinstance(value, tuple):
+        return type(value), tuple(map(_identity, value))
+    if isinstance(value, Mapping):
+        return tuple((name, _identity(entry)) for name, entry in value.items())
+    family = getattr(value, "family", "")
+    if dataclasses.is_dataclass(value) and not isinstance(value, type) and family != "loads":
+        options = tuple(_identity(getattr(value, name)) for name in _field_names(type(value)))
+        numbers = tuple(map(_identity, value.parameters())) if family == "materials" else ()  # type: ignore[attr-defined]
+        return type(value), options, numbers
+    raise TypeError(f"a {type(value).__name__} has no identity")

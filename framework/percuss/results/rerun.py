@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from percuss.errors import InputError, PercussError, RunError
-from percuss.results.case_inside import case_inside
 from percuss.results.differences import Change, Difference, changes, differences
 from percuss.results.exact_only import run_exact
+from percuss.results.provenance import case_inside
 from percuss.results.result import open_result
 from percuss.results.runner import run_again
 

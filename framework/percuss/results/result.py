@@ -97,8 +97,8 @@ class Result:
         until = errors["reached"] if errors else partial_errors["until"] if partial_errors else None
         if self.solution is None and until is not None:
             from percuss.march.model import Model
-            from percuss.results.case_inside import case_inside
             from percuss.results.exact import exact_solution
+            from percuss.results.provenance import case_inside
 
             self.solution = exact_solution(Model(case_inside(self.provenance)), until)[0]
         return self.solution

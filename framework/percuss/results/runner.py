@@ -21,8 +21,8 @@ from percuss.march.march import March, Outcome, Progress
 from percuss.march.model import Model
 from percuss.march.recording import recordable
 from percuss.march.stop import NOT_STARTED
+from percuss.methods.interfaces import Floats
 from percuss.methods.process_guard import process_as_before
-from percuss.results import nudged_twin
 from percuss.results.assemble import result_of
 from percuss.results.result import Result
 from percuss.results.summary import StopSummary
@@ -31,6 +31,8 @@ REPEATS, REPEAT_SECONDS = 5, 0.3  # most marches of a timed run, and seconds aft
 SAME_TIME = 1.05  # ratio of two times of a march at which a third one would tell nothing
 MOST_MARCHES_KNOWN = 10_000  # whose shortest time this process remembers
 SHORTEST: dict[tuple[Any, ...], float] = {}  # time of a march, by what its work depends on
+NUDGE_OF_AREA = 1e-12  # relative, of the nudged twin
+FRAGILE_DIFFERENCE = 1e-4  # relative, in L2
 MARCH_LOCK = threading.Lock()  # a process times one march at a time
 
 
@@ -162,10 +164,10 @@ def _run(
     if nudge and outcome.status != "unstable":
         try:
             with MARCH_LOCK if timed else nullcontext():  # the twin is not timed but would slow down a march that is
-                twin = run(nudged_twin.nudged(case, model.courant), compiled=compiled)
+                twin = run(nudged(case, model.courant), compiled=compiled)
         except RunError as error:  # the twin is unstable although the run is not
             twin = error.result
-        result.summary["fragile"] = nudged_twin.is_fragile(result, twin)
+        result.summary["fragile"] = is_fragile(result, twin)
     result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
     stop = result.summary["stop"]
     if stop is not None:
@@ -219,3 +221,22 @@ def stop_message(stop: StopSummary) -> str:
     else:
         happened = f"stopped at step {stop['step']}, time {stop['time']:.9g}, {where}: {stop['what']}"
     return f"{happened}\n  likely cause: {stop['cause']}"
+
+
+def nudged(case: Case, courant: float) -> Case:
+    """Return the case with the area of its first body increased by `NUDGE_OF_AREA`, at the same Courant number."""
+    name, body = next(iter(case.bodies.items()))
+    fixed_courant = {"time.courant": courant} if case.time.courant == "auto" else {}
+    return case.with_overrides({f"bodies.{name}.area": body.area * (1.0 + NUDGE_OF_AREA), **fixed_courant})
+
+
+def is_fragile(result: Result, twin: Result) -> bool:
+    """Return whether a run and its nudged twin differ: in their contact forces, or in displacements without contact."""
+    compared = "contact_force" if result.arrays["contact_force"].size else "displacement"
+    return differs(result.arrays[compared], twin.arrays[compared])
+
+
+def differs(values: Floats, twin_values: Floats) -> bool:
+    """Return whether histories differ by more than `FRAGILE_DIFFERENCE` in L2."""
+    size = float(np.linalg.norm(values))
+    return bool(values.shape != twin_values.shape or np.linalg.norm(values - twin_values) > FRAGILE_DIFFERENCE * size)

@@ -10,9 +10,9 @@ from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMAR
 from percuss.errors import nearest, suggestion
 from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
-from percuss.results.measures import CannotMeasure, measure
 from percuss.results.result import Result
 from percuss.results.summary import Summary
+from percuss.results.verify import CannotMeasure, measure
 from percuss.studies.layout import MeasureSection
 
 
@@ -29,7 +29,7 @@ class Column:
     kind
         ``metric``, ``summary``, ``history`` or ``plug-in``.
     arguments
-        Dotted path into the summary, or arguments of `percuss.results.measures.measure`.
+        Dotted path into the summary, or arguments of `percuss.results.verify.measure`.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Comparison of methods on one case: each pair of methods is a run, even if refused, failed or unstable."""
+"""Comparison of methods on one case, each pair a run, even if refused, failed or unstable; and orders of convergence."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, expect_case
 from percuss.case.overrides import as_given_by
-from percuss.case.quantities import METRICS
+from percuss.case.quantities import METRICS, TRUE_ERRORS
 from percuss.errors import InputError, PercussError
 from percuss.studies.columns import metric
 from percuss.studies.parameters import combinations
@@ -149,3 +151,54 @@ def metrics(run: Run) -> dict[str, Any]:
         return {}
     seconds = run.result.summary["seconds"]["march"]
     return {**{name: metric(run.result, name) for name in METRICS}, "seconds": seconds}
+
+
+REFINED = "refine"
+ROUND_OFF = 1e-12  # smaller errors are not discretisation errors
+
+
+def orders(runs: list[Run]) -> list[dict[str, Any]]:
+    """Return the observed order of each error for each method, fitted over the values of ``refine``.
+
+    Parameters
+    ----------
+    runs
+        Runs of a comparison that varies ``refine``.
+
+    Returns
+    -------
+    list of dict
+        ``integrator``, ``contact``, the other varied values, and for each error its order (None where fewer than two
+        meshes have an error above round-off) and the errors themselves; empty if no method ran on two meshes.
+    """
+    orders_by_method = []
+    runs_by_method = _runs_by_method(runs)
+    for key, series in runs_by_method.items() if any(len(series) > 1 for series in runs_by_method.values()) else ():
+        fitted: dict[str, Any] = {"integrator": key[0], "contact": key[1], **dict(key[2])}
+        fitted["refine"] = [run.varied[REFINED] for run in series]
+        for name in TRUE_ERRORS:
+            errors = [metrics(run).get(name) for run in series]
+            fitted[name] = errors
+            fitted[f"{name}_order"] = _order(fitted["refine"], errors)
+        orders_by_method.append(fitted)
+    return orders_by_method
+
+
+def _runs_by_method(runs: list[Run]) -> dict[Any, list[Run]]:
+    """Return the runs of each method that differ by mesh alone, from coarse to fine."""
+    series: dict[Any, list[Run]] = {}
+    for run in runs:
+        if REFINED in run.varied and run.status == "done":
+            others = tuple((path, value) for path, value in run.varied.items() if path != REFINED)
+            series.setdefault((run.integrator, run.contact, others), []).append(run)
+    return {key: sorted(group, key=lambda run: run.varied[REFINED]) for key, group in series.items()}
+
+
+def _order(refine: list[float], errors: list[Any]) -> float | None:
+    points = [
+        (factor, error) for factor, error in zip(refine, errors, strict=True) if error is not None and error > ROUND_OFF
+    ]
+    if len({factor for factor, _ in points}) < 2:
+        return None
+    slope = np.polyfit(np.log([factor for factor, _ in points]), np.log([error for _, error in points]), 1)[0]
+    return float(-slope)

@@ -1,4 +1,4 @@
-"""Layout of a study file: each class is a mapping, each of its fields a key."""
+"""Layout of a study file: each class is a mapping, each of its fields a key; and the JSON schema made from it."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import WrapValidator
 
+from percuss.case.json_schema import DIALECT, component_schema, name_or, schema_of
 from percuss.case.options import Key
+from percuss.case.quantities import MEASURABLE, METRICS, name_schema
 from percuss.case.specs import During
 from percuss.case.type_words import Expects
 from percuss.case.validation import EmptyIfAbsent, Section
 from percuss.methods.interfaces import Doc, Ge, Gt, Le, Unit
+from percuss.methods.registry import Registry
 
 NAMES = Expects("a list of names", "Write the names in brackets, separated by commas.")
 PATHS = Expects("a mapping of paths to values")
@@ -207,3 +210,27 @@ class StudySection(Section):
         ]
         | None
     ) = None
+
+
+def study_schema(registry: Registry) -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a study.
+
+    Parameters
+    ----------
+    registry
+        Registry whose integrators and contact laws appear by name.
+    """
+    schema = schema_of(StudySection, registry)
+    properties = schema["properties"]
+    properties["vary"]["additionalProperties"] = {"type": ["array", "string", "number", "boolean"]}
+    for family, family_schema in properties["methods"]["properties"].items():
+        components = {name: registry.get(family, name) for name in registry.names(family)}
+        # Options of the case are kept, and others are varied, so that none has to stand here.
+        family_schema["items"] = component_schema(components, complete=False)
+    columns = {name: quantity.label for name, quantity in METRICS.items()}
+    columns |= {name: registry.get("measures", name).summary for name in registry.names("measures")}
+    quantities = {name: quantity.label for name, quantity in {**MEASURABLE, **METRICS}.items()}
+    measure = properties["measure"]["items"]
+    measure["properties"]["quantity"] |= name_schema(quantities)
+    properties["measure"]["items"] = name_or(name_schema(columns), measure)
+    return {"$schema": DIALECT, "title": "percuss study", "description": "A study of percuss, format 1", **schema}

@@ -20,7 +20,7 @@ from percuss.case.source import Source
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, PercussError
 from percuss.jsonable import Data
-from percuss.studies.run_key import SILENT
+from percuss.studies.job_package import SILENT
 from percuss.studies.tasks import Task
 
 # Texts, and between them places of numbers: the varied path, and whether its value is a whole number.

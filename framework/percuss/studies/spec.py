@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from percuss.case.case import Case, load
-from percuss.case.expectations import after_the_end, misfits
+from percuss.case.cross_checks import after_the_end, misfits
 from percuss.case.hints import name_advice
 from percuss.case.quantities import METRICS
-from percuss.case.reader import Reader
 from percuss.case.source import Source
 from percuss.case.type_words import found
+from percuss.case.validation import Reader
 from percuss.case.yaml_text import KeyPath, flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.jsonable import Data

@@ -1,7 +1,7 @@
 """Studies: many runs, distributed to workers, resumed after any interruption, collected in one table.
 
-The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, `run_key` gives each a
-key, `claim` locks the file of rows, `preflight` tries each kind of run, `dispatch` gives the tasks that are left to
+The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, `job_package` gives
+each a key, the file of rows is locked, `preflight` tries each kind of run, `dispatch` gives the tasks that are left to
 workers, where `job_package` reads their cases, `perform` makes the runs, `columns` measures them and `stored_run` packs
 them; `store` keeps the rows, the command of each (`row_command`) and the files that they came from (`study_files`), and
 `study_table` shows them.
@@ -11,16 +11,18 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from percuss.case.arguments import expect_files, expect_mapping_or_path
 from percuss.errors import InputError, Problem
-from percuss.filelock import NotWritableError
-from percuss.files import expect_no_input, expect_writable
+from percuss.filelock import BusyError, NotWritableError, locked
+from percuss.files import expect_no_input, expect_place, expect_writable
 from percuss.jsonable import Data
+from percuss.methods.source_digest import content_digest
 from percuss.results.provenance import machine
-from percuss.studies.claim import claimed
 from percuss.studies.dispatch import Progress, local_workers, make, row_counter, summaries_of
 from percuss.studies.job_package import Bench, Job
 from percuss.studies.row_command import RowCommands
@@ -134,10 +136,9 @@ def _finished_study(file: Path, jobs: Sequence[Job]) -> Study | None:
 
 def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
     """Return the jobs of all runs of a study, and the bench that workers need to make them."""
-    from percuss.studies.job_package import Job, packed
+    from percuss.studies.job_package import Job, Keys, packed
     from percuss.studies.parameters import combinations
     from percuss.studies.preflight import check_points
-    from percuss.studies.run_key import Keys
     from percuss.studies.tasks import tasks
 
     check_points(spec)
@@ -201,3 +202,85 @@ def _begin(
     }
     provenance = {**machine(), "cores": os.cpu_count(), "plugins": plugins, **provenance}
     store.begin(facts, provenance, plan, files_of(spec, bench))
+
+
+@contextmanager
+def claimed(
+    out: str | os.PathLike[str] | None, given: str | Path | Data, spec: StudySpec, keys: set[str]
+) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Lock the file of a study against all other processes, after a check that it holds no other study.
+
+    Raises
+    ------
+    InputError
+        If it holds another study, or another process writes to it.
+    """
+    refused: InputError | None = None
+    for file in [Path(out)] if out is not None else _default_files(given, spec.name):
+        identity = _identity(given, spec, file)
+        expect_place(file)
+        try:
+            with locked(file, {"study": identity}):
+                other = _other_study(file, identity, keys)
+                if other is None:
+                    yield file, identity
+                    return
+                refused = other
+        except BusyError as error:
+            holder = error.holder.get("study")
+            if out is not None or not isinstance(holder, dict) or _is_same(holder, identity):
+                raise
+            refused = error
+    if refused is None:
+        raise AssertionError("a study has no file and nothing says why")
+    raise refused
+
+
+def _default_files(given: str | Path | Data, name: str) -> list[Path]:
+    """Return the default files for the rows of a study, of which the first that is free or its own is used.
+
+    Studies of the same name in several folders have a file each: the name of the second also depends on its place.
+    """
+    if isinstance(given, Mapping):
+        return [Path(f"{name}.sqlite")]
+    place = content_digest(str(Path(given).resolve()).encode())[:6]
+    first, second = Path(f"{name}.sqlite"), Path(f"{name}-{place}.sqlite")
+    return [second] if second.exists() else [first, second]
+
+
+def _identity(given: str | Path | Data, spec: StudySpec, out: Path) -> dict[str, Any]:
+    """Return the identity of a study: path of its file, absolute and relative to `out`, title and cases.
+
+    A study remains the same if its plan changes, and if it moves together with its rows.
+    """
+    description = {"title": str(spec.data.get("title", "")), "cases": as_json_data(spec.data.get("cases", ()))}
+    if isinstance(given, Mapping):
+        return {"file": None, "beside": None, **description}
+    file = Path(given).resolve()
+    try:
+        relative = os.path.relpath(file, out.resolve().parent)
+    except ValueError:  # a path on another drive has no relative form
+        relative = None
+    return {"file": str(file), "beside": relative, **description}
+
+
+def _is_same(first: Data, second: Data) -> bool:
+    """Return whether two identities are of the same study."""
+    if first.get("file") is None or second.get("file") is None:
+        return all(first.get(name) == second.get(name) for name in ("file", "title", "cases"))
+    return any(first.get(name) is not None and first.get(name) == second.get(name) for name in ("file", "beside"))
+
+
+def _other_study(file: Path, identity: Data, keys: set[str]) -> InputError | None:
+    """Return the error of a file that holds another study, or None if it does not."""
+    store = Store(file, new=True)
+    held = store.facts().get("study")
+    if held is None or _is_same(held, identity) or store.planned() == keys:
+        return None
+    message = f"holds another study: {_described(held)}; this is {_described(identity)}"
+    return InputError([Problem(str(file), "", message, "Name another file with -o, or remove this one.")])
+
+
+def _described(identity: Data) -> str:
+    title = f"'{identity.get('title')}'" if identity.get("title") else "one without a title"
+    return f"{title} of {identity.get('file') or 'a mapping'}"

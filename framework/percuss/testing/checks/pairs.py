@@ -13,7 +13,7 @@ from percuss.case import defaults
 from percuss.case.quantities import COMPARED_BY_KIT, QUANTITIES
 from percuss.errors import InputError, RunError
 from percuss.methods.interfaces import LeapFrog
-from percuss.results.energy_growth import STORED_BY_LAWS
+from percuss.results.ledger import STORED_BY_LAWS
 from percuss.testing import draws
 from percuss.testing.draws import (
     bar,
