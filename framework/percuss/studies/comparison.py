@@ -1,4 +1,4 @@
-"""Comparison of methods on one case, each pair a run, even if refused, failed or unstable; and orders of convergence."""
+"""Comparison of methods on one case: a run for each pair, also a refused or unstable one; and orders of convergence."""
 
 from __future__ import annotations
 

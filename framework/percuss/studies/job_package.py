@@ -1,7 +1,7 @@
 """What the runs of a study depend on: the key of each, a digest of its inputs, and the package of all for the workers.
 
-Equal keys give equal rows, so that a stored run is not made again. The package has the cases as text with all files that
-they need.
+Equal keys give equal rows, so that a stored run is not made again. The package has the cases as text with all files
+that they need.
 """
 
 from __future__ import annotations
