@@ -39,6 +39,7 @@ from percuss.methods.interfaces import Integers as Integers
 from percuss.methods.interfaces import Integrator as Integrator
 from percuss.methods.interfaces import Le as Le
 from percuss.methods.interfaces import LeapFrog as LeapFrog
+from percuss.methods.interfaces import Line as Line
 from percuss.methods.interfaces import LinearLaw as LinearLaw
 from percuss.methods.interfaces import Load as Load
 from percuss.methods.interfaces import LoadedEnd as LoadedEnd

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 
 __version__ = "0.1.0"
-CONTRACT = 4
+CONTRACT = 5
 
 
 @functools.cache

@@ -71,7 +71,7 @@ METHODS = {
         ("displacement[0] = 1.0", "internal_force changes what it was handed to read"),
     ),
     "element.bind": (
-        ("np.full(h.size, body.area)", "np.full(h.size, body.area * (1.0 + bias))"),
+        ("np.full(h.size, body.section)", "np.full(h.size, body.section * (1.0 + bias))"),
         ("return MyMethodArrays(*[body.mesh.lengths * np.nan] * 3)", "bind returned as `length` nan at index 0"),
         ("return body.mesh.lengths", "bind returned a ndarray of float64, expected a NamedTuple"),
         ("body.mesh.lengths[0] = 9.0", "bind changes an array that it was handed"),

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from scipy.sparse import diags_array
 
 from percuss import (
     BodyMesh,
@@ -1097,11 +1098,9 @@ class Dropped(Mass):
     def nodal(self, element_mass, lumping):
         return lumping.at_nodes(element_mass)
 
-    def nodal_in_contact(self, element_mass, lumping, first, last):
+    def nodal_in_contact(self, element_mass, lumping, in_contact):
         nodal = lumping.at_nodes(element_mass)
-        nodal[0] *= not first
-        nodal[-1] *= not last
-        return nodal
+        return nodal * ~in_contact
 
 
 @caught_by("units-of-mass")
@@ -1115,9 +1114,9 @@ class HalfOrNothing(Mass):
     def nodal(self, element_mass, lumping):
         return lumping.at_nodes(element_mass)
 
-    def nodal_in_contact(self, element_mass, lumping, first, last):
+    def nodal_in_contact(self, element_mass, lumping, in_contact):
         nodal = lumping.at_nodes(element_mass)
-        for end, beside, acts in ((0, 1, first), (-1, -2, last)):
+        for end, beside, acts in ((0, 1, in_contact[0]), (-1, -2, in_contact[-1])):
             if acts and element_mass.size > 2 and nodal[end] / element_mass.sum() >= 0.05:  # ten equal elements
                 nodal[[end, beside]] = 0.0, nodal[end] + nodal[beside]
         return nodal
@@ -1137,10 +1136,9 @@ class OneSided(Mass):
     def inverse(self, element_mass, lumping):
         lumped = lumping.at_nodes(element_mass)
         taken = 0.1 * element_mass * (np.arange(element_mass.size) < element_mass.size // 2)
-        bands = np.zeros((2, lumped.size))
-        bands[0] = (lumped - np.append(taken, 0.0) - np.append(0.0, taken)) / lumped**2
-        bands[1, :-1] = taken / (lumped[:-1] * lumped[1:])
-        return bands
+        diagonal = (lumped - np.append(taken, 0.0) - np.append(0.0, taken)) / lumped**2
+        beside = taken / (lumped[:-1] * lumped[1:])
+        return diags_array([beside, diagonal, beside], offsets=[-1, 0, 1])
 
 
 @caught_by("total-mass")
@@ -1256,10 +1254,12 @@ def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_fa
 
         def bind(self, body: BodyMesh):
             count = body.mesh.lengths.size
-            return Arrays(1.0 / body.mesh.lengths, np.full(count, body.area), np.tile(body.mesh.direction, (count, 1)))
+            return Arrays(
+                1.0 / body.mesh.lengths, np.full(count, body.section), np.tile(body.mesh.direction, (count, 1))
+            )
 
         def axial_stiffness(self, body, modulus):
-            return stiffness * modulus * body.area / body.mesh.lengths
+            return stiffness * modulus * body.section / body.mesh.lengths
 
         def highest_frequency(self, body, wave_speed):
             return frequency * wave_speed / body.mesh.lengths
@@ -1334,14 +1334,14 @@ def cell(name, check=None, *, shares=(1.0, 1.0, 4.0), volume=1.0, frequency=24.0
         def reference_nodes(self):
             return np.array([0.0, 1.0, 0.5])
 
-        def mass_shares(self):
+        def mass_shares(self, body):
             return np.array(shares) / 6
 
         def volumes(self, body):
-            return volume * np.outer(body.area * body.mesh.lengths, [1.0, 1.0, 4.0]) / 6
+            return volume * np.outer(body.section * body.mesh.lengths, [1.0, 1.0, 4.0]) / 6
 
         def axial_stiffness(self, body, modulus):
-            return modulus * body.area / body.mesh.lengths
+            return modulus * body.section / body.mesh.lengths
 
         def highest_frequency(self, body, wave_speed):
             return frequency * wave_speed / body.mesh.lengths
@@ -1399,7 +1399,7 @@ class NeverFiner(Shape):
         direction = np.eye(at.size)[0]
         nodes = at + np.linspace(0.0, self.length, 5)[:, None] * direction
         ends = {"left": Region((0,), -direction), "right": Region((4,), direction)}
-        return Mesh(nodes, np.full(4, self.length / 4), direction, ends)
+        return Mesh.of_line(nodes, np.full(4, self.length / 4), direction, ends)
 
 
 @caught_by("mesh")
@@ -1421,7 +1421,7 @@ class AtTheOrigin(Shape):
         direction, n = np.eye(at.size)[0], 4 * refine
         nodes = np.linspace(0.0, self.length, n + 1)[:, None] * direction
         ends = {"left": Region((0,), -direction), "right": Region((n,), direction)}
-        return Mesh(nodes, np.full(n, self.length / n), direction, ends)
+        return Mesh.of_line(nodes, np.full(n, self.length / n), direction, ends)
 
 
 # ------------------------------------------------------------------------------------------ solutions, measures

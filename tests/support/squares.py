@@ -53,20 +53,14 @@ class Square(CellElement):
         corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         return Rule(GAUSS * corners, corners)
 
-    def reference_nodes(self):
-        return np.zeros(4)
-
-    def mass_shares(self):
+    def mass_shares(self, body):
         return np.full(4, 0.25)
 
     def volumes(self, body):
         corners = body.mesh.nodes[body.mesh.cells["quad"]]
         across, up = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]
         area = across[:, 0] * up[:, 1] - across[:, 1] * up[:, 0]
-        return body.area * area[:, None] / 4 * np.tile([1.0, 1.0, 0.5], 4)
-
-    def axial_stiffness(self, body, modulus):
-        raise NotImplementedError
+        return body.section * area[:, None] / 4 * np.tile([1.0, 1.0, 0.5], 4)
 
     def highest_frequency(self, body, wave_speed):
         raise NotImplementedError
@@ -224,7 +218,7 @@ def march(strips, rows, integrator, law, dt, steps, *, compiled=True, further=la
     """March strips with contact rows; `further` returns more actions of a step."""
     starts = np.cumsum([0, *(len(strip.nodes) for strip in strips)])
     mass = np.concatenate([strip.mass for strip in strips])
-    meshes = [Mesh(s.nodes, np.zeros(0), np.zeros(2), {}, {"quad": s.cells}) for s in strips]
+    meshes = [Mesh(s.nodes, {"quad": s.cells}, {}) for s in strips]
     element, material = Square(), REGISTRY.get("materials", "elastic")(young=1.0, density=1.0)
     arrays = cell_arrays(element, [BodyMesh(mesh, 1.0) for mesh in meshes])
     nothing = np.zeros((arrays.volumes.size, 0))

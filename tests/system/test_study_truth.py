@@ -92,7 +92,7 @@ class Rod(Shape):
         x = np.append(0.0, np.cumsum(lengths))
         x[-1] = 10.0
         regions = {"left": Region((0,), -direction), "right": Region((n,), direction)}
-        return Mesh(nodes=at + x[:, None] * direction, lengths=lengths, direction=direction, regions=regions)
+        return Mesh.of_line(nodes=at + x[:, None] * direction, lengths=lengths, direction=direction, regions=regions)
 """
 HOOKS = """\
 from percuss import hookimpl

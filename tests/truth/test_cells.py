@@ -489,7 +489,7 @@ CELL = """
 from dataclasses import dataclass
 from typing import NamedTuple
 import numpy as np
-from percuss import CellElement, Mesh, Region, Shape, stress
+from percuss import CellElement, stress
 
 class Rule(NamedTuple):
     slope: np.ndarray
@@ -511,14 +511,11 @@ class Odd(CellElement):
     def reference_nodes(self):
         return np.array([0.0, 1.0, 0.5])
 
-    def mass_shares(self):
+    def mass_shares(self, body):
         return np.array([1.0, 1.0, 4.0]) / 6
 
     def volumes(self, body):
-        return (body.area * body.mesh.lengths)[:, None]
-
-    def axial_stiffness(self, body, modulus):
-        return modulus * body.area / body.mesh.lengths
+        return (body.section * body.mesh.lengths)[:, None]
 
     def highest_frequency(self, body, wave_speed):
         return 5.0 * wave_speed / body.mesh.lengths
@@ -555,7 +552,7 @@ def test_a_wrong_element_is_one_error_with_its_place(right, wrong, said, tmp_pat
 SHAPE = """
 from dataclasses import dataclass
 import numpy as np
-from percuss import Mesh, Region, Shape
+from percuss import Line, Mesh, Region, Shape
 
 @dataclass(frozen=True)
 class Curve(Shape):
@@ -570,7 +567,7 @@ class Curve(Shape):
     def mesh(self, at, refine):
         ends = {"left": Region((0,), -np.ones(1)), "right": Region((2,), np.ones(1))}
         cells = {"line3": np.array([[0, 2, 1]])}
-        return Mesh(np.array([[0.0], [1.0], [2.0]]), np.array([2.0]), np.ones(1), ends, cells)
+        return Mesh(np.array([[0.0], [1.0], [2.0]]), cells, ends, Line(np.array([2.0]), np.ones(1)))
 """
 
 
@@ -578,5 +575,5 @@ def test_cells_of_a_shape_are_refused(tmp_path):
     (tmp_path / "curve.py").write_text(SHAPE)
     case = bar("quadratic-bar")
     case["bodies"]["a"] = {"curve": {}, "material": STEEL, "area": 1.0}
-    with pytest.raises(PercussError, match="a shape makes a line of two-node cells, and leaves `cells` empty"):
+    with pytest.raises(PercussError, match="along a line it makes a row"):
         Model(percuss.load(case, plugins=[tmp_path / "curve.py"]))

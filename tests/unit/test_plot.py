@@ -235,7 +235,7 @@ class Rod(Shape):
     def mesh(self, at, refine):
         n, up = self.elements * refine, np.array([0.0, 1.0])
         nodes = at + np.linspace(0.0, 10.0, n + 1)[:, None] * up
-        return Mesh(nodes, np.full(n, 10.0 / n), up, {"tip": Region((n,), up), "root": Region((0,), -up)})
+        return Mesh.of_line(nodes, np.full(n, 10.0 / n), up, {"tip": Region((n,), up), "root": Region((0,), -up)})
 
 
 @hookimpl

@@ -24,7 +24,7 @@ def unlike_plain_bars(model: Model) -> str:
     cells = (
         f"the cells of body '{body.name}' are of the kind {kind}"
         for body in model.bodies.values()
-        for kind in body.mesh.cells
+        for kind in (body.mesh.cells if body.of_cells else ())
     )
     reasons = {
         model.why_not_linear: bool(model.why_not_linear),

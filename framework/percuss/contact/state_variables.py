@@ -107,7 +107,7 @@ def _kind(body: Body) -> str:
 
     Bodies of cells are in one group if their elements have the same options too.
     """
-    options = f" {body.spec.element!r}" if body.mesh.cells else ""
+    options = f" {body.spec.element!r}" if body.of_cells else ""
     return options + " ".join(
         f"{kind.__module__}.{kind.__qualname__}" for kind in map(type, (body.spec.element, body.spec.material))
     )

@@ -49,7 +49,7 @@ def stiffness_limits(
         if ends:
             highest = highest_frequency(body) if body.inverse.size else float(body.frequency.max())
             step = min(dt, LARGEST_COURANT * 2.0 / highest)
-            matrix = (body.stiffness,) if not body.mesh.cells else body.axial_band
+            matrix = (body.stiffness,) if not body.of_cells else body.axial_band
             arrays = [array.tobytes() for array in (body.mass, body.inverse, *matrix)]
             alike = (step, *(node - body.start for node in ends), *arrays)
             if alike not in of_alike:
@@ -81,7 +81,7 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
         places = [node - body.start for node in ends]
         return _reserves(4.0 / dt**2 * inverse - stiffness, places, ends, lower=True, coupling=body.inverse)
     banded = np.zeros((2, body.mass.size))
-    if body.mesh.cells:
+    if body.of_cells:
         banded = -body.axial_band
         banded[0] += 4.0 / dt**2 * body.mass
     else:
@@ -89,7 +89,7 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
         banded[1] = 4.0 / dt**2 * body.mass
         banded[1, :-1] -= body.stiffness
         banded[1, 1:] -= body.stiffness
-    lower = bool(body.mesh.cells)
+    lower = body.of_cells
     without_mass = body.ends_without_mass
     if without_mass:  # of two-node elements
         first, last = int(body.start in without_mass), int(body.stop - 1 in without_mass)

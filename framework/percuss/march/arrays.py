@@ -15,7 +15,6 @@ from percuss.march.recording import empty_record, probe_nodes, recorded_elements
 from percuss.mesh.block import Block
 from percuss.mesh.cells import cell_arrays, element_slots, has_cells
 from percuss.mesh.materials import material_slots
-from percuss.methods.interfaces import BodyMesh
 from percuss.methods.plugin_calls import answer, read_only
 from percuss.step import bulk, uniform_rows
 from percuss.step.actions import BULK, INTERNAL_FORCES, INTERNAL_FORCES_ASIDE, KINETIC_ENERGY, STRAIN_ENERGY, Action
@@ -283,7 +282,7 @@ def _blocks(model: Model, variables: StateVariables) -> Iterator[tuple[Block, An
         options = element if has_cells(element) else None  # bodies of cells share what follows from the options
         kinds.setdefault((type(element), type(body.spec.material), options), []).append(body)
     for bodies in kinds.values():
-        element, meshes = bodies[0].spec.element, [BodyMesh(body.mesh, body.spec.area) for body in bodies]
+        element, meshes = bodies[0].spec.element, [body.view for body in bodies]
         if has_cells(element):
             arrays: Any = cell_arrays(element, meshes)
         else:

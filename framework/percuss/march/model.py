@@ -413,7 +413,7 @@ def _bodies_of(case: Case) -> dict[str, Body]:
         view = BodyMesh(mesh, spec.area)
         velocity = np.asarray(spec.velocity, dtype=float)
         try_kernels(spec.element, spec.material, view)
-        mass, may_lack_mass = nodal_masses(case, spec, mesh, in_contact.get(name, frozenset()))
+        mass, may_lack_mass = nodal_masses(case, spec, view, in_contact.get(name, frozenset()))
         bodies[name] = Body(
             name=name,
             number=number,
@@ -428,7 +428,7 @@ def _bodies_of(case: Case) -> dict[str, Body]:
             volumes=volumes_of(spec.element, view),
             velocity=velocity * mesh.direction if velocity.ndim == 0 else velocity,
             may_lack_mass=may_lack_mass,
-            inverse=inverse_mass(case, spec, mesh, mass),
+            inverse=inverse_mass(case, spec, view, mass),
         )
         start = bodies[name].stop
     return bodies

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.mesh.banded_matrices import column
-from percuss.mesh.cells import axial_matrices, cells_of, lumping_of
+from percuss.mesh.cells import axial_matrices, cells_of, has_cells, lumping_of
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, LoadedEnd, Mesh
 
 if TYPE_CHECKING:
@@ -45,6 +45,16 @@ class Body:
         return f"body '{self.name}' is not linear: its {' and its '.join(nonlinear)} {verb} not declare `linear = True`"
 
     @property
+    def view(self) -> BodyMesh:
+        """The body as its element receives it."""
+        return BodyMesh(self.mesh, self.spec.area)
+
+    @property
+    def of_cells(self) -> bool:
+        """Whether the element of the body sees one cell at a time, `percuss.CellElement`; if not, the body is a row."""
+        return has_cells(self.spec.element)
+
+    @property
     def stop(self) -> int:
         """The number after the body's last node."""
         return self.start + self.mass.size
@@ -71,7 +81,7 @@ class Body:
         i = self.end_element(node)
         stiffness = self.end_stiffness(node)
         impedance = 2.0 * stiffness / float(self.frequency[i])
-        if self.mesh.cells:  # their highest frequency is not 2c/h
+        if self.of_cells:  # their highest frequency is not 2c/h
             material = self.spec.material
             impedance = self.spec.area * math.sqrt(material.modulus * material.rho)
         return LoadedEnd(float(self.mass[node - self.start]), stiffness, impedance)
@@ -88,11 +98,11 @@ class Body:
         laws are made of mean the same for both.
         """
         i = self.end_element(node)
-        if not self.mesh.cells:
+        if not self.of_cells:
             return float(self.stiffness[i])
-        lumping = lumping_of(self.spec.element, self.mesh)
+        lumping = lumping_of(self.spec.element, self.view)
         place = int(np.flatnonzero(lumping.cells[i] == node - self.start)[0])
-        mass = lumping.shares[place] * self.spec.material.rho * self.spec.area * self.mesh.lengths[i]
+        mass = lumping.shares[i, place] * self.spec.material.rho * self.spec.area * self.mesh.lengths[i]
         return 0.5 * float(mass) * float(self.frequency[i]) ** 2
 
     def element_nodes(self, elements: Integers) -> Integers:
@@ -102,16 +112,14 @@ class Body:
     @cached_property
     def axial_band(self) -> Floats:
         """The stiffness along the body with a linear material, a banded matrix (`percuss.mesh.banded_matrices`)."""
-        if not self.mesh.cells:
+        if not self.of_cells:
             band = np.zeros((2, self.mass.size))
             band[0, :-1] += self.stiffness
             band[0, 1:] += self.stiffness
             band[1, :-1] = -self.stiffness
             return band
         element: Any = self.spec.element
-        matrices, shape, scale = axial_matrices(
-            element, BodyMesh(self.mesh, self.spec.area), self.spec.material.modulus
-        )
+        matrices, shape, scale = axial_matrices(element, self.view, self.spec.material.modulus)
         cells = cells_of(self.mesh)
         count = cells.shape[1]
         band = np.zeros((count, self.mass.size))

@@ -37,9 +37,9 @@ def mesh_of_element(element: Element, mesh: Mesh) -> Mesh:
     element
         The element of the body.
     mesh
-        A line of two-node cells.
+        The mesh as the shape made it; along a line a row of two-node cells.
     """
-    if not isinstance(element, CellElement):
+    if not isinstance(element, CellElement) or mesh.line is None:
         return mesh
     places = np.asarray(answer(element, "reference_nodes"), dtype=float)
     if element.cell != kind_of(places.size):
@@ -73,25 +73,33 @@ def _moved(region: Region, order: int) -> Region:
 
 def cells_of(mesh: Mesh) -> Integers:
     """Return the nodes of each element, (elements, nodes of a cell)."""
-    if mesh.cells:
-        return next(iter(mesh.cells.values()))
-    return Lumping.of_line(mesh.lengths.size).cells
+    return next(iter(mesh.cells.values()))
 
 
-def lumping_of(element: Element, mesh: Mesh) -> Lumping:
+def lumping_of(element: Element, body: BodyMesh) -> Lumping:
     """Return how the elements of a body share their mass among their nodes."""
     if not isinstance(element, CellElement):
-        return Lumping.of_line(mesh.lengths.size)
-    shares, cells = np.asarray(answer(element, "mass_shares"), dtype=float), cells_of(mesh)
-    if shares.shape != cells.shape[1:]:
-        raise breach(element, "mass_shares", f"mass_shares returned {shares.size} shares of {cells.shape[1]} nodes")
-    return Lumping(shares, cells, mesh.nodes.shape[0])
+        return Lumping.of_line(len(cells_of(body.mesh)))
+    shares, cells = np.asarray(answer(element, "mass_shares", body), dtype=float), cells_of(body.mesh)
+    if shares.shape not in (cells.shape, cells.shape[1:]):
+        raise breach(
+            element, "mass_shares", f"mass_shares returned {shares.shape[-1]} shares of {cells.shape[1]} nodes"
+        )
+    return Lumping(np.broadcast_to(shares, cells.shape), cells, body.mesh.nodes.shape[0])
+
+
+def element_masses(element: Element, body: BodyMesh, density: float) -> Floats:
+    """Return the mass of each element of a body, (elements,)."""
+    if body.mesh.line is not None:
+        return density * body.section * body.mesh.lengths
+    masses: Floats = density * volumes_of(element, body).sum(axis=1)
+    return masses
 
 
 def volumes_of(element: Element, body: BodyMesh) -> Floats:
     """Return the volume of each quadrature point of each element, (elements, points) [length^3]; one of a bar."""
     if not isinstance(element, CellElement):
-        return (body.area * body.mesh.lengths)[:, None]
+        return (body.section * body.mesh.lengths)[:, None]
     return np.asarray(answer(element, "volumes", body), dtype=float)
 
 
@@ -104,7 +112,7 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
         rule=answer(element, "rule"),
         cells=np.concatenate(cells),
         coordinates=np.concatenate([body.mesh.nodes[of_body] for body, of_body in zip(bodies, cells, strict=True)]),
-        section=np.concatenate([np.full(len(of_body), body.area) for body, of_body in zip(bodies, cells, strict=True)]),
+        section=np.repeat([float(body.section) for body in bodies], [len(of_body) for of_body in cells]),
         volumes=np.concatenate(volumes),
         edges=np.cumsum([0, *map(len, cells)], dtype=np.int64),
         displacement=np.zeros((0, 0)),
@@ -195,7 +203,7 @@ def _axial_stiffness(element: CellElement, body: BodyMesh, modulus: float) -> Ca
             for sign, end in zip((-1.0, 1.0), ends, strict=True):
                 displacement = np.zeros_like(coordinates)
                 displacement[a] = sign * size * direction
-                force(rule, modulus, 0, body.area, coordinates, displacement, end)
+                force(rule, modulus, 0, body.section, coordinates, displacement, end)
             matrix[:, a] = (ends[0] - ends[1]) @ direction / (2.0 * size)
         return 0.5 * (matrix + matrix.T)
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from percuss.errors import InputError
 from percuss.lapack import lapack
-from percuss.mesh.banded_matrices import highest_eigenvalue, pencil_bands, times
-from percuss.mesh.cells import lumping_of
+from percuss.mesh.banded_matrices import bands, highest_eigenvalue, pencil_bands, times
+from percuss.mesh.cells import element_masses, has_cells, lumping_of
 from percuss.mesh.size_limits import within_limits
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import Mass
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.case.specs import BodySpec
     from percuss.mesh.body import Body
-    from percuss.methods.interfaces import Floats, Mesh
+    from percuss.methods.interfaces import BodyMesh, Floats
 
 SAME_TRANSLATION = 1e-9  # largest deviation of C m from 1 that counts as round-off
 
 
-def inverse_mass(case: Case, spec: BodySpec, mesh: Mesh, mass: Floats) -> Floats:
+def inverse_mass(case: Case, spec: BodySpec, body: BodyMesh, mass: Floats) -> Floats:
     """Return the bands of M^-1 of a body, (k + 1, nodes); (0, nodes) if its mass matrix is diagonal.
 
     Parameters
     ----------
-    case, spec, mesh
-        The case, the body and its mesh.
+    case, spec, body
+        The case, and the body in it.
     mass : (nodes,) array
         Its nodal masses.
 
@@ -51,16 +51,19 @@ def inverse_mass(case: Case, spec: BodySpec, mesh: Mesh, mass: Floats) -> Floats
     diagonal = np.zeros((0, mass.size))
     if type(method).inverse is Mass.inverse or not within_limits(mass).all():  # the latter are refused by their bounds
         return diagonal
-    if mesh.cells:
-        message = f"expected elements of two nodes with the mass {method.name}, found cells {', '.join(mesh.cells)}"
+    if has_cells(spec.element):
+        message = (
+            f"expected elements of two nodes with the mass {method.name}, found cells {', '.join(body.mesh.cells)}"
+        )
         advice = "It couples the nodes of lines of two-node elements alone: take another mass."
         raise InputError([case.problem(("bodies", spec.name), message, advice)])
-    band = answer(method, "inverse", spec.material.rho * spec.area * mesh.lengths, lumping_of(spec.element, mesh))
-    if band is None:
+    masses, lumping = element_masses(spec.element, body, spec.material.rho), lumping_of(spec.element, body)
+    matrix = answer(method, "inverse", masses, lumping)
+    if matrix is None:
         return diagonal
     if type(method).nodal_in_contact is not Mass.nodal_in_contact:
         raise breach(method, "inverse", "has both `inverse` and `nodal_in_contact`: an end without mass has no inverse")
-    band = np.ascontiguousarray(band, dtype=float)
+    band = bands(matrix)
     last = int(np.flatnonzero(band.any(axis=1)).max(initial=0))
     band = band[: last + 1]
     if lapack().dpbtrf(band, lower=1)[1]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import InputError
-from percuss.mesh.cells import lumping_of
+from percuss.mesh.cells import element_masses, has_cells, lumping_of
 from percuss.mesh.size_limits import within_limits
 from percuss.methods.interfaces import Mass
 from percuss.methods.plugin_calls import answer
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from percuss.case.case import Case
     from percuss.case.specs import BodySpec
-    from percuss.methods.interfaces import Floats, Mesh
+    from percuss.methods.interfaces import BodyMesh, Floats
 
 BALANCE = "an end without mass is in static balance with its contact at t_n"
 
@@ -36,13 +36,13 @@ def ends_at_contacts(case: Case) -> dict[str, set[str]]:
     return ends
 
 
-def nodal_masses(case: Case, spec: BodySpec, mesh: Mesh, ends: Collection[str]) -> tuple[Floats, Any]:
-    """Return the nodal masses of a body, and which of its nodes may have none, (n + 1,) each.
+def nodal_masses(case: Case, spec: BodySpec, body: BodyMesh, ends: Collection[str]) -> tuple[Floats, Any]:
+    """Return the nodal masses of a body, and which of its nodes may have none, (nodes,) each.
 
     Parameters
     ----------
-    case, spec, mesh
-        The case, the body and its mesh.
+    case, spec, body
+        The case, and the body in it.
     ends
         Ends of the body that are in contact, and on which nothing else acts.
 
@@ -51,8 +51,8 @@ def nodal_masses(case: Case, spec: BodySpec, mesh: Mesh, ends: Collection[str]) 
     InputError
         If the mass treats ends in contact in a way of its own, and the elements have more than two nodes.
     """
-    method, lumping = case.method.mass, lumping_of(spec.element, mesh)
-    element_mass = spec.material.rho * spec.area * mesh.lengths
+    method, lumping, mesh = case.method.mass, lumping_of(spec.element, body), body.mesh
+    element_mass = element_masses(spec.element, body, spec.material.rho)
     may_lack_mass = np.zeros(mesh.nodes.shape[0], dtype=bool)
     if not within_limits(element_mass).all():  # which is refused by its bounds
         return lumping.at_nodes(element_mass), may_lack_mass
@@ -60,11 +60,10 @@ def nodal_masses(case: Case, spec: BodySpec, mesh: Mesh, ends: Collection[str]) 
         may_lack_mass[list(mesh.regions[region].nodes)] = True
     if type(method).nodal_in_contact is Mass.nodal_in_contact or not may_lack_mass.any():
         return np.asarray(answer(method, "nodal", element_mass, lumping), dtype=float), np.zeros_like(may_lack_mass)
-    if mesh.cells:
+    if has_cells(spec.element):
         kinds = ", ".join(mesh.cells)
         message = f"expected elements of two nodes at ends in contact with the mass {method.name}, found cells {kinds}"
         advice = f"{BALANCE[0].upper()}{BALANCE[1:]}, which is solved for two-node elements alone: take another mass."
         raise InputError([case.problem(("bodies", spec.name), message, advice)])
-    first, last = bool(may_lack_mass[0]), bool(may_lack_mass[-1])
-    nodal = answer(method, "nodal_in_contact", element_mass, lumping, first, last)
+    nodal = answer(method, "nodal_in_contact", element_mass, lumping, may_lack_mass)
     return np.asarray(nodal, dtype=float), may_lack_mass

@@ -107,7 +107,7 @@ def _force_of_first_cell(
         first, last = u.reshape(2, -1)
         displacement = read_only((1.0 - places[:, None]) * first + places[:, None] * last)
         result = np.full(displacement.shape, np.nan)
-        force(rule, points, 0, mesh.area, coordinates, displacement, result)
+        force(rule, points, 0, mesh.section, coordinates, displacement, result)
         return result.ravel()
 
     return force_of

@@ -13,7 +13,7 @@ import numpy as np
 
 from percuss.case.options import LARGEST_NUMBER, SMALLEST_NUMBER, UNITS
 from percuss.errors import InputError, TooLargeError, refuse_if_any
-from percuss.mesh.cells import has_cells, mesh_of_element
+from percuss.mesh.cells import cells_of, has_cells, mesh_of_element
 from percuss.mesh.loads import ROUND_OFF
 from percuss.methods.plugin_calls import answer
 
@@ -74,8 +74,11 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
     try:
         count = answer(spec.shape, "element_count", case.refine)
         if count is None:
-            count = answer(spec.shape, "mesh", start, 1).lengths.size * case.refine if case.refine > 1 else 0
-        nodes = answer(spec.element, "reference_nodes").size - 1 if has_cells(spec.element) else 1  # for each element
+            dim = start.size if type(spec.shape).cell != "line" else 1
+            count = len(cells_of(answer(spec.shape, "mesh", start, 1))) * case.refine**dim if case.refine > 1 else 0
+        nodes = 1  # for each element
+        if has_cells(spec.element) and spec.shape.cell == "line":
+            nodes = answer(spec.element, "reference_nodes").size - 1
         size = float(BYTES_PER_NODE) * count * nodes * start.size
         path = path if fits_in_memory(size / case.refine) else body
         if fits_in_memory(size):

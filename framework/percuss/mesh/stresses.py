@@ -43,7 +43,7 @@ class ElementProbe:
         self.dim = mesh.mesh.nodes.shape[1]
         volumes = volumes_of(element, mesh)
         self.points_of_element = volumes.shape[1]
-        self.nodes_of_element = cells_of(mesh.mesh).shape[1] if mesh.mesh.cells else 2
+        self.nodes_of_element = cells_of(mesh.mesh).shape[1]
         self._points = points_at_rest(material, volumes.size)
         self._stresses: list[tuple[float, float]] = []  # of each call: stress, and volume of its point
         maker = Specialiser(plain_slots(material), jit=False)
@@ -107,7 +107,7 @@ def _force_of_cell(element: CellElement, mesh: BodyMesh, specialiser: Specialise
         shape = cells.shape[1], mesh.mesh.nodes.shape[1]
         first = number * points_of_cell
         coordinates = mesh.mesh.nodes[cells[number]]
-        force(rule, points, first, mesh.area, coordinates, displacement.reshape(shape), nodal.reshape(shape))
+        force(rule, points, first, mesh.section, coordinates, displacement.reshape(shape), nodal.reshape(shape))
 
     return force_of_cell
 
@@ -131,13 +131,13 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
     (T, E) array
         Stress, tension positive [force/length^2]; nan if an element does not call the stress kernel of its material.
     """
-    probe = ElementProbe(body.spec.element, body.spec.material, BodyMesh(body.mesh, body.spec.area))
+    probe = ElementProbe(body.spec.element, body.spec.material, body.view)
     times, count, nodes, dim = displacement.shape
     nodal_states = displacement.reshape(times, count, nodes * dim)
     field = np.empty((times, count))
     linear = not body.why_not_linear
     for column, number in enumerate(elements):
-        if linear and body.mesh.cells:  # as below, relative to the first node
+        if linear and body.of_cells:  # as below, relative to the first node
             size = PROBING_STRAIN * float(body.mesh.lengths[number])
             stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(nodes * dim)[dim:]]
             relative = displacement[:, column, 1:] - displacement[:, column, :1]
@@ -166,7 +166,7 @@ def tangent_as_declared(bodies: Iterable[Body]) -> bool:
     for body in bodies:
         if not body.why_not_linear:
             continue
-        probe = ElementProbe(body.spec.element, body.spec.material, BodyMesh(body.mesh, body.spec.area))
+        probe = ElementProbe(body.spec.element, body.spec.material, body.view)
         numbers = np.unique(np.linspace(0, body.stiffness.size - 1, PROBED_ELEMENTS).round().astype(np.int64))
         for number in numbers:
             nodes = body.mesh.nodes[body.element_nodes(np.array([number]))[0] - body.start]

@@ -21,9 +21,12 @@ CHANGES = {
     "number of the element in the call",
     4: "a mass is `nodal(element_mass, lumping)`: `lumping.at_nodes(element_mass)` gives the mass of each element to "
     "its nodes, half to each of two",
+    5: "a shape along a line returns `Mesh.of_line(nodes, lengths, direction, regions)`, `BodyMesh.area` is "
+    "`BodyMesh.section`, `mass_shares` of an element of cells receives the body, `nodal_in_contact` of a mass receives "
+    "one array, which says of each node whether it is in contact, and `inverse` returns a sparse array",
 }
 OLDEST = 2  # oldest supported contract; a method that states an older one is refused
-OLDEST_OF = {"elements": 3, "masses": 4}  # the same for families whose methods had to change later
+OLDEST_OF = {"shapes": 5, "elements": 5, "masses": 5}  # the same for families whose methods had to change later
 
 
 def admitted(family: str, offer: object) -> type[Component]:

@@ -20,7 +20,7 @@ import numpy as np
 from percuss.errors import PercussError
 from percuss.methods.blame import breach, described, line_in_plugin
 from percuss.methods.first_run import first_asked, is_watched
-from percuss.methods.interfaces import Component, Exact, Floats, LeapFrog, Lumping, Mesh
+from percuss.methods.interfaces import BodyMesh, Component, Exact, Floats, LeapFrog, Lumping, Mesh
 
 REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
 DEEPEST = 6  # levels of attributes up to which two answers are compared
@@ -157,6 +157,9 @@ def same(first: Any, second: Any, depth: int = 0) -> bool:
         return bits[0] == bits[1]
     if isinstance(first, str | bytes):
         return first == second  # type: ignore[no-any-return]
+    if hasattr(first, "tocoo"):  # a sparse array keeps what was found out about it, too
+        entries = first.tocoo(), second.tocoo()
+        first, second = ((matrix.shape, matrix.row, matrix.col, matrix.data) for matrix in entries)
     if isinstance(first, Mapping):
         first, second = list(first.items()), list(second.items())
     if isinstance(first, list | tuple):
@@ -244,10 +247,11 @@ def _follow_fault(value: object, _numbers: object, time: float, displacement: fl
 def _mesh_fault(mesh: object, at: Floats, _refine: float) -> str:
     if not isinstance(mesh, Mesh):
         return f"returned {_shown(mesh)}, expected a Mesh"
-    if mesh.cells:
-        kinds = ", ".join(mesh.cells)
-        return f"returned cells of the kind {kinds}: a shape makes a line of two-node cells, and leaves `cells` empty"
-    count, dim = np.size(mesh.lengths), np.size(at)
+    count, dim = len(next(iter(mesh.cells.values()), ())), np.size(at)
+    if mesh.line is None:
+        return _parts_fault([("`nodes`", mesh.nodes, (np.shape(mesh.nodes)[0], dim))])
+    if list(mesh.cells) != ["line"]:
+        return f"returned cells of the kind {', '.join(mesh.cells)}: along a line it makes a row, `Mesh.of_line`"
     shapes = {"lengths": (count,), "nodes": (count + 1, dim), "direction": (dim,)}
     return _parts_fault((f"`{name}`", getattr(mesh, name), shape) for name, shape in shapes.items())
 
@@ -262,36 +266,46 @@ def _reference_nodes_fault(value: Any) -> str:
     return ""
 
 
-def _shares_fault(value: Any) -> str:
-    fault = _numbers_fault(value, (max(np.size(value), 2),))
-    if not fault and abs(float(np.sum(value)) - 1.0) > 1e-12:
-        return f"returned shares whose sum is {float(np.sum(value)):.17g}, expected 1"
-    return fault
+def _count(body: BodyMesh) -> int:
+    return len(next(iter(body.mesh.cells.values())))
 
 
-def _nodal_in_contact_fault(value: Any, _element_mass: Floats, lumping: Lumping, first: bool, last: bool) -> str:
+def _shares_fault(value: Any, body: BodyMesh) -> str:
+    shape = (_count(body),) if np.ndim(value) == 2 else ()
+    fault = _numbers_fault(value, (*shape, max(np.shape(value)[-1:], (2,))[0]))
+    if fault:
+        return fault
+    sums = np.atleast_1d(np.sum(value, axis=-1))
+    worst = int(np.argmax(np.abs(sums - 1.0)))
+    return f"returned shares whose sum is {sums[worst]:.17g}, expected 1" if abs(sums[worst] - 1.0) > 1e-12 else ""
+
+
+def _nodal_in_contact_fault(value: Any, _element_mass: Floats, lumping: Lumping, in_contact: Any) -> str:
     fault = _numbers_fault(value, (lumping.nodes,))
     if fault:
         return fault
-    may_be_zero = np.zeros(np.size(value), dtype=bool)
-    may_be_zero[0], may_be_zero[-1] = first, last
-    without = [int(node) for node in np.flatnonzero((np.asarray(value) == 0.0) & ~may_be_zero)]
+    without = [int(node) for node in np.flatnonzero((np.asarray(value) == 0.0) & ~in_contact)]
     if without:
         return f"returned no mass at node {without[0]}, expected some at every node except an end in contact"
     return "" if np.any(value) else "returned no mass at all"
 
 
-def _inverse_fault(value: object, _element_mass: Floats, lumping: Lumping) -> str:
+def _inverse_fault(value: Any, _element_mass: Floats, lumping: Lumping) -> str:
     if value is None:
         return ""
-    bands = max(value.shape[0], 1) if isinstance(value, np.ndarray) and value.ndim == 2 else 1
-    fault = _numbers_fault(value, (bands, lumping.nodes))
-    if fault:
+    from scipy.sparse import issparse
+
+    size = lumping.nodes
+    if not issparse(value):
+        return f"returned {_shown(value)}, expected a sparse array of SciPy"
+    if value.shape != (size, size):
+        return f"returned a sparse array of shape {value.shape}, expected {(size, size)}"
+    if fault := _numbers_fault(value.tocoo().data, (value.nnz,)):
         return fault
-    ended = [k for k in range(1, bands) if np.any(np.asarray(value)[k, max(lumping.nodes - k, 0) :])]
-    if ended:
-        return f"returned an off-diagonal {ended[0]} longer than the matrix, expected 0 in its last {ended[0]} places"
-    return ""
+    matrix = value.tocsr()
+    return (
+        "" if abs(matrix - matrix.T).max() <= 1e-12 * abs(matrix).max() else "returned a matrix that is not symmetric"
+    )
 
 
 def _reason_fault(value: object, *_arguments: object) -> str:
@@ -337,15 +351,13 @@ CHECKS: dict[tuple[str, str], Callable[..., str]] = {
     ("masses", "nodal"): lambda value, _mass, lumping: _numbers_fault(value, (lumping.nodes,)),
     ("masses", "nodal_in_contact"): _nodal_in_contact_fault,
     ("masses", "inverse"): _inverse_fault,
-    ("elements", "bind"): lambda value, body: _arrays_fault(value, (body.mesh.lengths.size,)),
+    ("elements", "bind"): lambda value, body: _arrays_fault(value, (_count(body),)),
     ("elements", "rule"): _arrays_fault,
     ("elements", "reference_nodes"): _reference_nodes_fault,
     ("elements", "mass_shares"): _shares_fault,
-    ("elements", "volumes"): lambda value, body: _numbers_fault(
-        value, (body.mesh.lengths.size, *(np.shape(value)[1:2] or (1,)))
-    ),
-    ("elements", "axial_stiffness"): lambda value, body, _modulus: _numbers_fault(value, (body.mesh.lengths.size,)),
-    ("elements", "highest_frequency"): lambda value, body, _speed: _numbers_fault(value, (body.mesh.lengths.size,)),
+    ("elements", "volumes"): lambda value, body: _numbers_fault(value, (_count(body), *(np.shape(value)[1:2] or (1,)))),
+    ("elements", "axial_stiffness"): lambda value, body, _modulus: _numbers_fault(value, (_count(body),)),
+    ("elements", "highest_frequency"): lambda value, body, _speed: _numbers_fault(value, (_count(body),)),
     ("materials", "parameters"): lambda value: _numbers_fault(value, np.shape(value)[:1] or (1,)),
     ("solutions", "covers"): _reason_fault,
     ("solutions", "too_costly"): _reason_fault,

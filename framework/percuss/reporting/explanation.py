@@ -137,7 +137,7 @@ def _body(body: Body) -> Fact:
         "why_not_linear": body.why_not_linear,
     }
     size = f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
-    nodes = f" of {cells_of(body.mesh).shape[1]} nodes" if body.mesh.cells else ""
+    nodes = f" of {cells_of(body.mesh).shape[1]} nodes" if body.of_cells else ""
     moves = f", velocity {found(spec.velocity)}" if np.any(body.velocity) else ""
     fixed = f", fixed at {', '.join(spec.fixed)}" if spec.fixed else ""
     waves = ", ".join(f"{name} {value[name]:.6g}" for name in ("transit", "impedance"))
@@ -159,7 +159,7 @@ def _step(model: Model, verdict: Certificate) -> Fact:
     element = int(np.argmax(body.frequency))
     smallest = 2.0 / model.omega
     where = "every element" if np.ptp(body.frequency) <= 1e-9 * model.omega else f"element {element}"
-    size = "2/omega" if body.mesh.cells else "h/c"  # omega is the highest frequency, 2c/h of a two-node bar
+    size = "2/omega" if body.of_cells else "h/c"  # omega is the highest frequency, 2c/h of a two-node bar
     how = f"dt = {model.dt:.9g}"
     if time.step is not None:
         how += " as given, "
@@ -167,7 +167,7 @@ def _step(model: Model, verdict: Certificate) -> Fact:
         found_step = model.dt / SHARE_OF_CRITICAL_STEP
         how += f", chosen as {SHARE_OF_CRITICAL_STEP} of the critical step {found_step:.9g}: "
     else:
-        how = f"dt = {model.courant:.6g} {'* ' if body.mesh.cells else ''}{size} = {model.dt:.9g}, "
+        how = f"dt = {model.courant:.6g} {'* ' if body.of_cells else ''}{size} = {model.dt:.9g}, "
     value = {
         "dt": model.dt,
         "courant": model.courant,
@@ -281,7 +281,7 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
 
 def _names_at_end(model: Model, contact_pair: ContactPair) -> tuple[str, str, str]:
     """Return the names of stiffness, mass and frequency of the ends in contact (`ContactPoints`)."""
-    if any(model.body_of(node).mesh.cells for node in contact_pair.nodes):
+    if any(model.body_of(node).of_cells for node in contact_pair.nodes):
         return "m omega^2 / 2", "m", "omega"
     return "EA/h", "rho A h / 2", "2c/h"
 

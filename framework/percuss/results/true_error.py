@@ -143,7 +143,7 @@ def displacement_error(model: Model, solution: Exact, displacement: Floats, time
     error = size = 0.0
     for body in model.bodies.values():
         spacing = body.mesh.lengths
-        if body.mesh.cells:
+        if body.of_cells:
             spacing = np.diff((body.mesh.nodes - body.mesh.nodes[0]) @ body.mesh.direction)
         along = np.concatenate([[0.0], np.cumsum(spacing)])
         weight = np.zeros(along.size)

@@ -158,7 +158,7 @@ def _is_uniform(body: Body) -> bool:
     The kernels of a third-party plug-in are called in every step, whatever they declare: the run shows what they
     compute.
     """
-    if body.mesh.cells:
+    if body.of_cells:
         return False
     stiffness, inner_mass = body.stiffness, body.mass[1:-1]
     return not (

@@ -38,12 +38,12 @@ class BarElement(Element):
         """Return inverse length, area and direction of each element."""
         lengths = body.mesh.lengths
         return BarArrays(
-            1.0 / lengths, np.full(lengths.size, body.area), np.tile(body.mesh.direction, (lengths.size, 1))
+            1.0 / lengths, np.full(lengths.size, body.section), np.tile(body.mesh.direction, (lengths.size, 1))
         )
 
     def axial_stiffness(self, body: BodyMesh, modulus: float) -> Floats:
         """Return E A / h."""
-        return modulus * body.area / body.mesh.lengths
+        return modulus * body.section / body.mesh.lengths
 
     def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:
         """Return 2 c / h."""

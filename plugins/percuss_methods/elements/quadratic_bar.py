@@ -49,17 +49,13 @@ class QuadraticBarElement(CellElement):
         """Return the ends and the middle."""
         return np.array([0.0, 1.0, 0.5])
 
-    def mass_shares(self) -> Floats:
+    def mass_shares(self, body: BodyMesh) -> Floats:  # noqa: ARG002
         """Return the row sums of the consistent mass."""
         return np.array([1.0, 1.0, 4.0]) / 6.0
 
     def volumes(self, body: BodyMesh) -> Floats:
         """Return half of the volume for each of the two points."""
-        return np.outer(body.area * body.mesh.lengths, [0.5, 0.5])
-
-    def axial_stiffness(self, body: BodyMesh, modulus: float) -> Floats:
-        """Return E A / h."""
-        return modulus * body.area / body.mesh.lengths
+        return np.outer(body.section * body.mesh.lengths, [0.5, 0.5])
 
     def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:
         """Return sqrt(24) c / h."""

@@ -59,17 +59,13 @@ class SpectralBarElement(CellElement):
         """Return the Gauss-Lobatto-Legendre points, the ends first."""
         return lobatto(self.order)[0]
 
-    def mass_shares(self) -> Floats:
+    def mass_shares(self, body: BodyMesh) -> Floats:  # noqa: ARG002
         """Return the weights of the points."""
         return lobatto(self.order)[1]
 
     def volumes(self, body: BodyMesh) -> Floats:
         """Return the volume times the weight of each point."""
-        return np.outer(body.area * body.mesh.lengths, lobatto(self.order)[1])
-
-    def axial_stiffness(self, body: BodyMesh, modulus: float) -> Floats:
-        """Return E A / h."""
-        return modulus * body.area / body.mesh.lengths
+        return np.outer(body.section * body.mesh.lengths, lobatto(self.order)[1])
 
     def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:
         """Return the highest frequency of each element by itself, which is that of a uniform bar."""

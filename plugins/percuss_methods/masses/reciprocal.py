@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
-
-import numpy as np
+from typing import TYPE_CHECKING, Annotated, Any
 
 from percuss import Doc, Ge, Le, Mass, Unit
 
@@ -56,15 +54,16 @@ class Reciprocal(Mass):
         """Return the nodal masses, (nodes,), of a body that moves as a whole, from the element masses, (n,) [mass]."""
         return lumping.at_nodes(element_mass)
 
-    def inverse(self, element_mass: Floats, lumping: Lumping) -> Floats | None:
-        """Return the diagonal of M^-1 and the one beside it, (2, nodes) [1/mass]."""
+    def inverse(self, element_mass: Floats, lumping: Lumping) -> Any:
+        """Return M^-1, which is tridiagonal, (nodes, nodes) [1/mass]."""
         if self.consistency == 0.0:
             return None
+        from scipy.sparse import diags_array
+
         lumped = lumping.at_nodes(element_mass)
         # A_e M_e^-1 A_e is m_e / 4 [[1 + s, 1 - s], [1 - s, 1 + s]]: s is how much lighter an element is when it
         # stretches than when it moves.
         lighter = 1.0 / (1.0 - 2.0 / 3.0 * self.consistency)
-        bands = np.zeros((2, lumped.size))
-        bands[0] = 0.5 * (1.0 + lighter) / lumped
-        bands[1, :-1] = 0.25 * (1.0 - lighter) * element_mass / (lumped[:-1] * lumped[1:])
-        return bands
+        diagonal = 0.5 * (1.0 + lighter) / lumped
+        beside = 0.25 * (1.0 - lighter) * element_mass / (lumped[:-1] * lumped[1:])
+        return diags_array([beside, diagonal, beside], offsets=[-1, 0, 1])

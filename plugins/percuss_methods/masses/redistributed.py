@@ -10,6 +10,8 @@ import numpy as np
 from percuss import Doc, Mass
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from percuss import Floats, Lumping
 
 LEAST_SHARE = 0.5  # of its lumped mass that every node keeps
@@ -63,16 +65,15 @@ class Redistributed(Mass):
         """Return the nodal masses of a body without contact, (nodes,), from the element masses, (n,) [mass]."""
         return lumping.at_nodes(element_mass)
 
-    def nodal_in_contact(self, element_mass: Floats, lumping: Lumping, first: bool, last: bool) -> Floats:
+    def nodal_in_contact(self, element_mass: Floats, lumping: Lumping, in_contact: NDArray[np.bool_]) -> Floats:
         """Return the nodal masses of a body with one end or both in contact, (nodes,) [mass]."""
         lumped = self.nodal(element_mass, lumping)
-        ends = np.zeros(lumped.size, dtype=bool)
-        ends[0], ends[-1] = first, last
+        ends = in_contact
         if ends.all():
             return lumped
         if self.moved_to == "neighbour":
-            lumped[1] += first * lumped[0]
-            lumped[-2] += last * lumped[-1]
+            lumped[1] += ends[0] * lumped[0]
+            lumped[-2] += ends[-1] * lumped[-1]
             return np.where(ends, 0.0, lumped)
         rest = ~ends
         position = np.append(0.0, np.cumsum(element_mass)) / element_mass.sum() - 0.5

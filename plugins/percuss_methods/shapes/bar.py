@@ -65,7 +65,7 @@ class Bar(Shape):
             lengths = self.grading ** (np.arange(n) / (n - 1))
             lengths *= self.length / lengths.sum()
         along = np.append(np.concatenate([[0.0], np.cumsum(lengths[:-1])]), self.length)
-        return Mesh(
+        return Mesh.of_line(
             nodes=at + along[:, None] * direction,
             lengths=lengths,
             direction=direction,

@@ -33,11 +33,11 @@ class Leaking(Element):
     def bind(self, body: BodyMesh) -> LeakingArrays:
         """Return length, area and direction of each element."""
         h = body.mesh.lengths
-        return LeakingArrays(h, np.full(h.size, body.area), np.tile(body.mesh.direction, (h.size, 1)))
+        return LeakingArrays(h, np.full(h.size, body.section), np.tile(body.mesh.direction, (h.size, 1)))
 
     def axial_stiffness(self, body: BodyMesh, modulus: float) -> Floats:
         """Return E A / h."""
-        return modulus * body.area / body.mesh.lengths
+        return modulus * body.section / body.mesh.lengths
 
     def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:
         """Return 2 c / h."""

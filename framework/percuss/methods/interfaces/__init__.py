@@ -25,6 +25,7 @@ from percuss.methods.interfaces.body import (
     BodyMesh,
     CellElement,
     Element,
+    Line,
     Lumping,
     Mass,
     Material,

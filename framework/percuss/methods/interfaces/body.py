@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from percuss.methods.interfaces.base import Component, Floats, Integers
 
@@ -34,34 +35,80 @@ class Region(NamedTuple):
     facets: Mapping[str, Integers] = NO_CELLS
 
 
+class Line(NamedTuple):
+    """What a body along a line knows of it beside its nodes.
+
+    Attributes
+    ----------
+    lengths : (n,) array
+        Element lengths [length].
+    direction : (dim,) array
+        Unit vector along the line.
+    """
+
+    lengths: Floats
+    direction: Floats
+
+
 class Mesh(NamedTuple):
     """The mesh of a body: nodes, cells between them, and named regions of its boundary.
 
-    A shape makes a line of two-node cells, where cell i joins nodes i and i + 1, and leaves `cells` empty. Where the
-    element of the body has more nodes, percuss adds them between those of the shape, numbers all nodes along the line,
-    and writes down the cells.
+    A shape along a line makes a row of two-node cells, `of_line`. Where the element of the body has more nodes, percuss
+    adds them between those of the shape, numbers all nodes along the line, and writes down the cells. Any other shape
+    makes all nodes and cells itself.
 
     Attributes
     ----------
     nodes : (nodes, dim) array
         Positions [length].
-    lengths : (n,) array
-        Element lengths [length].
-    direction : (dim,) array
-        Unit vector along the line.
-    regions
-        Named ends; a case refers to places of a body only as ``BODY.REGION``.
     cells
         Node numbers of each cell, (cells, nodes of a cell), by kind of cell. Kinds have the names and the order of
-        nodes of VTK and meshio (``line``, ``line3``, ``line4``, ...: the ends first, then the nodes between them).
-        Empty for a line of two-node cells.
+        nodes of VTK and meshio: ``line``, ``line3``, ``line4``, ... (the ends first, then the nodes between them),
+        ``triangle``, ``quad``, ``tetra``, ``hexahedron``.
+    regions
+        Named parts of the boundary; a case refers to places of a body only as ``BODY.REGION``.
+    line
+        Lengths and direction of a body along a line; None for any other body.
     """
 
     nodes: Floats
-    lengths: Floats
-    direction: Floats
+    cells: Mapping[str, Integers]
     regions: Mapping[str, Region]
-    cells: Mapping[str, Integers] = NO_CELLS
+    line: Line | None = None
+
+    @classmethod
+    def of_line(cls, nodes: Floats, lengths: Floats, direction: Floats, regions: Mapping[str, Region]) -> Mesh:
+        """Return a row of two-node cells along a line, where cell i joins nodes i and i + 1.
+
+        Parameters
+        ----------
+        nodes : (n + 1, dim) array
+            Positions [length].
+        lengths : (n,) array
+            Element lengths [length].
+        direction : (dim,) array
+            Unit vector along the line.
+        regions
+            Named ends.
+        """
+        first = np.arange(np.size(lengths), dtype=np.int64)
+        return cls(nodes, {"line": np.stack([first, first + 1], axis=1)}, regions, Line(lengths, direction))
+
+    @property
+    def lengths(self) -> Floats:
+        """Element lengths of a body along a line, (n,)."""
+        return self._along.lengths
+
+    @property
+    def direction(self) -> Floats:
+        """Unit vector along the line, (dim,)."""
+        return self._along.direction
+
+    @property
+    def _along(self) -> Line:
+        if self.line is None:
+            raise TypeError(f"a mesh of {', '.join(self.cells)} cells is not along a line")
+        return self.line
 
 
 class Shape(Component, contract="shapes"):
@@ -70,13 +117,16 @@ class Shape(Component, contract="shapes"):
     Attributes
     ----------
     regions
-        Names of the ends of the body.
+        Names of the parts of the boundary: the ends of a body along a line.
+    cell
+        Kind of the cells that it makes; ``line`` for a body along a line.
     without_mesh
         Options that only control the mesh, with the values used if only an exact solution is computed and the case
         leaves these options out.
     """
 
     regions: ClassVar[tuple[str, ...]]
+    cell: ClassVar[str] = "line"
     without_mesh: ClassVar[Mapping[str, Any]] = {}
 
     @abstractmethod
@@ -188,13 +238,14 @@ class BodyMesh:
     Attributes
     ----------
     mesh : Mesh
-        Nodes, element lengths and direction.
-    area : float
-        Area of the cross-section [length^2].
+        Nodes and cells.
+    section : float
+        Area of the cross-section of a body along a line [length^2]; the thickness of a body in two dimensions [length];
+        1 in three.
     """
 
     mesh: Mesh
-    area: float
+    section: float
 
 
 class Element(Component, contract="elements"):
@@ -259,13 +310,14 @@ class Element(Component, contract="elements"):
 
 
 class CellElement(Element, contract="elements"):
-    """An element of any number of nodes, whose kernel sees one cell at a time.
+    """An element of any number of nodes in any dimension, whose kernel sees one cell at a time.
 
-    percuss makes the nodes, gathers coordinates and displacements of each cell, calls the kernel, and adds the forces
-    that it sets to those of the neighbours. The kernel ``force(rule, material, first, section, coordinates,
-    displacement, force)`` *sets* `force` to the forces of the strained cell on its nodes. It calls the material once
-    for each of its quadrature points by the slot ``percuss.stress(material, first + q, strain)``, with q from 0. The
-    state variables of a material belong to these points.
+    percuss gathers coordinates and displacements of each cell, calls the kernel, and adds the forces that it sets to
+    those of the neighbours. It makes the nodes of a cell along a line that lie between those of the shape. The kernel
+    ``force(rule, material, first, section, coordinates, displacement, force)`` *sets* `force` to the forces of the
+    strained cell on its nodes. It calls the material once for each of its quadrature points by the slot
+    ``percuss.stress(material, first + q, strain)``, with q from 0. The state variables of a material belong to these
+    points.
 
     The strain energy of a cell is the sum over its points of their `volumes` times the energy density of the material
     at the strain with which the kernel calls `stress`. The element stress in a result is the mean of the stresses of
@@ -283,13 +335,19 @@ class CellElement(Element, contract="elements"):
     def rule(self) -> Any:
         """Return the arrays that the kernel reads of every cell: a NamedTuple that follows from the options."""
 
-    @abstractmethod
     def reference_nodes(self) -> Floats:
-        """Return the positions of the nodes along a cell, (nodes,): 0 and 1 of the ends, then those between them."""
+        """Return the positions of the nodes along a cell, (nodes,): 0 and 1 of the ends, then those between them.
+
+        It is asked of cells along a line alone.
+        """
+        raise NotImplementedError
 
     @abstractmethod
-    def mass_shares(self) -> Floats:
-        """Return the share of each node in the mass of its cell, (nodes,), in the order of `reference_nodes`."""
+    def mass_shares(self, body: BodyMesh) -> Floats:
+        """Return the share of each node in the mass of its cell, in the order of nodes of a cell.
+
+        (nodes,) where it is the same in all cells, else (cells, nodes).
+        """
 
     @abstractmethod
     def volumes(self, body: BodyMesh) -> Floats:
@@ -317,10 +375,14 @@ class CellElement(Element, contract="elements"):
         first
             Number of the first quadrature point of the cell.
         section
-            Area of the cross-section [length^2].
+            That of the body, `BodyMesh.section`.
         coordinates, displacement, force : (nodes, dim) arrays
-            Of the nodes of the cell, in the order of `reference_nodes`.
+            Of the nodes of the cell.
         """
+
+    def axial_stiffness(self, body: BodyMesh, modulus: float) -> Floats:
+        """Return EA/h of each cell along a line, (elements,) [force/length]."""
+        return modulus * body.section / body.mesh.lengths
 
     # `rule`, `volumes` and the mesh are all that percuss reads of a cell, and it adds up forces and energies itself.
     bind = internal_force = energy = None  # type: ignore[assignment]
@@ -332,8 +394,8 @@ class Lumping:
 
     Attributes
     ----------
-    shares : (nodes of a cell,) array
-        Share of each node of a cell in its mass; 1/2 and 1/2 for a two-node element.
+    shares : (n, nodes of a cell) array
+        Share of each node of each element in its mass; 1/2 and 1/2 for a two-node element.
     cells : (n, nodes of a cell) array
         Nodes of each element.
     nodes
@@ -348,13 +410,13 @@ class Lumping:
     def of_line(cls, count: int) -> Lumping:
         """Return that of a line of two-node elements."""
         first = np.arange(count)
-        return cls(np.array([0.5, 0.5]), np.stack([first, first + 1], axis=1), count + 1)
+        return cls(np.full((count, 2), 0.5), np.stack([first, first + 1], axis=1), count + 1)
 
     def at_nodes(self, element_mass: Floats) -> Floats:
         """Return the (nodes,) masses that the (n,) masses of the elements leave at the nodes [mass]."""
         nodal = np.zeros(self.nodes)
-        for share, nodes in zip(self.shares, self.cells.T, strict=True):
-            nodal += np.bincount(nodes, share * element_mass, minlength=self.nodes)
+        for shares, nodes in zip(self.shares.T, self.cells.T, strict=True):
+            nodal += np.bincount(nodes, shares * element_mass, minlength=self.nodes)
         return nodal
 
 
@@ -362,7 +424,7 @@ class Mass(Component, contract="masses"):
     """A rule that turns element masses into nodal masses, and may couple neighbouring nodes.
 
     An explicit step needs the inverse of the mass matrix. Of `nodal` it is diagonal; a rule that overrides `inverse`
-    gives a banded one instead, as reciprocal mass matrices are.
+    gives a sparse one instead, as reciprocal mass matrices are.
 
     An end in contact may have no mass: such a rule overrides `nodal_in_contact`, and percuss keeps that end in static
     balance with its contact, in the same equation as all other contacts (`percuss.ContactPoints.delassus`).
@@ -380,8 +442,8 @@ class Mass(Component, contract="masses"):
             How its elements share their mass among their nodes: ``lumping.at_nodes(element_mass)`` is row-sum lumping.
         """
 
-    def nodal_in_contact(self, element_mass: Floats, lumping: Lumping, first: bool, last: bool) -> Floats:  # noqa: ARG002
-        """Return the (nodes,) nodal masses of a body of which one end or both are in contact; by default `nodal`.
+    def nodal_in_contact(self, element_mass: Floats, lumping: Lumping, in_contact: NDArray[np.bool_]) -> Floats:  # noqa: ARG002
+        """Return the (nodes,) nodal masses of a body with nodes in contact; by default `nodal`.
 
         It is asked of lines of two-node elements alone; with more nodes a mass that overrides it is refused.
 
@@ -389,15 +451,14 @@ class Mass(Component, contract="masses"):
         ----------
         element_mass, lumping
             As of `nodal`.
-        first, last
-            Whether the first and the last node are in contact, and nothing else acts there: no support, no drive and
-            no load. At least one of them is. The mass of such a node, and of no other, may be 0; the node beside it
-            then has mass.
+        in_contact : (nodes,) bool array
+            Whether a node is in contact, and nothing else acts there: no support, no drive and no load. At least one
+            is. The mass of such a node, and of no other, may be 0; the node beside it then has mass.
         """
         return self.nodal(element_mass, lumping)
 
-    def inverse(self, element_mass: Floats, lumping: Lumping) -> Floats | None:  # noqa: ARG002
-        """Return the bands of M^-1 of a body; None, as by default, if M is the diagonal matrix of `nodal`.
+    def inverse(self, element_mass: Floats, lumping: Lumping) -> Any:  # noqa: ARG002
+        """Return M^-1 of a body as a sparse array of SciPy; None, as by default, if M is diagonal, as `nodal` says.
 
         It is asked of lines of two-node elements alone; with more nodes a mass that overrides it is refused.
 
@@ -408,10 +469,8 @@ class Mass(Component, contract="masses"):
 
         Returns
         -------
-        (k + 1, nodes) array or None
-            The diagonal of the symmetric matrix, then its k off-diagonals, the entry of column j in place j, with
-            zeros where a row has ended [1/mass]. The matrix is positive definite, and ``M^-1 m = 1`` for the masses m
-            of `nodal`: a body that moves as a whole has their sum, and falls as it would with them. percuss refuses a
-            matrix that breaks this.
+        (nodes, nodes) sparse array or None
+            The symmetric, positive definite matrix [1/mass]. ``M^-1 m = 1`` for the masses m of `nodal`: a body that
+            moves as a whole has their sum, and falls as it would with them. percuss refuses a matrix that breaks this.
         """
         return None

@@ -339,7 +339,7 @@ def refusals(model: ModelArrays) -> Iterator[RefusedPair]:
             reason = f"{what}, and an end without mass is in static balance with it"
         for node in bodies.values():
             body = model.body_of(node)
-            if body.mesh.cells:
+            if body.of_cells:
                 reason = f"{what}, which is known of two-node elements alone: body '{body.name}' has {_kinds(body)}"
             elif body.why_not_linear:
                 reason = f"{what} by their stiffness, and {body.why_not_linear}"

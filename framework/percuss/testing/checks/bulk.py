@@ -10,7 +10,6 @@ import numpy as np
 
 from percuss.compiler.specialise import Specialiser
 from percuss.errors import RunError
-from percuss.mesh.banded_matrices import reversed_band, times
 from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.cells import (
     PROBING_STRAIN,
@@ -25,7 +24,7 @@ from percuss.mesh.cells import (
 from percuss.mesh.material_points import points_at_rest
 from percuss.mesh.materials import material_slots
 from percuss.mesh.stresses import ElementProbe
-from percuss.methods.interfaces import BodyMesh, Lumping, Mass, Mesh, Region
+from percuss.methods.interfaces import BodyMesh, Line, Lumping, Mass, Mesh, Region
 from percuss.methods.plugin_calls import answer
 from percuss.testing.draws import must_balance, on_chains
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
@@ -45,7 +44,7 @@ def line(count: int, dim: int = 1) -> Mesh:
     lengths = 0.1 * (1.0 + 0.2 * np.cos(np.arange(count)))
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     regions = {"left": Region((0,), -direction), "right": Region((count,), direction)}
-    return Mesh(along[:, None] * direction, lengths, direction, regions)
+    return Mesh.of_line(along[:, None] * direction, lengths, direction, regions)
 
 
 # ----------------------------------------------------------------------------------------------------- shapes
@@ -273,13 +272,13 @@ def check_cells(subject: Subject) -> None:
         if not has_cells(element):
             raise NotApplicable("it is a two-node element, with one point and half of its mass at each node")
         body = BodyMesh(mesh_of_element(element, line(3)), 1.3)
-        places, shares = np.asarray(element.reference_nodes()), np.asarray(element.mass_shares())
+        places, shares = np.asarray(element.reference_nodes()), np.asarray(element.mass_shares(body))
         if shares.shape != places.shape or not (shares > 0).all() or abs(shares.sum() - 1.0) > CLOSE:
             raise CheckFailed(f"its {places.size} nodes have the shares {shares} of its mass")
         if abs(float(shares @ places) - 0.5) > CLOSE:
             raise CheckFailed(f"the centre of mass of a cell is at {float(shares @ places):.6g} of its length")
-        missing = np.asarray(element.volumes(body)).sum(axis=1) - body.area * body.mesh.lengths
-        if np.abs(missing).max() > CLOSE * body.area * body.mesh.lengths.max():
+        missing = np.asarray(element.volumes(body)).sum(axis=1) - body.section * body.mesh.lengths
+        if np.abs(missing).max() > CLOSE * body.section * body.mesh.lengths.max():
             raise CheckFailed("the volumes of the quadrature points of a cell do not add up to its volume")
 
 
@@ -395,12 +394,13 @@ def check_frequency(subject: Subject) -> None:
         axial = answer(element, "axial_stiffness", body, material.modulus)
         for e in range(4):
             length = body.mesh.lengths[e : e + 1]
-            alone = line(1)._replace(nodes=np.array([[0.0], [float(length[0])]]), lengths=length)
+            nodes = np.array([[0.0], [float(length[0])]])
+            alone = line(1)._replace(nodes=nodes, line=Line(length, np.ones(1)))
             kernels = _BodyKernels(element, material, alone)
             # the symmetric difference quotient, because at rest the slope itself may change
             steps = 1e-6 * np.eye(kernels.along.size)
             stiffness = np.array([kernels.force(-step) - kernels.force(step) for step in steps]) / 2e-6
-            nodal = mass.nodal(material.rho * 1.3 * length, lumping_of(element, kernels.body.mesh))
+            nodal = mass.nodal(material.rho * 1.3 * length, lumping_of(element, kernels.body))
             exact = float(np.sqrt(np.linalg.eigvals(stiffness / nodal[:, None]).real.max()))
             if not exact * (1.0 - 1e-6) <= upper_bound[e] <= 1.5 * exact:
                 raise CheckFailed(f"it gives the frequency {upper_bound[e]:.6g} for an element with {exact:.6g}")
@@ -462,7 +462,8 @@ def _lumping(count: int, *, three_nodes: bool) -> Lumping:
     if not three_nodes:
         return Lumping.of_line(count)
     first = 2 * np.arange(count)
-    return Lumping(np.array([1.0, 1.0, 4.0]) / 6.0, np.stack([first, first + 2, first + 1], axis=1), 2 * count + 1)
+    shares = np.tile(np.array([1.0, 1.0, 4.0]) / 6.0, (count, 1))
+    return Lumping(shares, np.stack([first, first + 2, first + 1], axis=1), 2 * count + 1)
 
 
 @check("masses")
@@ -478,11 +479,12 @@ def check_masses_in_contact(subject: Subject) -> None:
         for element_mass in (unlike, unlike[:1], unlike[:2], np.ones(9)):
             lumping = Lumping.of_line(element_mass.size)
             for first, last in ((True, False), (False, True), (True, True)):
+                in_contact = np.array([first, *[False] * (element_mass.size - 1), last])
                 both = [
-                    answer(mass, "nodal_in_contact", element_mass, lumping, first, last),
-                    answer(mass, "nodal_in_contact", element_mass[::-1], lumping, last, first),
+                    answer(mass, "nodal_in_contact", element_mass, lumping, in_contact),
+                    answer(mass, "nodal_in_contact", element_mass[::-1], lumping, in_contact[::-1]),
                 ]
-                massive = np.array([not first, *[True] * (element_mass.size - 1), not last])
+                massive = ~in_contact
                 total = float(np.sum(mass.nodal(element_mass.copy(), lumping)))
                 which = " and ".join(name for name, touches in (("first", first), ("last", last)) if touches)
                 _check_nodal(both, massive, total, f"{element_mass.size} elements with the {which} node in contact")
@@ -524,9 +526,10 @@ def check_units_of_mass(subject: Subject) -> None:
     ends = list(itertools.product((False, True), repeat=2))
     for options, elements, (first, last) in itertools.product(subject.examples, lines, ends):
         mass, lumping = subject.make(options), Lumping.of_line(elements.size)
-        nodal = np.asarray(mass.nodal_in_contact(elements.copy(), lumping, first, last), dtype=float)
+        in_contact = np.array([first, *[False] * (elements.size - 1), last])
+        nodal = np.asarray(mass.nodal_in_contact(elements.copy(), lumping, in_contact), dtype=float)
         for factor in UNITS_OF_MASS:
-            other = np.asarray(mass.nodal_in_contact(factor * elements, lumping, first, last), dtype=float) / factor
+            other = np.asarray(mass.nodal_in_contact(factor * elements, lumping, in_contact), dtype=float) / factor
             if not np.allclose(nodal, other, rtol=CLOSE, atol=CLOSE * nodal.max()):
                 where = f"{elements.size} elements, with the first node in contact {first} and the last {last},"
                 raise CheckFailed(f"{where} have the masses {nodal}, and {other} in a unit of 1/{factor:g}")
@@ -541,23 +544,23 @@ def _couples_nodes(subject: Subject) -> bool:
 def check_inverse_mass(subject: Subject) -> None:
     """The inverse mass moves whole bodies.
 
-    The inverse of a mass that couples nodes is the same if counted from the other end. Its bands fit the line, it
-    is positive definite, and ``M^-1 m = 1`` for the masses m of the nodes.
+    The inverse of a mass that couples nodes is the same if counted from the other end. It is positive
+    definite, and ``M^-1 m = 1`` for the masses m of the nodes.
     """
     if not _couples_nodes(subject):
         raise NotApplicable("its mass matrix is diagonal")
     for options, mass in subject.made():
         for element_mass in (np.array([2.0, 1.0, 4.0, 0.5, 3.0]), np.array([2.0, 1.0]), np.ones(9)):
             lumping = Lumping.of_line(element_mass.size)
-            band, mirrored = (answer(mass, "inverse", masses, lumping) for masses in (element_mass, element_mass[::-1]))
-            if band is None and mirrored is None:
+            found = [answer(mass, "inverse", masses, lumping) for masses in (element_mass, element_mass[::-1])]
+            if found == [None, None]:
                 continue
             where = f"{element_mass.size} elements with {options}"
-            band = np.asarray(band, dtype=float)
-            if not np.allclose(band, reversed_band(np.asarray(mirrored, dtype=float)), rtol=1e-8, atol=1e-12):
+            inverse, mirrored = (matrix.toarray() for matrix in found)
+            if not np.allclose(inverse, mirrored[::-1, ::-1], rtol=1e-8, atol=1e-12):
                 raise CheckFailed(f"{where}: the inverse is another if counted from the other end")
-            if np.linalg.eigvalsh(times(band, np.eye(lumping.nodes))).min() <= 0.0:
+            if np.linalg.eigvalsh(inverse).min() <= 0.0:
                 raise CheckFailed(f"{where} give an inverse that is not positive definite")
-            ones = times(band, np.asarray(mass.nodal(element_mass.copy(), lumping), dtype=float)[:, None])
+            ones = inverse @ np.asarray(mass.nodal(element_mass.copy(), lumping), dtype=float)
             if np.abs(ones - 1.0).max() > CLOSE:
-                raise CheckFailed(f"{where}: M^-1 m is {ones[np.argmax(np.abs(ones - 1.0)), 0]:.6g} at a node, not 1")
+                raise CheckFailed(f"{where}: M^-1 m is {ones[np.argmax(np.abs(ones - 1.0))]:.6g} at a node, not 1")
