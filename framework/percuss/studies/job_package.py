@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import json
 import os
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,20 +29,20 @@ from percuss.methods.blame import plugin_faults
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
+from percuss.results.provenance import components_used
 from percuss.studies.columns import RowSettings
-from percuss.studies.perform import LOST, perform_timed
+from percuss.studies.perform import LOST, perform_timed, tying_law
 from percuss.studies.stored_run import Record, record
 from percuss.studies.tasks import Task
 from percuss.version import __version__
 
+LONGEST = 1.0  # seconds after which a worker returns the runs it has made
 SILENT = ("title", "source", "expect", "plugins")  # entries of a case that change no number of its run
 
 
-class _Inputs(NamedTuple):
-    """Inputs of a run besides its options: digests of its components, and contents of the data files that it names."""
-
-    components: dict[str, str]
-    files: dict[str, bytes]
+def run_data(data: Data) -> dict[str, Any]:
+    """Return the entries of a case that change its run."""
+    return {name: value for name, value in data.items() if name not in SILENT}
 
 
 class Keys:
@@ -61,7 +60,7 @@ class Keys:
     components
         Digest of each component that some task of a case uses, by the case's label, then family and name.
     files
-        Contents of the data files that the tasks of each case name, by the case's label and the path written there.
+        Texts of the data files that the tasks of each case name, by the case's label and the path written there.
     """
 
     def __init__(self, settings: RowSettings) -> None:
@@ -71,9 +70,9 @@ class Keys:
         self.common = [self.surroundings, measured, settings.nudge, settings.histories, settings.repeats]
         self.measures = {column.name for column in columns if column.kind == "plug-in"}
         self.components: dict[str, dict[str, str]] = {}
-        self.files: dict[str, dict[str, bytes]] = {}
+        self.files: dict[str, dict[str, str]] = {}
         self._digests = SourceDigests()
-        self._inputs: dict[str, _Inputs] = {}
+        self._inputs: dict[str, tuple[dict[str, str], dict[str, str]]] = {}
 
     def of(self, label: str, case: Case, task: Task) -> str:
         """Return the key of a task of `case`, whose label is `label`.
@@ -87,79 +86,46 @@ class Keys:
             changed = overrides.apply(case.origin, task.changes, case.registry)[0]
         except PercussError:  # the run will fail and report it
             changed = None
-        data = changed.data if changed is not None else {**case.origin.data, "changes": task.changes}
-        relevant = {name: value for name, value in data.items() if name not in SILENT}
-        inputs = self._inputs_of(label, case, task, changed, relevant)
-        files = [[name, content_digest(content)] for name, content in inputs.files.items()]
-        inputs_of_run = [self.common, sorted(inputs.components.items()), files, relevant, task.tied]
-        return content_digest(json.dumps(inputs_of_run, sort_keys=True, default=str).encode())[:32]
+        data = run_data(changed.data if changed is not None else {**case.origin.data, "changes": task.changes})
+        components, files = self._inputs_of(label, case, task, changed)
+        digests = [[name, content_digest(text.encode())] for name, text in sorted(files.items())]
+        inputs = [self.common, sorted(components.items()), digests, data, task.tied]
+        return content_digest(json.dumps(inputs, sort_keys=True, default=str).encode())[:32]
 
-    def _inputs_of(self, label: str, case: Case, task: Task, changed: Source | None, data: Data) -> _Inputs:
-        """Return the components and files of a task; they do not depend on the values of numbers."""
+    def _inputs_of(
+        self, label: str, case: Case, task: Task, changed: Source | None
+    ) -> tuple[dict[str, str], dict[str, str]]:
+        """Return digests of the components of a task, and texts of its data files, by name.
+
+        They do not depend on the values of numbers. `changed` is the text of the case with the changes of the task, or
+        None if they cannot be made. An unreadable case counts with its own files and all single-file plug-ins.
+        """
         words = {path: value for path, value in task.changes.items() if not isinstance(value, int | float)}
         kind = json.dumps([label, words, task.tied], sort_keys=True, default=str)
-        if kind not in self._inputs:
-            components = dict(self._components(case, task, changed))
-            files = files_named(data, case.origin.folder)
-            self._inputs[kind] = _Inputs(components, files)
-            self.components.setdefault(label, {}).update(components)
-            self.files.setdefault(label, {}).update(files)
-        return self._inputs[kind]
-
-    def _components(self, case: Case, task: Task, changed: Source | None) -> Iterator[tuple[str, str]]:
-        """Yield name and digest of each component of a run, or of all single-file plug-ins for an unreadable case.
-
-        `changed` is the text of the case with the changes of the task, or None if they cannot be made.
-        """
-        from percuss.results.provenance import components_used
-        from percuss.studies.perform import tying_law
-
-        sources = case.registry.sources
-        used = {f"{family}/{name}" for (family, name), source in sources.items() if not source.distribution}
+        if kind in self._inputs:
+            return self._inputs[kind]
+        read = None
         if changed is not None:
             with contextlib.suppress(PercussError):
-                components = components_used(load(changed, registry=case.registry))
-                used = {f"{family}/{name}" for family, name in components}
-        for (family, name), source in sources.items():
-            # Any solution may cover the case: it gives the true error, and the times at which a tied twin is tied.
-            wanted = family == "solutions" or (family == "measures" and name in self.measures)
-            wanted = wanted or (task.tied and (family, name) == ("contacts", tying_law(case.registry).name))
-            if wanted or f"{family}/{name}" in used:
-                yield f"{family}/{name}", self._digests.of(source)
+                read = load(changed, registry=case.registry)
+        inputs = dict(self._components(case, task, read)), dict((read or case).data_files)
+        self.components.setdefault(label, {}).update(inputs[0])
+        self.files.setdefault(label, {}).update(inputs[1])
+        if read is not None:
+            self._inputs[kind] = inputs
+        return inputs
 
-
-def files_named(data: Data, folder: Path) -> dict[str, bytes]:
-    """Return the contents of the files that entries of a case name, by the path written there.
-
-    Parameters
-    ----------
-    data
-        The case as plain data, overrides applied.
-    folder
-        Folder to which the paths are relative.
-    """
-    contents = {}
-    for name in sorted(set(_texts({key: value for key, value in data.items() if key not in SILENT}))):
-        try:
-            if (folder / name).is_file():
-                contents[name] = (folder / name).read_bytes()
-        except (OSError, ValueError):  # not a path, or one that cannot be read, which the case reports
-            continue
-    return contents
-
-
-def _texts(value: Any) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, Mapping):
-        for item in value.values():
-            yield from _texts(item)
-    elif isinstance(value, tuple | list):
-        for item in value:
-            yield from _texts(item)
-
-
-LONGEST = 1.0  # seconds after which a worker returns the runs it has made
+    def _components(self, case: Case, task: Task, read: Case | None) -> Iterator[tuple[str, str]]:
+        """Yield name and digest of each component of a run, whose case is None if it cannot be read."""
+        sources = case.registry.sources
+        single_files = [key for key, source in sources.items() if not source.distribution]
+        used = {*single_files} if read is None else {*components_used(read)}
+        # Any solution may cover the case: it gives the true error, and the times at which a tied twin is tied.
+        used |= {key for key in sources if key[0] == "solutions"} | {("measures", name) for name in self.measures}
+        used |= {("contacts", tying_law(case.registry).name)} if task.tied else set()
+        for family, name in sources:
+            if (family, name) in used:
+                yield f"{family}/{name}", self._digests.of(sources[family, name])
 
 
 class Interrupted(Exception):
@@ -186,28 +152,32 @@ class Bench:
     cases
         Contents of each case, by label.
     files
-        Contents of the data files that each case names, by label and by the path written in the case.
+        Texts of the data files that each case names, by label and by the path written in the case.
     plugins
         Single-file plug-ins of each case, by label: path, and contents of the file and of its data files.
     settings
         Settings on which every row depends.
     components, surroundings
         Digests of methods, and versions and environment, at the time the keys were made: the numbers depend on them.
+    read
+        The cases that a process has read so far, by label.
     """
 
     cases: Mapping[str, Source]
-    files: Mapping[str, Mapping[str, bytes]]
+    files: Mapping[str, Mapping[str, str]]
     plugins: Mapping[str, tuple[tuple[str, Mapping[str, bytes]], ...]]
     settings: RowSettings
     components: Mapping[str, Mapping[str, str]]
     surroundings: Mapping[str, str]
+    read: dict[str, Case] = field(default_factory=dict, init=False, repr=False)
 
     def case(self, label: str) -> Case:
         """Return a case, read with the plug-ins and files as they were when the study began."""
-        registry = Registry.load([_plugin(Path(path), files) for path, files in self.plugins[label]])
+        registry = Registry.load(
+            [_folder(Path(path).parent, files) / Path(path).name for path, files in self.plugins[label]]
+        )
         self._check_environment(registry, self.components.get(label, {}))
-        origin = self.cases[label]
-        return load(dataclasses.replace(origin, folder=_folder(origin.folder, self.files[label])), registry=registry)
+        return load(dataclasses.replace(self.cases[label], data_files=self.files[label]), registry=registry)
 
     def records(self, jobs: Sequence[Job], note: Callable[[str], None] | None = None) -> list[Record]:
         """Return the records of the runs made until `LONGEST` has passed; the rest must be requested again.
@@ -279,23 +249,12 @@ class Bench:
                 difference = "has other sources here than" if name == "percuss" else f"is {local} here, and {planned}"
                 raise PluginError(f"{name} {difference} where the study was started")
 
-    @functools.cached_property
-    def _cases_read(self) -> dict[str, Case]:
-        return {}
-
     def _case_once(self, label: str) -> Case:
         """Return a case, which is read once per process."""
         with ONE_AT_A_TIME:
-            if label not in self._cases_read:
-                self._cases_read[label] = self.case(label)
-            return self._cases_read[label]
-
-    def __getstate__(self) -> dict[str, object]:
-        return {attribute.name: getattr(self, attribute.name) for attribute in dataclasses.fields(self)}
-
-    def __setstate__(self, state: dict[str, object]) -> None:
-        for name, value in state.items():
-            object.__setattr__(self, name, value)
+            if label not in self.read:
+                self.read[label] = self.case(label)
+            return self.read[label]
 
 
 def packed(cases: Mapping[str, Case], settings: RowSettings, keys: Keys) -> Bench:
@@ -304,19 +263,10 @@ def packed(cases: Mapping[str, Case], settings: RowSettings, keys: Keys) -> Benc
         label: tuple((str(file), SingleFile.read(file).files) for file in case.registry.files)
         for label, case in cases.items()
     }
-    origins = {label: _without_plugins(case.origin) for label, case in cases.items()}
+    # The plug-ins that a case names travel as text.
+    origins = {label: case.origin.replaced(("plugins",), ()) for label, case in cases.items()}
     files = {label: keys.files.get(label, {}) for label in cases}
     return Bench(origins, files, plugins, settings, keys.components, keys.surroundings)
-
-
-def _without_plugins(origin: Source) -> Source:
-    """Return the contents of a case without the plug-ins that it names, which travel as text."""
-    return origin.replaced(("plugins",), ()) if "plugins" in origin.data else origin
-
-
-def _plugin(path: Path, files: Mapping[str, bytes]) -> Path:
-    """Return a file with these contents: the original, or a copy if the original has changed."""
-    return _folder(path.parent, files) / path.name
 
 
 def _folder(folder: Path, files: Mapping[str, bytes]) -> Path:
@@ -341,28 +291,11 @@ def _copied(files: Mapping[str, bytes]) -> Path:
     folder.mkdir(mode=0o700, exist_ok=True)
     if folder.lstat().st_uid != user:  # who owns the folder can put other code there after it was compared
         raise PluginError(f"{folder} belongs to another user: set TMPDIR to a folder of your own")
-    for path, text in _missing_files(folder, files):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
-        temporary.write_bytes(text)
-        temporary.replace(path)
-    return folder
-
-
-def _missing_files(folder: Path, files: Mapping[str, bytes]) -> Iterator[tuple[Path, bytes]]:
-    """Yield path and contents of the files that a folder lacks.
-
-    Raises
-    ------
-    ValueError
-        For a path outside the folder, to which nothing is written.
-    """
     for name, text in files.items():
-        target = folder / name
-        if folder.resolve() not in target.resolve().parents:
-            raise ValueError(
-                f"this machine lacks the file {name}, or has another one there; only files in the folder of the case "
-                "and below it travel to a worker: put it there"
-            )
-        if not _holds(target, text):
-            yield target, text
+        path = folder / name
+        if not _holds(path, text):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
+            temporary.write_bytes(text)
+            temporary.replace(path)
+    return folder

@@ -10,7 +10,7 @@ import json
 import math
 import os
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from percuss.case.source import Source
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, PercussError
 from percuss.jsonable import Data
-from percuss.studies.job_package import SILENT
+from percuss.studies.job_package import run_data
 from percuss.studies.tasks import Task
 
 # Texts, and between them places of numbers: the varied path, and whether its value is a whole number.
@@ -109,16 +109,17 @@ class RowCommands:
         if label not in self._files:
             self._files[label] = Source.parse(case.origin.text, case.origin.name, case.origin.folder)
         file = self._files[label]
-        wanted = _run_data(_changed(case.origin, task.changes, case))
+        wanted = _changed(case.origin, task.changes, case)
+        written, as_study = run_data(file.data), run_data(case.origin.data)
         changes = _texts(task.changes)
         # The changes as they are written in the study come first, as they are the easiest to read.
         candidates = [({**self.given, **changes}, True)]
         as_set = _changed(file, self.given, case) if None not in self.given.values() else None
         if as_set is not None:
-            candidates.append(({**self.given, **_differences(as_set, case.origin.data), **changes}, True))
-        candidates.append(({**_differences(file.data, case.origin.data), **changes}, True))
+            candidates.append(({**self.given, **_differences(as_set, as_study), **changes}, True))
+        candidates.append(({**_differences(written, as_study), **changes}, True))
         if wanted is not None:
-            candidates.append((_differences(file.data, wanted), False))
+            candidates.append((_differences(written, wanted), False))
         for texts, numbers_may_change in candidates:
             words = {path: text for path, text in texts.items() if text is not None and "=" not in path}
             if len(words) < len(texts) or _identity(_changed(file, words, case)) != _identity(wanted):
@@ -191,45 +192,35 @@ def _as_text(value: Any) -> str | None:
     return None
 
 
-def _changed(source: Source, changes: Data, case: Case) -> Data | None:
-    """Return the data of a source with changes, or None if they cannot be made."""
+def _changed(source: Source, changes: Data, case: Case) -> dict[str, Any] | None:
+    """Return the entries of a source with changes that change its run, or None if they cannot be made."""
     try:
         for path in (path for path in changes if path.partition(".")[0] == "plugins"):
             source = source.override(path, changes[path])
         others = {path: value for path, value in changes.items() if path.partition(".")[0] != "plugins"}
-        data: Data = overriding.apply(source, others, case.registry)[0].data
+        return run_data(overriding.apply(source, others, case.registry)[0].data)
     except PercussError:
         return None
-    return data
-
-
-def _run_data(data: Data | None) -> Data | None:
-    """Return the entries of a case that change its run."""
-    return None if data is None else {name: value for name, value in data.items() if name not in SILENT}
 
 
 def _identity(data: Data | None) -> dict[str, str] | None:
-    """Return a text for each entry of a case that changes its run; the order of bodies and contacts counts."""
-    run_data = _run_data(data)
-    return None if run_data is None else {name: json.dumps(value) for name, value in run_data.items()}
+    """Return a text for each entry of a case; the order of bodies and contacts counts, that of the entries does not."""
+    return None if data is None else {name: json.dumps(value) for name, value in data.items()}
 
 
 def _differences(before: Data, after: Data) -> dict[str, str | None]:
     """Return texts by path, two levels deep, that make the data `after` of the data `before`."""
-    return {path: _as_text(value) for path, value in _changed_entries(_run_data(before) or {}, _run_data(after) or {})}
-
-
-def _changed_entries(before: Data, after: Data) -> Iterator[tuple[str, Any]]:
+    changed: dict[str, Any] = {}
     for name, value in after.items():
         old = before.get(name)
         if name in before and _is_same(old, value):
             continue
         if isinstance(old, Mapping) and isinstance(value, Mapping) and set(old) <= set(value):
-            for key, item in value.items():
-                if key not in old or not _is_same(old[key], item):
-                    yield f"{name}.{key}", item
+            others = {key: item for key, item in value.items() if key not in old or not _is_same(old[key], item)}
+            changed |= {f"{name}.{key}": item for key, item in others.items()}
         else:
-            yield name, value
+            changed[name] = value
+    return {path: _as_text(value) for path, value in changed.items()}
 
 
 def _is_same(first: Any, second: Any) -> bool:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from percuss.case.source import Source
 from percuss.methods.source_digest import content_digest
 from percuss.studies.job_package import Bench
 from percuss.studies.row_command import named_path
@@ -67,12 +66,12 @@ def files_of(spec: StudySpec, bench: Bench) -> list[StudyFile]:
 def _contents(spec: StudySpec, bench: Bench) -> Iterator[tuple[str, str, bytes]]:
     """Yield path, role and content of each file; a file that several cases name comes several times."""
     if spec.source.text:
-        yield named_path(Path(spec.source.name)), "study", _bytes_of(spec.source)
+        yield named_path(Path(spec.source.name)), "study", _bytes_of(Path(spec.source.name), spec.source.text)
     for case in spec.cases.values():
-        yield named_path(Path(case.origin.name)), "case", _bytes_of(case.origin)
+        yield named_path(Path(case.origin.name)), "case", _bytes_of(Path(case.origin.name), case.origin.text)
     for label, case in spec.cases.items():
-        for name, content in bench.files[label].items():
-            yield named_path(case.origin.folder / name), "data", content
+        for name, text in bench.files[label].items():
+            yield named_path(case.origin.folder / name), "data", _bytes_of(case.origin.folder / name, text)
     for plugins in bench.plugins.values():
         for path, files in plugins:
             for name, content in files.items():
@@ -80,11 +79,11 @@ def _contents(spec: StudySpec, bench: Bench) -> Iterator[tuple[str, str, bytes]]
                 yield _from_here(file), "plug-in" if file == Path(path) else "data", content
 
 
-def _bytes_of(source: Source) -> bytes:
+def _bytes_of(path: Path, text: str) -> bytes:
     """Return the bytes of a text that was read, with the mark at their beginning that is no part of the text."""
-    content = source.text.encode()
+    content = text.encode()
     try:
-        on_disk = Path(source.name).read_bytes()
+        on_disk = path.read_bytes()
     except OSError:
         return content
     return on_disk if on_disk.removeprefix(b"\xef\xbb\xbf") == content else content
