@@ -17,13 +17,13 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from percuss.case.hints import file_advice
 from percuss.errors import InputError, Problem, UnwrittenError, shortened
 from percuss.files import is_file, is_folder, place_whole
 from percuss.methods.source_digest import content_digest
-from percuss.studies.perform import LOST
+from percuss.studies.perform import LOST, WAITING
 from percuss.studies.stored_run import Record, unpacked
 from percuss.studies.study_files import StudyFile
 
@@ -47,25 +47,6 @@ OF_THE_MACHINE = {
     *(sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM, sqlite3.SQLITE_NOMEM),
 }
 WORKER = "worker"  # `said_by` of a run that was lost with its worker
-
-
-class StoredRun(NamedTuple):
-    """A row of the table of runs; of a run that is still to be made nothing is known."""
-
-    key: str | None = None
-    status: str | None = None
-    reason: str | None = None
-    said_by: str | None = None
-    fragile: int | None = None
-    seconds: float | None = None
-    measures: str | None = None
-    session: int | None = None
-    compiling: float | None = None
-    cpu: str | None = None
-    arrays_sha256: str | None = None
-
-
-NOT_MADE = StoredRun()
 
 
 class Store:
@@ -259,22 +240,7 @@ class Store:
 
     def add(self, records: Sequence[Record]) -> None:
         """Store a batch of rows: all of them or, if the process dies meanwhile, none."""
-        rows = [
-            StoredRun(
-                record.key,
-                record.status,
-                record.reason,
-                record.said_by,
-                int(record.fragile) if record.fragile is not None else None,
-                float(record.seconds) if record.seconds is not None else None,
-                json.dumps(record.measures) if record.measures is not None else None,
-                self.session,
-                float(record.compiling) if record.compiling is not None else None,
-                record.cpu,
-                content_digest(record.histories) if record.histories else None,
-            )
-            for record in records
-        ]
+        rows = [_row(record, self.session) for record in records]
         with self._open(write=True) as db:
             self._write(db, "runs", rows, anew=False)
             arrays = [(record.key, record.histories) for record in records if record.histories]
@@ -294,11 +260,11 @@ class Store:
         (facts,) = self.tables("facts")
         return {name: json.loads(value) for name, value in facts}
 
-    def runs(self) -> list[tuple[str, dict[str, Any], StoredRun]]:
-        """Return key, names and run of each row of the plan, in order."""
+    def runs(self) -> list[tuple[dict[str, Any], Record]]:
+        """Return names and run of each row of the plan, in order."""
         plan, runs = self.tables("plan", "runs")
-        made = {run[0]: StoredRun(*run) for run in runs}
-        return [(key, json.loads(row), made.get(key, NOT_MADE)) for _, key, row in plan]
+        made = {row[0]: _record(row) for row in runs}
+        return [(json.loads(names), made.get(key) or Record(key, WAITING)) for _, key, names in plan]
 
     def finished_keys(self, again: Sequence[str] = ()) -> set[str]:
         """Return the keys of the stored runs to be kept: all but the lost ones and those with a status in `again`."""
@@ -313,14 +279,30 @@ class Store:
     def histories(self, key: str) -> dict[str, Any] | None:
         """Return the stored arrays of a run, or None if there are none."""
         with self._open() as db:
-            runs = map(StoredRun._make, self._read(db, "runs"))
-            digest = next((run.arrays_sha256 for run in runs if run.key == key), None)
+            digest = next((digest for stored, *_, digest in self._read(db, "runs") if stored == key), None)
             if digest is None:
                 return None
             found = db.execute("SELECT CAST(npz AS BLOB) FROM arrays WHERE key = ?", (key,)).fetchone()
             if found is None or content_digest(found[0]) != digest:
                 raise self._damaged(f"the histories of the run {key} do not have the digest stored with it")
             return unpacked(found[0])
+
+
+def _row(record: Record, session: int) -> tuple[Any, ...]:
+    """Return the row of a run in its table."""
+    fragile = int(record.fragile) if record.fragile is not None else None
+    measures = json.dumps(record.measures) if record.measures is not None else None
+    digest = content_digest(record.histories) if record.histories else None
+    outcome = record.key, record.status, record.reason, record.said_by, fragile, record.seconds, measures
+    return (*outcome, session, record.compiling, record.cpu, digest)
+
+
+def _record(row: tuple[Any, ...]) -> Record:
+    """Return the run of a row of the table of runs, without its histories."""
+    key, status, reason, said_by, fragile, seconds, measures, _, compiling, cpu, _ = row
+    measured = json.loads(measures) if measures is not None else {}
+    known = None if fragile is None else bool(fragile)
+    return Record(key, status, reason, said_by, known, seconds, measured, compiling=compiling, cpu=cpu)
 
 
 def _digest(table: str, row: tuple[Any, ...]) -> str:

@@ -58,7 +58,7 @@ class Study:
         """
         (rows,) = self._store.tables("sessions")
         sessions = [json.loads(provenance) for _, provenance in rows]
-        processors = Counter(run.cpu for *_, run in self._store.runs() if run.cpu)
+        processors = Counter(run.cpu for _, run in self._store.runs() if run.cpu)
         return {**(sessions or [{}])[-1], "sessions": sessions, "processors": dict(sorted(processors.items()))}
 
     @property
@@ -119,29 +119,23 @@ class Study:
     def as_records(self) -> list[dict[str, Any]]:
         """Return the rows of `table` as plain mappings, all with the same keys."""
         rows, columns = self._store.runs(), [name for name in self.columns if name != "seconds"]
-        varied = dict.fromkeys(path for _, names, _ in rows for path in names["varied"])
-        out = []
-        for key, names, run in rows:
-            measured = json.loads(run.measures) if run.measures is not None else {}
-            out.append(
-                {
-                    **{name: names[name] for name in NAMES},
-                    **{path: names["varied"].get(path) for path in varied},
-                    "status": run.status or WAITING,
-                    "reason": run.reason or "",
-                    "said_by": run.said_by or "",
-                    "fragile": bool(run.fragile) if run.fragile is not None else None,
-                    **{name: measured.get(name) for name in columns},
-                    "seconds": run.seconds,
-                    "key": key,
-                }
-            )
-        return out
+        varied = dict.fromkeys(path for names, _ in rows for path in names["varied"])
+        return [
+            {
+                **{name: names[name] for name in NAMES},
+                **{path: names["varied"].get(path) for path in varied},
+                **{name: getattr(run, name) for name in ("status", "reason", "said_by", "fragile")},
+                **{name: (run.measures or {}).get(name) for name in columns},
+                "seconds": run.seconds,
+                "key": run.key,
+            }
+            for names, run in rows
+        ]
 
     @property
     def counts(self) -> dict[str, int]:
         """Number of rows with each status."""
-        return dict(Counter(run.status or WAITING for *_, run in self._store.runs()))
+        return dict(Counter(run.status for _, run in self._store.runs()))
 
     @property
     def complete(self) -> bool:
