@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from percuss.case.specs import Address, CaseSection, Expectation, RecordSpec, quantity_named
+from percuss.case.specs import Address, CaseSection, Expectation, MeasureSection, RecordSpec, quantity_named
 from percuss.case.validation import Mistake, Reader
 from percuss.case.yaml_text import KeyPath, dotted
 from percuss.errors import suggestion
@@ -27,19 +27,11 @@ def after_the_end(during: tuple[float, float] | None, at: float | None, end: flo
     return key, message, "Choose an earlier time, or make the run longer."
 
 
-def misfits(section: Any, statistic: str, key: str, contacts: Collection[str]) -> Iterator[Mistake]:
-    """Yield the entries of an expectation or a measure that do not suit its quantity.
-
-    Parameters
-    ----------
-    section
-        The expectation or the measure.
-    statistic, key
-        The statistic that it takes, and the key at which it stands.
-    contacts
-        Names of the contacts that there are.
-    """
-    name, quantity, takes = section.quantity, quantity_named(section.quantity), key == "take"
+def misfits(section: Expectation | MeasureSection, contacts: Collection[str]) -> Iterator[Mistake]:
+    """Yield the entries of an expectation or a measure that do not suit its quantity; `contacts` are there."""
+    name, quantity, statistic = section.quantity, quantity_named(section.quantity), section.statistic
+    takes = isinstance(section, MeasureSection)
+    key = "take" if takes else statistic
     if section.at is not None and section.during is not None:
         yield Mistake(("at",), "has both `during` and `at`", "Keep one.", key=True)
     if quantity.axis is None:
@@ -266,8 +258,7 @@ class CrossChecks:
         for i in range(len(items) if isinstance(items, tuple) else 0):
             at, expectation = ("expect", i), self.reader.part(("expect", i))
             if expectation is not None:
-                statistic = expectation.statistic
-                for path, message, advice, key in misfits(expectation, statistic, statistic, contacts):
+                for path, message, advice, key in misfits(expectation, contacts):
                     self.wrong((*at, *path), message, advice, key=key)
                 self._check_owner(at, expectation, contacts)
                 self._check_time(at, expectation)

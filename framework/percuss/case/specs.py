@@ -412,6 +412,29 @@ class Expectation(Section):
 
 
 @dataclass(frozen=True)
+class MeasureSection(Section):
+    """A number taken from each run: a quantity, its contact or probe, the time, and the statistic."""
+
+    kind: ClassVar[str] = "the measure"
+
+    name: Annotated[str, Doc("name of the column")]
+    quantity: Annotated[str, Doc("a recorded quantity, or a dotted path into the summary")]
+    take: Annotated[Literal["mean", "max", "min", "final", "integral", "value"], Doc("what is made of a history")] = (
+        "value"
+    )
+    contact: Annotated[str, Doc("which contact")] | None = None
+    probe: Annotated[AnAddress, Doc("which end")] | None = None
+    component: Annotated[int, Ge(0), Doc("component of a displacement or velocity")] = 0
+    during: During | None = None
+    at: Annotated[float, Ge(0), Unit("time"), Doc("time at which `take: value` is read")] | None = None
+
+    @property
+    def statistic(self) -> str:
+        """Statistic of the history, as of an expectation."""
+        return self.take
+
+
+@dataclass(frozen=True)
 class UnitsSpec(Section):
     """Names of the units of a case: labels of axes and tables that nothing checks."""
 

@@ -7,7 +7,7 @@ import os
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from percuss.methods.interfaces import Exact
+from percuss.methods.interfaces import Exact, Floats
 from percuss.results.datasets import Source, definition_attributes, fields_dataset, histories_dataset, plain_arrays
 from percuss.results.netcdf import FORMAT, read, write
 from percuss.results.summary import Summary
@@ -42,7 +42,7 @@ class Result:
 
     def __init__(
         self,
-        arrays: dict[str, Any],
+        arrays: dict[str, Floats],
         coordinates: dict[str, list[str]],
         field_arrays: dict[str, Any],
         summary: Summary,

@@ -11,7 +11,7 @@ import numpy as np
 from percuss.case.arguments import wrong_argument
 from percuss.case.case import Case, expect_case
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE
-from percuss.case.specs import Expectation
+from percuss.case.specs import Address, Expectation, MeasureSection
 from percuss.errors import PercussError
 from percuss.methods.interfaces import Floats
 from percuss.results.result import Result
@@ -24,56 +24,39 @@ class CannotMeasure(PercussError):
     exit_code = 1
 
 
-def measure(
-    result: Result,
-    quantity: str,
-    *,
-    contact: str | None = None,
-    probe: str | None = None,
-    component: int = 0,
-    during: tuple[float, float] | None = None,
-    at: float | None = None,
-    statistic: str = "value",
-) -> float:
+def measure(result: Result, wanted: Expectation | MeasureSection) -> float:
     """Return one number of a result.
 
     Parameters
     ----------
     result
         Result of a run.
-    quantity
-        A history (``contact_force``, ``gap``, ``displacement``, ``energy``, ...), a number of a contact
-        (``impulse``, ``peak_force``, ...) or a dotted path into the summary.
-    contact, probe, component
-        Contact, or probe and component, of the quantity.
-    during, at
-        Time interval, both ends included, or time of a value (interpolated).
-    statistic
-        ``mean``, ``max``, ``min``, ``final``, ``integral`` or ``value``.
+    wanted
+        What is measured: a history (``contact_force``, ``gap``, ``displacement``, ``energy``, ...), a number of a
+        contact (``impulse``, ``peak_force``, ...) or a dotted path into the summary; of which contact or probe; when,
+        in an interval with both ends or at a time (interpolated); and the statistic.
 
     Raises
     ------
     CannotMeasure
         If the result does not have the quantity.
     """
-    definition = MEASURABLE.get(quantity)
+    definition = MEASURABLE.get(wanted.quantity)
     if definition is None or definition.axis is None:
-        return _scalar(result, quantity, contact)
-    time, values = _history(result, quantity, contact, probe, component)
+        return _scalar(result, wanted)
+    time, values = result.arrays[definition.axis], _history(result, wanted)
+    during, at, statistic, dt = wanted.during, wanted.at, wanted.statistic, result.summary.get("dt", 0.0)
     if statistic == "value":
-        if at is not None and at > time[-1] + result.summary.get(
-            "dt", 0.0
-        ):  # the last record may be a step before the end
-            raise CannotMeasure(f"{quantity} has no record at {at:g}, after the end at {time[-1]:g}")
+        if at is not None and at > time[-1] + dt:  # the last record may be a step before the end
+            raise CannotMeasure(f"{wanted.quantity} has no record at {at:g}, after the end at {time[-1]:g}")
         return float(np.interp(at if at is not None else time[-1], time, values))
     if statistic == "final":
         return float(values[-1])
     inside = np.ones(time.size, dtype=bool)
     if during is not None:
-        slack = 1e-9 * result.summary.get("dt", 0.0)
-        inside = (time >= during[0] - slack) & (time <= during[1] + slack)
+        inside = (time >= during[0] - 1e-9 * dt) & (time <= during[1] + 1e-9 * dt)
     if not inside.any():
-        raise CannotMeasure(f"{quantity} has no record between {during}")
+        raise CannotMeasure(f"{wanted.quantity} has no record between {during}")
     if statistic == "integral":
         if definition.unit == "force":  # each force acts over a whole step
             return float(values[inside & (time < time[-1])].sum() * (time[1] - time[0])) if time.size > 1 else 0.0
@@ -82,38 +65,35 @@ def measure(
     return float(reduce[statistic](values[inside]))
 
 
-def _history(
-    result: Result, quantity: str, contact: str | None, probe: str | None, component: int
-) -> tuple[Floats, Floats]:
-    arrays = result.arrays
-    time = arrays[str(MEASURABLE[quantity].axis)]
-    if quantity == "energy":
-        return time, arrays["kinetic_energy"] + arrays["elastic_energy"]
-    if quantity not in arrays:
-        raise CannotMeasure(f"this run has no {quantity}")
-    values = arrays[quantity]
-    if MEASURABLE[quantity].of == "contact":
-        return time, values[:, _axis_index(result, "contact", contact)]
-    if MEASURABLE[quantity].of == "probe":
-        return time, values[:, _axis_index(result, "probe", probe), component]
-    return time, values
+def _history(result: Result, wanted: Expectation | MeasureSection) -> Floats:
+    arrays, of = result.arrays, MEASURABLE[wanted.quantity].of
+    if wanted.quantity == "energy":
+        return arrays["kinetic_energy"] + arrays["elastic_energy"]
+    if wanted.quantity not in arrays:
+        raise CannotMeasure(f"this run has no {wanted.quantity}")
+    values = arrays[wanted.quantity]
+    if of == "contact":
+        return values[:, _axis_index(result, "contact", wanted.contact)]
+    if of == "probe":
+        return values[:, _axis_index(result, "probe", wanted.probe), wanted.component]
+    return values
 
 
-def _axis_index(result: Result, axis: str, name: str | None) -> int:
+def _axis_index(result: Result, axis: str, owner: str | Address | None) -> int:
     names = result.coordinates[axis]
-    if name is None and len(names) == 1:
+    if owner is None and len(names) == 1:
         return 0
-    if name not in names:
-        raise CannotMeasure(f"no {axis} '{name}' was recorded; there are: {', '.join(names) or 'none'}")
-    return names.index(name)
+    if str(owner) not in names:
+        raise CannotMeasure(f"no {axis} '{owner}' was recorded; there are: {', '.join(names) or 'none'}")
+    return names.index(str(owner))
 
 
-def _scalar(result: Result, quantity: str, contact: str | None) -> float:
+def _scalar(result: Result, wanted: Expectation | MeasureSection) -> float:
     value: Any = result.summary
-    path = quantity.split(".")
-    if quantity in CONTACT_NUMBERS:
-        name = result.coordinates["contact"][_axis_index(result, "contact", contact)]
-        path = [name if part == "*" else part for part in MEASURABLE[quantity].path.split(".")]
+    path = wanted.quantity.split(".")
+    if wanted.quantity in CONTACT_NUMBERS:
+        name = result.coordinates["contact"][_axis_index(result, "contact", wanted.contact)]
+        path = [name if part == "*" else part for part in MEASURABLE[wanted.quantity].path.split(".")]
     for key in path:
         if value is None and path[0] == "exact":
             raise CannotMeasure(f"no true error is known of this run: {result.summary['exact_reason']}")
@@ -169,7 +149,7 @@ class Check:
 
 def describe(expectation: Expectation) -> str:
     """Return the quantity of an expectation in words."""
-    owner = expectation.contact or (str(expectation.probe) if expectation.probe else "")
+    owner = str(expectation.contact or expectation.probe or "")
     when = "" if expectation.at is None else f" at {expectation.at:g}"
     if expectation.during:
         when = f" during {expectation.during[0]:g} to {expectation.during[1]:g}"
@@ -194,10 +174,7 @@ def verify(case: Case, result: Result | None = None) -> list[Check]:
     checks = []
     for expectation in case.expect:
         try:
-            where = {name: getattr(expectation, name) for name in ("contact", "component", "during", "at", "statistic")}
-            probe = str(expectation.probe) if expectation.probe else None
-            measured = measure(result, expectation.quantity, probe=probe, **where)
-            checks.append(Check(expectation, measured))
+            checks.append(Check(expectation, measure(result, expectation)))
         except CannotMeasure as error:
             checks.append(Check(expectation, math.nan, str(error)))
     return checks

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
+from percuss.case.specs import MeasureSection
 from percuss.errors import nearest, suggestion
 from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
 from percuss.results.result import Result
 from percuss.results.summary import Summary
 from percuss.results.verify import CannotMeasure, measure
-from percuss.studies.layout import MeasureSection
 
 
 @dataclass(frozen=True)
@@ -28,18 +28,18 @@ class Column:
         Definition in words: quantity, norm, averaging.
     kind
         ``metric``, ``summary``, ``history`` or ``plug-in``.
-    arguments
-        Dotted path into the summary, or arguments of `percuss.results.verify.measure`.
+    path, section
+        Dotted path into the summary; measure of a history.
     """
 
     name: str
     what: str
     kind: str
-    arguments: tuple[tuple[str, Any], ...] = ()
+    path: str = ""
+    section: MeasureSection | None = None
 
     def take(self, result: Result, registry: Registry) -> Any:
         """Return the value for a result, or None if the result has none."""
-        arguments = dict(self.arguments)
         if self.kind == "plug-in":
             component: Any = registry.get("measures", self.name)
             for array in result.arrays.values():  # which the measures after this one read, too
@@ -47,10 +47,10 @@ class Column:
             return answer(component(), "of", result)
         if self.kind == "metric":
             return metric(result, self.name)
-        if self.kind == "summary":
-            return _largest(list(values_at(result.summary, arguments["path"])))
+        if self.section is None:
+            return _largest(list(values_at(result.summary, self.path)))
         try:
-            return measure(result, **arguments)
+            return measure(result, self.section)
         except CannotMeasure:
             return None
 
@@ -62,7 +62,7 @@ class Column:
         if self.kind != "summary":
             return None
         entry: Any = summary
-        parts = str(dict(self.arguments)["path"]).split(".")
+        parts = self.path.split(".")
         for n, part in enumerate(parts):
             if entry is None:
                 return None  # the case has no exact solution, or no such number
@@ -119,7 +119,7 @@ def column_by_name(name: str, registries: Iterable[Registry] = ()) -> Column:
     parts = name.split(".")
     if parts[0] in SUMMARY:
         several = "; the largest over contacts" if "*" in parts else ""
-        return Column(name, f"{name} of the run's summary{several}", "summary", (("path", name),))
+        return Column(name, f"{name} of the run's summary{several}", "summary", name)
     known_names = [*METRICS, *plug_ins, *SUMMARY]
     close = nearest(name, known_names) or nearest(parts[0], known_names)
     advice = f"Did you mean '{close}'?" if close else f"Known measures: {', '.join(METRICS)}."
@@ -141,24 +141,16 @@ def column(section: MeasureSection, bodies: Sequence[str]) -> Column:
             advice = f"Write `- {section.quantity}` instead of a mapping."
             raise ValueError(f"{section.quantity} is a measure by itself", advice, "quantity")
         return replace(base, name=section.name)
-    if section.probe is not None and section.probe.partition(".")[0] not in bodies:
-        raise ValueError(
-            f"there is no body '{section.probe.partition('.')[0]}'", suggestion(section.probe, bodies), "probe"
-        )
-    subject = section.contact or section.probe or ""
+    if section.probe is not None and section.probe.body not in bodies:
+        advice = suggestion(str(section.probe), bodies)
+        raise ValueError(f"there is no body '{section.probe.body}'", advice, "probe")
+    subject = f" of {section.contact or section.probe}" if section.contact or section.probe else ""
     axis = f", component {section.component}" if quantity.of == "probe" else ""
-    when = (
-        f" from {section.during[0]:g} to {section.during[1]:g}"
-        if section.during
-        else f" at {section.at:g}"
-        if section.at is not None
-        else ""
-    )
+    when = "" if section.at is None else f" at {section.at:g}"
+    if section.during:
+        when = f" from {section.during[0]:g} to {section.during[1]:g}"
     taken = f"{section.take} of " if section.take != "value" else ""
-    arguments = {name: getattr(section, name) for name in ("quantity", "contact", "probe", "component", "during", "at")}
-    arguments["statistic"] = section.take
-    words = f"{taken}{section.quantity}{' of ' + subject if subject else ''}{axis}{when}"
-    return Column(section.name, words, "history", tuple(arguments.items()))
+    return Column(section.name, f"{taken}{section.quantity}{subject}{axis}{when}", "history", section=section)
 
 
 def _largest(values: list[Any]) -> Any:

@@ -65,7 +65,7 @@ class Keys:
 
     def __init__(self, settings: RowSettings) -> None:
         columns = settings.columns
-        measured = sorted([column.name, column.kind, [list(pair) for pair in column.arguments]] for column in columns)
+        measured = sorted([column.name, column.kind, column.path, repr(column.section)] for column in columns)
         self.surroundings = {**surroundings(), "percuss": f"{__version__} {own_digest()}"}
         self.common = [self.surroundings, measured, settings.nudge, settings.histories, settings.repeats]
         self.measures = {column.name for column in columns if column.kind == "plug-in"}

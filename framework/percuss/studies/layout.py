@@ -14,7 +14,7 @@ from pydantic import WrapValidator
 from percuss.case.json_schema import DIALECT, component_schema, name_or, schema_of
 from percuss.case.options import Key
 from percuss.case.quantities import MEASURABLE, METRICS, name_schema
-from percuss.case.specs import During
+from percuss.case.specs import MeasureSection
 from percuss.case.type_words import Expects
 from percuss.case.validation import EmptyIfAbsent, Section
 from percuss.methods.interfaces import Doc, Ge, Gt, Le, Unit
@@ -93,24 +93,6 @@ class SampleSection(Section):
         return [
             {path: self.of[path].at(share) for path, share in zip(self.of, row, strict=True)} for row in shares.tolist()
         ]
-
-
-@dataclass(frozen=True)
-class MeasureSection(Section):
-    """A number taken from each run: a quantity, its contact or probe, the time, and the statistic."""
-
-    kind: ClassVar[str] = "the measure"
-
-    name: Annotated[str, Doc("name of the column")]
-    quantity: Annotated[str, Doc("a recorded quantity, or a dotted path into the summary")]
-    take: Annotated[Literal["mean", "max", "min", "final", "integral", "value"], Doc("what is made of a history")] = (
-        "value"
-    )
-    contact: Annotated[str, Doc("which contact")] | None = None
-    probe: Annotated[str, Expects("an address, as short.right"), Doc("which end")] | None = None
-    component: Annotated[int, Ge(0), Doc("component of a displacement or velocity")] = 0
-    during: During | None = None
-    at: Annotated[float, Ge(0), Unit("time"), Doc("time at which `take: value` is read")] | None = None
 
 
 @dataclass(frozen=True)

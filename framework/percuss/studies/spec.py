@@ -13,6 +13,7 @@ from percuss.case.cross_checks import after_the_end, misfits
 from percuss.case.hints import name_advice
 from percuss.case.quantities import METRICS
 from percuss.case.source import Source
+from percuss.case.specs import MeasureSection
 from percuss.case.type_words import found
 from percuss.case.validation import Reader
 from percuss.case.yaml_text import KeyPath, flow
@@ -22,7 +23,7 @@ from percuss.methods.blame import SINGULAR
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
 from percuss.studies.columns import Column, RowSettings, column, column_by_name
-from percuss.studies.layout import Condition, MeasureSection, SampleSection, StudySection
+from percuss.studies.layout import Condition, SampleSection, StudySection
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 COST = "node_steps"
@@ -322,7 +323,7 @@ class _StudyReader:
             if section is None:
                 return None
             contacts = dict.fromkeys(name for case in cases.values() for name in case.contacts)
-            for path, message, advice, key in misfits(section, section.take, "take", contacts):
+            for path, message, advice, key in misfits(section, contacts):
                 self.reader.wrong((*at, *path), message, advice, key=key)
             return column(section, [name for case in cases.values() for name in case.bodies])
         except ValueError as error:  # raised without the place in the study, which the column does not know
