@@ -55,13 +55,13 @@ def test_auto_keeps_its_promise_on_every_case(path, pair, courant):
     assert energy[0] - energy[-1] <= lost * scale
     if result.summary["exact"] is None:
         return  # nothing to hold the force against
-    for k, contact_pair in enumerate(Model(case).contact_pairs):
-        errors = result.summary["exact"]["contacts"][contact_pair.name]
+    for k, contact_point in enumerate(Model(case).contact_points):
+        errors = result.summary["exact"]["contacts"][contact_point.name]
         highest = np.nanmax(arrays["contact_force_exact"][:, k])
         if highest <= 0.0:
             continue
-        compression = highest / contact_pair.stiffness
-        assert result.summary["contacts"][contact_pair.name]["penetration"]["largest"] <= penetration * compression
+        compression = highest / contact_point.stiffness
+        assert result.summary["contacts"][contact_point.name]["penetration"]["largest"] <= penetration * compression
         assert errors["force_error_l1"] <= force
         assert errors["overshoot"] <= peak
 

@@ -179,7 +179,7 @@ def check_the_limit_is_tight(model, judge_class=operator_criterion):
     critical = judge.critical_step
     motions = Motions(model)
     below, above = 0.99 * critical, 1.01 * critical
-    for contacts in combinations(len(model.contact_pairs)):
+    for contacts in combinations(len(model.contact_points)):
         found = examine(motions, below, contacts)
         assert found.radius <= 1 + 1e-9
         assert found.stable
@@ -251,7 +251,7 @@ def test_bars_that_are_tied_keep_the_step_of_the_bars(case):
     assert found["by"] == "pencil"
     assert found["stable"] in {"yes", "marginal"} or model.dt > found["dt_critical_free"]
     assert found["dt_critical"] == pytest.approx(found["dt_critical_free"], rel=1e-9)
-    everywhere = list(range(len(model.contact_pairs)))
+    everywhere = list(range(len(model.contact_points)))
     assert examine(Motions(model), found["dt_critical_free"] * (1 - 1e-6), everywhere).stable
 
 

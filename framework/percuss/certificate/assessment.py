@@ -75,6 +75,7 @@ class Criterion(Protocol):
 
 def quoted(names: Sequence[str], points: Sequence[int]) -> str:
     """Return the names of contacts in quotes, of many contacts the first `MOST_NAMED` and the number of the others."""
-    first = ", ".join(f"'{names[p]}'" for p in points[:MOST_NAMED])
-    more = len(points) - MOST_NAMED
+    named = list(dict.fromkeys(names[p] for p in points))
+    first = ", ".join(f"'{name}'" for name in named[:MOST_NAMED])
+    more = len(named) - MOST_NAMED
     return f"{first} and {more} more" if more > 0 else first

@@ -17,7 +17,9 @@ UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or 
 
 def not_started(model: Model, certificate: Certificate) -> Stop:
     """Return the stop of a run that its certificate forbids, placed at the node that limits the step."""
-    nodes = [contact_pair.nodes[0] for contact_pair in model.contact_pairs if contact_pair.name in certificate["worst"]]
+    nodes = [
+        contact_point.nodes[0] for contact_point in model.contact_points if contact_point.name in certificate["worst"]
+    ]
     body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
     node = nodes[0] if nodes else int(body.element_nodes(np.argmax(body.frequency, keepdims=True))[0, 0])
     return Stop(0, node, "not started", NOT_STARTED, f"{certificate['why']}: {certificate['cure']}")

@@ -88,7 +88,7 @@ class ClosedContacts:
 
 def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     """Return the closed contacts of a model, as its linear laws describe them for a step `dt`."""
-    count = len(model.contact_pairs)
+    count = len(model.contact_points)
     stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
     predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
     unknown: list[str] = []
@@ -183,14 +183,14 @@ def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
 
 def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[str, str]]:
     """Return the energy guarantees that bodies and scheme give and limit, each with the reason for it in words."""
-    guarantees = [(NEVER_GROWS, BY_END) if model.contact_pairs else (BETWEEN, NO_CONTACT)]
+    guarantees = [(NEVER_GROWS, BY_END) if model.contact_points else (BETWEEN, NO_CONTACT)]
     if model.why_not_linear:
         guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if model.viscosity:
         guarantees.append((NOT_GUARANTEED, DISSIPATES))
     if model.implicit:
         guarantees.append((NOT_GUARANTEED, IMPLICIT))
-    if model.own_steps and model.contact_pairs:
+    if model.own_steps and model.contact_points:
         guarantees.append((NOT_GUARANTEED, OWN_STEPS))
     if stages is not None:
         guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
@@ -286,7 +286,7 @@ def _energy_with_end_forces(model: Model, bound_law: BoundLaw) -> tuple[str, str
     unlike = bool(np.any(linear.sees != linear.pushes))
     spring = not (np.any(linear.rate) or np.any(linear.acceleration)) and bool(np.all(linear.sigma > 0.0))
     current = state.gap == "current"
-    ends = {node for p in bound_law.where for node in model.contact_pairs[p].nodes}
+    ends = {node for p in bound_law.where for node in model.contact_points[p].nodes}
     if not unlike and not (spring and (not current or state.response[0] == 0.0)):
         return None
     reasons = {
@@ -310,7 +310,7 @@ def _why_not_by_end(model: Model, bound_law: BoundLaw, state: ContactState) -> d
     response = np.array([sum(float(side.sees @ side.response) for side in point.sides) for point in points])
     surplus = state.response[0] - model.tables[-1].end.response[0]
     nodes = Counter(node for point in found.values() for node in point.nodes)
-    nodes.update(node for p, pair in enumerate(model.contact_pairs) if p not in found for node in pair.nodes)
+    nodes.update(node for p, pair in enumerate(model.contact_points) if p not in found for node in pair.nodes)
     return {
         BILATERAL: linear.active == "all" and linear.sign == "free",
         OVERSHOOTS: bool(np.any(linear.sigma / linear.gap + surplus * response <= 0.0)),
@@ -327,5 +327,5 @@ def _determined(state: ContactState, linear: LinearLaw) -> bool:
 
 def _share_an_end(model: Model, indices: list[int]) -> bool:
     """Return whether a contact of `indices` shares a node with another contact, whose force then changes its gap."""
-    contacts_at = Counter(node for contact_pair in model.contact_pairs for node in contact_pair.nodes)
-    return any(contacts_at[node] > 1 for p in indices for node in model.contact_pairs[p].nodes)
+    contacts_at = Counter(node for contact_point in model.contact_points for node in contact_point.nodes)
+    return any(contacts_at[node] > 1 for p in indices for node in model.contact_points[p].nodes)

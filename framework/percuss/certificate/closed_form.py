@@ -69,13 +69,13 @@ class ClosedFormCriterion:
         for body in model.bodies.values():
             if np.ptp(body.mesh.lengths) > 1e-9 * body.mesh.lengths.mean():
                 raise NoClosedFormError(f"the elements of body '{body.name}' are unequal")
-        nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
+        nodes = [node for contact_point in model.contact_points for node in contact_point.nodes]
         if len(set(nodes)) < len(nodes):
             raise NoClosedFormError("an end is in several contacts")
         if {constraint.node for constraint in held_throughout(model)} & set(nodes):
             raise NoClosedFormError("an end in contact is fixed or driven")
-        for contact_pair in model.contact_pairs:
-            ends = [(model.body_of(node), model.body_of(node).end_element(node)) for node in contact_pair.nodes]
+        for contact_point in model.contact_points:
+            ends = [(model.body_of(node), model.body_of(node).end_element(node)) for node in contact_point.nodes]
             self.sides.append([(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends])
         self.free = 2.0 / model.omega
 

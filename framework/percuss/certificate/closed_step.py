@@ -114,9 +114,9 @@ class ClosedStep:
 
     def _hold_contacts(self, points: Any) -> Floats:
         """Set the gaps deep in contact or far out of it; return the base state of all steps, (parts, nodes * dim)."""
-        signs = np.ones(len(self.model.contact_pairs))
+        signs = np.ones(len(self.model.contact_points))
         signs[self.closed] = -1.0
-        nodes = [node for contact_pair in self.model.contact_pairs for node in contact_pair.nodes]
+        nodes = [node for contact_point in self.model.contact_points for node in contact_point.nodes]
         lightest = min((self.model.mass[node] for node in nodes), default=float(self.model.mass.min()))
         unit = self._unit
         self._scale = unit * np.sqrt(lightest) / self.motions.root
@@ -307,7 +307,7 @@ def _basis(model: Model, held_at: dict[int, list[Floats]]) -> Any:
     """
     from scipy import sparse
 
-    touched = {node for contact_pair in model.contact_pairs for node in contact_pair.nodes}
+    touched = {node for contact_point in model.contact_points for node in contact_point.nodes}
     columns: list[tuple[int, Floats]] = []
     for body in model.bodies.values():
         axis = body.mesh.direction

@@ -77,8 +77,8 @@ def step_criterion(model: Model) -> StepCriterion:
 
 
 def contact_names(model: Model) -> list[str]:
-    """Return the names of the contacts in the order of the case."""
-    return [contact_pair.name for contact_pair in model.contact_pairs]
+    """Return the name of the contact of each point."""
+    return [contact_point.name for contact_point in model.contact_points]
 
 
 class RunCriterion:
@@ -137,7 +137,7 @@ class RunCriterion:
         if stretch is None:
             stretch = int(np.argmin([criterion.free for criterion in self.criteria]))
         tied = self.stretches[stretch].model.tied_points
-        noun = "contacts" if len(tied) > 1 else "contact"
+        noun = "contacts" if len({self.names[p] for p in tied}) > 1 else "contact"
         return f"with {noun} {quoted(self.names, tied)} tied and no other closed" if tied else without_ties
 
     @property

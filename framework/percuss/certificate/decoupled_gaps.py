@@ -52,7 +52,7 @@ def closed_form(model: Model) -> type[DecoupledGapsCriterion] | None:
         stages is not None
         or model.viscosity
         or not model.laws
-        or len(model.contact_pairs) > MOST_POINTS
+        or len(model.contact_points) > MOST_POINTS
         or why_beyond_pencil(model)
         or not all(sees_end_force(bound_law) and _is_spring(bound_law.linear) for bound_law in model.laws)
     ):
@@ -64,7 +64,7 @@ def closed_form(model: Model) -> type[DecoupledGapsCriterion] | None:
     # An end in contact belongs to no other contact and lies beside the end of none.
     found = end_forces(model, 0.5 * model.dt)
     nodes = [node for end_force in found.values() for node in end_force.nodes]
-    ends = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
+    ends = [node for contact_point in model.contact_points for node in contact_point.nodes]
     if not all(nodes.count(node) == 1 for node in ends):
         return None
     if all(linear.at == "end" and _same(linear.sees, linear.pushes) for linear in lines):

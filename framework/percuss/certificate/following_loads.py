@@ -57,7 +57,7 @@ def why_beyond_pencil(model: Model) -> str:
     Under a leap-frog scheme the velocity of such a load is centred in the step: its dashpot takes energy at any step,
     and its spring adds to the stiffness of the end.
     """
-    touched = {node for contact_pair in model.contact_pairs for node in contact_pair.nodes}
+    touched = {node for contact_point in model.contact_points for node in contact_point.nodes}
     for follower in model.followers:
         name = f"load '{follower.load.name}' follows the motion of an end"
         found = stiffness_and_damping(follower, model.steps * model.dt)

@@ -297,8 +297,8 @@ def _side_by_side(matrices: Sequence[Floats]) -> Floats:
 def _contacts_at(model: Model) -> dict[int, list[tuple[int, float]]]:
     """Return the contacts of each node, with N along the axis of its body; an end without mass has its neighbour."""
     at_node: dict[int, list[tuple[int, float]]] = {}
-    for p, contact_pair in enumerate(model.contact_pairs):
-        for node, normal in contact_pair.gap_gradient():
+    for p, contact_point in enumerate(model.contact_points):
+        for node, normal in contact_point.gradient:
             body = model.body_of(node)
             along = float(normal @ body.mesh.direction)
             at_node.setdefault(body.ends_without_mass.get(node, node), []).append((p, along))
@@ -343,7 +343,7 @@ def _operator(model: Model, bars: _Bars, place: Integers, signs: Floats) -> Line
     stiffness, mass = bars.stiffness, bars.mass[None]
     if bars.inverse.size:
         mass, stiffness = banded_matrices.pencil_bands(bars.inverse, stiffness)
-    nothing, count = Rows(bars.starts, bars.starts, signs), len(model.contact_pairs)
+    nothing, count = Rows(bars.starts, bars.starts, signs), len(model.contact_points)
     operator = LineOperator(stiffness, mass, nothing, count, bars.starts, bars.nodes, place, signs, bars.floating)
     rows = rows_along(operator, _contacts_at(model))
     return dataclasses.replace(operator, rows=_times(bars.inverse, rows) if bars.inverse.size else rows)

@@ -170,7 +170,7 @@ def _why_no_critical_step(model: Model) -> str:
         return f"{why}, which changes the critical step"
     if model.implicit:
         return f"{name} is implicit: it has no critical step"
-    if model.own_steps and model.contact_pairs:
+    if model.own_steps and model.contact_points:
         return f"with {name} steps resonate: a longer one may be stable, a shorter one not"
     return ""
 

@@ -131,7 +131,7 @@ def _above_one(theta: float | None) -> bool:
 
 def examine(motions: Motions, dt: float, closed: Sequence[int]) -> ClosedStepStability:
     """Return the stability of the step of length `dt` with the given contacts closed; parameters as of `ClosedStep`."""
-    names = [contact_pair.name for contact_pair in motions.model.contact_pairs]
+    names = [contact_point.name for contact_point in motions.model.contact_points]
     which = quoted(names, closed) or "none"
     try:
         step = ClosedStep(motions, dt, closed)
@@ -189,7 +189,7 @@ def _stability(step: ClosedStep) -> ClosedStepStability:
     size = step.parts * step.size
     if size > LARGEST_DENSE_STATE and theta is not None and not step.model.followers:
         # Up to theta = 1 the closed step is bounded wherever the free step is.
-        zeros = np.zeros(len(motions.model.contact_pairs))
+        zeros = np.zeros(len(motions.model.contact_points))
         return ClosedStepStability(1.0 if motions.operator.definite(dt, zeros, zeros)[0] else np.inf, theta)
     idle: Floats = np.kron(np.eye(step.parts), motions.idle(dt, step.acting)).astype(np.float64)
     if size > LARGEST_DENSE_STATE:
@@ -443,4 +443,4 @@ class StepCriterion:
 
 def not_tied(model: Model) -> list[int]:
     """Return the contacts that may be open."""
-    return [p for p in range(len(model.contact_pairs)) if p not in model.tied_points]
+    return [p for p in range(len(model.contact_points)) if p not in model.tied_points]

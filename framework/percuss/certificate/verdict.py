@@ -240,7 +240,11 @@ def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_cr
     stretch = criterion.stretches[assessment.stretch]
     found = _unknown_certificate(criterion.closed, model, why)
     found |= {"stable": verdict, "energy": energy, "energy_why": energy_why, "dt_critical_free": free}
-    found |= {"theta": assessment.theta, "by": criterion.by, "worst": [criterion.names[p] for p in assessment.worst]}
+    found |= {
+        "theta": assessment.theta,
+        "by": criterion.by,
+        "worst": list(dict.fromkeys(criterion.names[p] for p in assessment.worst)),
+    }
     if not np.isnan(critical):
         margin = model.dt / critical if critical > 0 else np.inf
         found |= {"dt_critical": critical, "courant_critical": 0.5 * critical * model.omega, "margin": margin}
@@ -289,7 +293,7 @@ def _certificate_of_implicit_scheme(model: Model) -> Certificate:
         for bound in model.laws
         if bound.linear is not None and np.any(bound.linear.gap) and not np.all(bound.linear.sigma)
     ]
-    if model.contact_pairs and alpha < 0.0:
+    if model.contact_points and alpha < 0.0:
         found["why"] = f"{without_contact}; {name} lags internal forces and not those of contact, which is not examined"
     elif rigid:
         found["why"] = (
@@ -301,7 +305,7 @@ def _certificate_of_implicit_scheme(model: Model) -> Certificate:
         found["why"] = (
             "every step is stable, as a closed contact adds to the stiffness; those that open and close may add energy "
             "again and again"
-            if model.contact_pairs
+            if model.contact_points
             else without_contact
         )
     return found
@@ -321,7 +325,7 @@ def unknown_with_own_steps(model: Model) -> str:
     if model.followers:
         load = model.followers[0].load.name
         return f"load '{load}' acts in every step at an end of a body whose internal forces may not, under {name}"
-    if model.contact_pairs and model.period > LONGEST_PERIOD:
+    if model.contact_points and model.period > LONGEST_PERIOD:
         return (
             f"under {name} the bodies act together in every {model.period}-th step alone, and periods of up to "
             f"{LONGEST_PERIOD} steps are examined"
@@ -369,7 +373,10 @@ def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
         lower = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"
         out["stable"], out["by"], out["why"] = "no", criterion.by, f"for small motions about rest {why}"
         out["cure"] = lower if critical > 0 else no_step(model, criterion.free, critical)
-        out["worst"], out["theta"] = [model.contact_pairs[p].name for p in assessment.worst], assessment.theta
+        out["worst"], out["theta"] = (
+            list(dict.fromkeys(model.contact_points[p].name for p in assessment.worst)),
+            assessment.theta,
+        )
     else:
         out["why"] += f"; for small motions about rest {why}"
     return out
@@ -390,7 +397,7 @@ def _verdict(criterion: RunCriterion, assessment: Assessment, free: float, criti
         when = f", with the supports and drives from {stretch.start:.6g} to {stretch.stop:.6g}"
     if not assessment.conclusive:
         return "unknown", f"{assessment.doubt}{when}; {criterion.nothing_closed()} the bodies allow {free:.6g}"
-    noun = "contacts" if len(assessment.worst) > 1 else "contact"
+    noun = "contacts" if len({criterion.names[p] for p in assessment.worst}) > 1 else "contact"
     combination = criterion.nothing_closed(assessment.stretch, "with all contacts open")
     if assessment.worst:
         combination = f"with closed {noun} {quoted(criterion.names, assessment.worst)}"

@@ -94,12 +94,12 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     if why := unlike_plain_bars(model):
         known = "harmonics at an interface are known of linear bars of two-node elements and a leap-frog step only"
         raise PercussError(f"{why}: {known}")
-    names = [contact_pair.name for contact_pair in model.contact_pairs]
+    names = [contact_point.name for contact_point in model.contact_points]
     if not names or (contact and contact not in names):
         advice = suggestion(contact, names, "contact") if names else "Add a contact."
         raise InputError([Problem("--contact", "", f"expected the name of a contact, found '{contact}'", advice)])
     p = names.index(contact) if contact else 0
-    contact_pair = model.contact_pairs[p]
+    contact_point = model.contact_points[p]
     ends = _Ends(model, p)
     courant = [0.5 * model.dt * frequency for _, frequency in ends.sides]
     # The first bar carries no wave above Omega = 2, and the leap-frog step none above Omega = 2/C.
@@ -121,13 +121,15 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
         try:
             amplitudes = np.linalg.solve(equations @ outgoing, -equations @ incident)
         except np.linalg.LinAlgError:
-            where = f"contact '{contact_pair.name}': at the frequency {frequency[k]:.6g}"
+            where = f"contact '{contact_point.name}': at the frequency {frequency[k]:.6g}"
             raise PercussError(f"{where} the equations of its waves have no solution in numbers of 64 bits") from None
         reflected[k], transmitted[k] = amplitudes[0], amplitudes[1] if amplitudes.size > 1 else 0.0
     flux = [stiffness * np.sin(angle).real for (stiffness, _), angle in zip(ends.sides, phase, strict=True)]
     passed = np.abs(transmitted) ** 2 * flux[1] / flux[0] if len(flux) > 1 else 0.0
     formula, reason = _formula(model, p, frequency, step_phase)
-    return Waves(contact_pair.name, frequency, reflected, transmitted, np.abs(reflected) ** 2 + passed, formula, reason)
+    return Waves(
+        contact_point.name, frequency, reflected, transmitted, np.abs(reflected) ** 2 + passed, formula, reason
+    )
 
 
 class _Ends:
@@ -143,8 +145,8 @@ class _Ends:
     """
 
     def __init__(self, model: Model, p: int) -> None:
-        contact_pair, mass = model.contact_pairs[p], model.case.method.mass.name
-        contact = f"contact '{contact_pair.name}'"
+        contact_point, mass = model.contact_points[p], model.case.method.mass.name
+        contact = f"contact '{contact_point.name}'"
         if model.points_without_mass.any():
             without = f"the mass {mass} leaves ends in contact without"
             raise PercussError(f"{contact}: waves are measured of ends with mass; {without}")
@@ -155,24 +157,26 @@ class _Ends:
         if not step.linear():
             raise PercussError(f"{contact}: the step is not linear while it is closed")
         held = {constraint.node for constraint in motions.constraints}
-        bodies = [model.body_of(node) for node in contact_pair.nodes]
+        bodies = [model.body_of(node) for node in contact_point.nodes]
         others = [
             other.name
-            for other in model.contact_pairs
-            if other is not contact_pair and set(other.nodes) & set(contact_pair.nodes)
+            for other in model.contact_points
+            if other is not contact_point and set(other.nodes) & set(contact_point.nodes)
         ]
-        if held & set(contact_pair.nodes) or others or any(body.stiffness.size < 2 for body in bodies):
+        if held & set(contact_point.nodes) or others or any(body.stiffness.size < 2 for body in bodies):
             needed = "ends that move freely, in one contact, with two elements behind"
             raise PercussError(f"{contact}: waves need {needed}")
         self.sides = [
             (float(body.stiffness[body.end_element(node)]), float(body.frequency[body.end_element(node)]))
-            for body, node in zip(bodies, contact_pair.nodes, strict=True)
+            for body, node in zip(bodies, contact_point.nodes, strict=True)
         ]
         behind = [
-            node + 1 if node == body.start else node - 1 for body, node in zip(bodies, contact_pair.nodes, strict=True)
+            node + 1 if node == body.start else node - 1 for body, node in zip(bodies, contact_point.nodes, strict=True)
         ]
-        nodes = [node for pair in zip(contact_pair.nodes, behind, strict=True) for node in pair]
-        place = np.stack([self._unit_displacement(motions, model, node, contact_pair.normal) for node in nodes], axis=1)
+        nodes = [node for pair in zip(contact_point.nodes, behind, strict=True) for node in pair]
+        place = np.stack(
+            [self._unit_displacement(motions, model, node, contact_point.normal) for node in nodes], axis=1
+        )
         rest = np.zeros_like(place)
         readout = place[:, ::2] / np.sum(place[:, ::2] ** 2, axis=0)
         self.place = readout.T @ step(np.concatenate([place, rest]))[step.size :]
@@ -192,19 +196,19 @@ def _element_phase(frequency: Floats) -> Any:
 
 def _formula(model: Model, p: int, frequency: Floats, step_phase: Floats) -> tuple[Any, str]:
     """Return the transmission between identical bars by formula, or None and the reason why there is no formula."""
-    contact_pair = model.contact_pairs[p]
-    if len(contact_pair.nodes) < 2 or not contact_pair.equal_sides:
+    contact_point = model.contact_points[p]
+    if len(contact_point.nodes) < 2 or not contact_point.equal_sides:
         return None, "a formula is known for identical bars only"
     laws = closed_contacts(model, model.dt)
-    if contact_pair.law.name in laws.unknown or laws.stiffness[p] == 0:
-        return None, f"no formula for {contact_pair.law.name}"
+    if contact_point.law.name in laws.unknown or laws.stiffness[p] == 0:
+        return None, f"no formula for {contact_point.law.name}"
     side = frequency * np.sqrt(1.0 - 0.25 * frequency**2)
-    stiffness, inertia = laws.stiffness[p] / contact_pair.stiffness, laws.inertia[p] / contact_pair.mass
+    stiffness, inertia = laws.stiffness[p] / contact_point.stiffness, laws.inertia[p] / contact_point.mass
     if not laws.predicted[p]:
         # The contact has the dynamic stiffness eps_s - eps_m omega^2, here over EA/h, as rho A h / 2 is
         # 2 (EA/h) / (2c/h)^2.
         return 1.0 / (1.0 + 1j * side / (2.0 * (stiffness - 0.5 * inertia * frequency**2))), ""
     # This is 1/kappa over h/EA, with s = 2/m of two equal masses. It is 0 at theta = 1, where contact takes back all of
     # the overlap.
-    compliance = (1.0 + (laws.inertia[p] - model.dt**2 * laws.stiffness[p]) * 2.0 / contact_pair.mass) / stiffness
+    compliance = (1.0 + (laws.inertia[p] - model.dt**2 * laws.stiffness[p]) * 2.0 / contact_point.mass) / stiffness
     return 1.0 / (1.0 + 0.5j * side * np.exp(-1j * step_phase) * compliance), ""

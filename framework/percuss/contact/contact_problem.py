@@ -40,12 +40,12 @@ def contact_problem(model: ModelArrays) -> ContactProblem:
         bodies=MappingProxyType({body.name: _body(body) for body in bodies}),
         contacts=tuple(
             ProblemContact(
-                contact_pair.name,
-                tuple(_end_of(model, node) for node in contact_pair.nodes),
-                read_only(contact_pair.normal),
-                contact_pair.gap,
+                contact_point.name,
+                tuple(_end_of(model, node) for node in contact_point.nodes),
+                read_only(contact_point.normal),
+                contact_point.gap,
             )
-            for contact_pair in model.contact_pairs
+            for contact_point in model.contact_points
         ),
         fixed=tuple(dict.fromkeys(fixed)),
         loads=tuple(sorted(loads, key=lambda load: order[load.name])),

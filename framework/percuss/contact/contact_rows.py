@@ -11,6 +11,7 @@ from percuss.compiler.record_arrays import empty_records, record_array
 from percuss.contact.points import (
     BY_CURRENT,
     BY_END,
+    CONTACT,
     ENTRY,
     FROM_KERNEL,
     LAW,
@@ -158,7 +159,7 @@ def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[in
 
 
 def point_records(
-    laws: Any, order: Sequence[int], gaps: Sequence[float], sides: Sequence[Sequence[Side]], place: dict[int, int]
+    laws: Any, of_contact: Sequence[int], gaps: Sequence[float], sides: Sequence[Sequence[Side]], place: dict[int, int]
 ) -> Points:
     """Return the records of all contact points of a loop.
 
@@ -166,8 +167,8 @@ def point_records(
     ----------
     laws : (P,) LAW
         Records of the laws.
-    order
-        Number of each point in the case.
+    of_contact
+        Number of the contact of each point.
     gaps
         Initial gap of each point.
     sides
@@ -178,11 +179,12 @@ def point_records(
     diagonal, rows = delassus_rows(sides)
     law, sums = empty_records(len(sides), LAW), empty_records(len(sides), SUMS)
     law[:] = laws
-    law["number"], law["initial_gap"], law["delassus"] = order, gaps, diagonal
+    law["contact"], law["initial_gap"], law["delassus"] = of_contact, gaps, diagonal
     compliance = laws["sigma"] + laws["surplus"] * diagonal
     is_spring = (laws["stores"] == BY_END) & (compliance > 0)
     law["kappa"] = np.divide(laws["weight_gap"], compliance, out=np.zeros_like(diagonal), where=is_spring)
-    sums["first"] = sums["last"] = -1
+    contacts = empty_records(max(of_contact, default=-1) + 1, CONTACT)
+    contacts["first"] = contacts["last"] = -1
     entries = [
         (place[side.node] + d, normal, response if side.beside is None else 0.0)
         for row in sides
@@ -195,7 +197,7 @@ def point_records(
     stops = np.cumsum([len(row) for row in rows], dtype=np.int64)
     law["other_start"][1:], law["other_stop"] = stops[:-1], stops
     state = empty_records(len(sides), STATE)
-    return Points(law, state, sums, record_array(entries, ENTRY), record_array(others, OTHER))
+    return Points(law, state, sums, contacts, record_array(entries, ENTRY), record_array(others, OTHER))
 
 
 def carry_over(before: Points, after: Points) -> None:
@@ -211,4 +213,5 @@ def carry_over(before: Points, after: Points) -> None:
         The points before the change, and the new records after it, whose sums are set.
     """
     after.sums[:] = before.sums
+    after.contacts[:] = before.contacts
     after.state["multiplier"] = before.state["multiplier"]

@@ -20,7 +20,7 @@ from percuss.methods.plugin_calls import answer
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.contact.bound_law import BoundLaw
-    from percuss.contact.contact_pairs import ContactPair
+    from percuss.contact.contact_points import ContactPoint
     from percuss.mesh.body import Body
     from percuss.mesh.loads import BodyForce, Constraint, Follower, NodalForce
 
@@ -60,7 +60,7 @@ class ModelArrays:
         Masses and positions of all nodes, (nodes,) and (nodes, dim).
     omega
         Largest frequency of an element [1/time].
-    contact_pairs
+    contact_points
         The contact points, in the order of the case.
     constraints, nodal_forces, followers, body_forces
         Supports, drives and loads.
@@ -80,7 +80,7 @@ class ModelArrays:
     mass: Floats
     nodes: Floats
     omega: float
-    contact_pairs: tuple[ContactPair, ...]
+    contact_points: tuple[ContactPoint, ...]
     constraints: tuple[Constraint, ...]
     nodal_forces: tuple[NodalForce, ...]
     followers: tuple[Follower, ...]
@@ -239,9 +239,9 @@ class ModelArrays:
         for constraint in active:
             directions.setdefault(constraint.node, []).append(constraint.direction)
         sides = []
-        for contact_pair in self.contact_pairs:
+        for contact_point in self.contact_points:
             pair_sides = []
-            for node, normal in contact_pair.gap_gradient():
+            for node, normal in contact_point.gradient:
                 free = normal.copy()
                 for direction in directions.get(node, ()):
                     free -= (direction @ free) * direction
@@ -267,9 +267,9 @@ class ModelArrays:
 
     def normals(self) -> Floats:
         """Return N of all contact points, (nodes * dim, P)."""
-        normals = np.zeros((self.n_nodes, self.dim, len(self.contact_pairs)))
-        for p, contact_pair in enumerate(self.contact_pairs):
-            for node, normal in contact_pair.gap_gradient():
+        normals = np.zeros((self.n_nodes, self.dim, len(self.contact_points)))
+        for p, contact_point in enumerate(self.contact_points):
+            for node, normal in contact_point.gradient:
                 normals[node, :, p] += normal
         return normals.reshape(self.n_nodes * self.dim, -1)
 
@@ -289,5 +289,5 @@ class ModelArrays:
     @cached_property
     def points_without_mass(self) -> Any:
         """Whether each contact point has a side without mass, (P,)."""
-        massless = [self.mass[list(contact_pair.nodes)].min() == 0.0 for contact_pair in self.contact_pairs]
+        massless = [self.mass[list(contact_point.nodes)].min() == 0.0 for contact_point in self.contact_points]
         return np.array(massless, dtype=bool)

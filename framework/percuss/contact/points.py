@@ -1,4 +1,4 @@
-"""The records of contact points that the step reads and writes: law, state and sums of each point, and the rows of N.
+"""The records of contacts and their points that a step reads and writes, and the rows of N.
 
 A row has entries over the boundary degrees of freedom (`percuss.step.records`), as many as it needs: one or two at the
 ends of bars, more where a point lies on a facet of several nodes.
@@ -38,7 +38,7 @@ LAW = np.dtype(
         ("source", "i8"),  # where the multiplier comes from: FROM_LINE, FROM_KERNEL or FROM_PART
         ("stores", "i8"),  # how the contact stores energy: NOTHING, BY_END, BY_CURRENT or BY_PART
         ("surplus", "f8"),  # w minus its value for the gap at the end of the step
-        ("number", "i8"),  # of the point in the order of the case
+        ("contact", "i8"),  # number of its contact in the case
         ("initial_gap", "f8"),
         ("delassus", "f8"),  # diagonal of S
         ("kappa", "f8"),  # effective stiffness, force over overlap at the end of the step, of points that store BY_END
@@ -66,9 +66,19 @@ SUMS = np.dtype(
         ("stored", "f8"),  # stored energy at n - 1/2, after the step that at n + 1/2
         ("active", "i8"),  # 1 if the contact had a force or stored energy in the step before
         ("impulse", "f8"),
-        ("peak", "f8"),
         ("deepest", "f8"),  # largest overlap
-        ("overlap", "f8"),  # sum of the overlaps over the steps
+    ]
+)
+# A contact of the case, with all its points.
+CONTACT = np.dtype(
+    [
+        # in the present step
+        ("force", "f8"),  # sum of the multipliers
+        ("gap", "f8"),  # the smallest one
+        ("pressing", "i8"),  # 1 if a point has a force
+        # over the steps of a run
+        ("peak", "f8"),  # largest force
+        ("overlap", "f8"),  # sum of the largest overlaps of the steps
         ("closed", "i8"),  # number of steps with a force
         ("first", "i8"),  # first step with a force, -1 if there was none
         ("last", "i8"),  # last step with a force, -1 if there was none
@@ -79,10 +89,11 @@ OTHER = np.dtype([("point", "i8"), ("value", "f8")])  # off-diagonal entries of 
 
 
 class Points(NamedTuple):
-    """The contact points of a step: one record of each kind for each point, their entries of N, and those of S."""
+    """The contact points of a step: a record of each kind for each, their contacts, the entries of N and S."""
 
     law: Any  # (P,) LAW
     state: Any  # (P,) STATE
     sums: Any  # (P,) SUMS
+    contacts: Any  # CONTACT
     entries: Any  # ENTRY
     others: Any  # OTHER

@@ -13,7 +13,7 @@ from percuss.mesh.coupled_masses import highest_frequency
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
 
-    from percuss.contact.contact_pairs import ContactPair
+    from percuss.contact.contact_points import ContactPoint
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
 
@@ -23,7 +23,7 @@ LARGEST_COURANT = 0.99
 
 
 def stiffness_limits(
-    bodies: Iterable[Body], contact_pairs: Sequence[ContactPair], moved: Sequence[Collection[int]], dt: float
+    bodies: Iterable[Body], contact_points: Sequence[ContactPoint], moved: Sequence[Collection[int]], dt: float
 ) -> Floats:
     """Return `ContactPoints.stiffness_limit` of all contact points for a time step `dt`, (P,) [force/length].
 
@@ -34,14 +34,14 @@ def stiffness_limits(
 
     Parameters
     ----------
-    bodies, contact_pairs
+    bodies, contact_points
         Bodies and contact points of a model.
     moved
         Nodes of each contact point that its force moves at some time of the run; the others are fixed or driven.
     dt
         Time step.
     """
-    uses = Counter(node for contact_pair in contact_pairs for node in contact_pair.nodes)
+    uses = Counter(node for contact_point in contact_points for node in contact_point.nodes)
     reserve: dict[int, float] = {}
     of_alike: dict[Any, list[float]] = {}  # bodies of the same mass and stiffness are looked at once
     for body in bodies:

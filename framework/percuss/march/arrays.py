@@ -139,8 +139,9 @@ class Arrays:
         if inactive := model.inactive_points(midpoint):
             laws = laws.copy()
             laws["always"][np.isin(self.order, inactive)] = NEVER
-        gaps = [model.contact_pairs[point].gap for point in self.order]
-        points = point_records(laws, self.order, gaps, sides, self.place)
+        gaps = [model.contact_points[point].gap for point in self.order]
+        of_contact = [model.contact_points[point].contact for point in self.order]
+        points = point_records(laws, of_contact, gaps, sides, self.place)
         if not first:
             carry_over(self.step.points, points)
         self.step = self.step._replace(points=points, loads=self._loads(constraints, sides, midpoint))
@@ -247,6 +248,7 @@ class Arrays:
         own = [
             step.points.state,
             step.points.sums,
+            step.points.contacts,
             step.totals,
             loads.constraints,
             loads.momentum,
@@ -261,7 +263,7 @@ class Arrays:
 
 def _places(model: Model) -> dict[int, int]:
     """Return the boundary nodes, each with the index of its first boundary degree of freedom."""
-    contact_nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
+    contact_nodes = [node for contact_point in model.contact_points for node in contact_point.nodes]
     acted_nodes = model.acted_nodes
     beside = [
         node

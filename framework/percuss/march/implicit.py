@@ -19,7 +19,7 @@ import numpy as np
 from percuss.march.starting_state import initial_velocity
 from percuss.mesh import banded_matrices
 from percuss.mesh.loads import amplitude
-from percuss.step.account import account
+from percuss.step.account import account, join_points
 from percuss.step.record import is_recorded, snapshot, write_record
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class ImplicitStepper:
         )
         self.order = [point for bound_law in model.laws for point in bound_law.where]
         self.normals = np.ascontiguousarray(model.normals()[:, self.order])  # N of all points in the order of the loop
-        self.initial_gap = np.array([model.contact_pairs[point].gap for point in self.order])
+        self.initial_gap = np.array([model.contact_points[point].gap for point in self.order])
         self._factorise()
         self._bind_laws()
         # What acts at t_n: loads as given, and as the equation of motion has them; internal forces, reactions, contact.
@@ -183,6 +183,7 @@ class ImplicitStepper:
             snapshot(record, step, n, self.u, self.v)
             if is_recorded(record, n):
                 state["multiplier"] = self.multiplier
+                join_points(step.points)
                 total.kinetic_energy = 0.5 * float(self.v @ (self.mass * self.v))
                 total.elastic_energy = 0.5 * float(self.u @ (self.stiffness @ self.u))
                 write_record(record, step, n, self.u, self.v, 0.0)
@@ -221,8 +222,9 @@ class ImplicitStepper:
         total.step_energy = max(total.step_energy, float(single.max(initial=0.0)))
         self._impulse += dt * mean_load.reshape(-1, self.model.dim).sum(axis=0)
         sound = account(step, dt * float(mean_load @ middle), n, self.u, self.v) and sound
-        sums = step.points.sums
-        sums["peak"] = np.maximum(sums["peak"], multiplier)
+        contacts = step.points.contacts
+        force = np.bincount(step.points.law["contact"], multiplier, contacts.size)
+        contacts["peak"] = np.maximum(contacts["peak"], force)
         self.u[:], self.v[:], self.acceleration[:] = guess + moved, velocity, moved / (scheme.beta * dt**2)
         self.given[:], self.load[:], self.internal[:] = given, load, internal
         self.reaction[:], self.multiplier[:] = reaction, multiplier

@@ -56,6 +56,7 @@ class Outcome:
     histories: dict[str, Floats]  # what the parts of the step have recorded
     law: Any  # percuss.contact.points.LAW
     sums: Any  # percuss.contact.points.SUMS, over the steps before t_N
+    contacts: Any  # percuss.contact.points.CONTACT, over the steps before t_N
     starting_velocity: Floats  # at -dt/2
     kinetic_before: float  # kinetic energy at -dt/2
     totals: SimpleNamespace  # `March.totals`, before the trial step
@@ -204,6 +205,7 @@ class March:
             outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()
             outcome.final_displacement = self._displacement(outcome.done)
             outcome.sums = copied_records(self.arrays.step.points.sums)[self._case_order]
+            outcome.contacts = copied_records(self.arrays.step.points.contacts)
             outcome.totals = self.totals
             if outcome.status != "unstable":
                 self._trial_step(outcome.done)
@@ -250,6 +252,7 @@ class March:
             histories=self.arrays.histories(),
             law=self.arrays.step.points.law[self._case_order],
             sums=self.arrays.step.points.sums[self._case_order],
+            contacts=self.arrays.step.points.contacts,
             starting_velocity=self.v.copy(),
             kinetic_before=0.0,
             totals=self.totals,
@@ -463,7 +466,7 @@ class March:
         self._restore_state(after)
         if failure is None:
             return None
-        (contact_pair,) = (
-            contact_pair for contact_pair in self.model.contact_pairs if contact_pair.name == failure.contact
+        (contact_point,) = (
+            contact_point for contact_point in self.model.contact_points if contact_point.name == failure.contact
         )
-        return Stop(step, contact_pair.nodes[0], "kernel", failure.description, failure.cause)
+        return Stop(step, contact_point.nodes[0], "kernel", failure.description, failure.cause)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.contact.bound_law import BoundLaw, bind_law, joined
-from percuss.contact.contact_pairs import contact_pair_of
+from percuss.contact.contact_points import contact_points_of
 from percuss.contact.contact_rows import Side, law_records
 from percuss.contact.model_arrays import ModelArrays
 from percuss.contact.points import LAW, NOTHING
@@ -95,10 +95,10 @@ class Model(ModelArrays):
         courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
         self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / self.omega)
         problems: list[Problem] = []
-        pairs = [contact_pair_of(case, spec, bodies, problems) for spec in case.contacts.values()]
+        points = [point for spec in case.contacts.values() for point in contact_points_of(case, spec, bodies, problems)]
         loads = supports_and_loads(case, bodies, problems)
         refuse_if_any(problems)
-        self._set(contact_pairs=tuple(pair for pair in pairs if pair is not None), **loads._asdict())
+        self._set(contact_points=tuple(points), **loads._asdict())
         self._bind()
 
     # -- construction and derived models -----------------------------------------------------------------
@@ -143,9 +143,9 @@ class Model(ModelArrays):
             The new law for each law that is replaced.
         """
         model = self._derived(
-            contact_pairs=tuple(
-                dataclasses.replace(contact_pair, law=replaced.get(contact_pair.law, contact_pair.law))
-                for contact_pair in self.contact_pairs
+            contact_points=tuple(
+                dataclasses.replace(contact_point, law=replaced.get(contact_point.law, contact_point.law))
+                for contact_point in self.contact_points
             )
         )
         model._bind()
@@ -239,17 +239,17 @@ class Model(ModelArrays):
             array.flags.writeable = False
             return array
 
-        contact_pairs = [self.contact_pairs[p] for p in where]
+        contact_points = [self.contact_points[p] for p in where]
         delassus, coupling, _ = self.whole._largest_delassus
         return ContactPoints(
-            names=tuple(contact_pair.name for contact_pair in contact_pairs),
-            stiffness=column([contact_pair.stiffness for contact_pair in contact_pairs]),
-            frequency=column([contact_pair.frequency for contact_pair in contact_pairs]),
-            mass=column([contact_pair.mass for contact_pair in contact_pairs]),
-            equal_sides=column([contact_pair.equal_sides for contact_pair in contact_pairs], bool),
+            names=tuple(contact_point.name for contact_point in contact_points),
+            stiffness=column([contact_point.stiffness for contact_point in contact_points]),
+            frequency=column([contact_point.frequency for contact_point in contact_points]),
+            mass=column([contact_point.mass for contact_point in contact_points]),
+            equal_sides=column([contact_point.equal_sides for contact_point in contact_points], bool),
             delassus=column(delassus[list(where)]),
             coupling=column(coupling[list(where)]),
-            weight=column([1.0] * len(contact_pairs)),
+            weight=column([contact_point.weight for contact_point in contact_points]),
             limits=lambda: column(self.whole._stiffness_limits(dt)[list(where)]),
             traces=lambda: column(self.whole._trace_stiffness[list(where)]),
         )
@@ -260,8 +260,8 @@ class Model(ModelArrays):
 
         The last are the contact points that are coupled with each at some time of the run.
         """
-        largest, sums = np.zeros(len(self.contact_pairs)), np.zeros(len(self.contact_pairs))
-        neighbours: list[set[int]] = [set() for _ in self.contact_pairs]
+        largest, sums = np.zeros(len(self.contact_points)), np.zeros(len(self.contact_points))
+        neighbours: list[set[int]] = [set() for _ in self.contact_points]
         for start, _ in self.segments(laws=False):
             _, diagonal, others = self.contact_rows((start + 0.5) * self.dt)
             largest = np.maximum(largest, diagonal)
@@ -272,7 +272,7 @@ class Model(ModelArrays):
     @cached_property
     def _trace_stiffness(self) -> Floats:
         """The largest `ContactPoints.trace_stiffness` of each contact point over the run, (P,)."""
-        largest = np.zeros(len(self.contact_pairs))
+        largest = np.zeros(len(self.contact_points))
         for start, _ in self.segments(laws=False):
             largest = np.maximum(largest, trace_stiffness(self, (start + 0.5) * self.dt))
         return largest
@@ -282,12 +282,12 @@ class Model(ModelArrays):
         return end_forces(self, midpoint)
 
     def _stiffness_limits(self, dt: float) -> Floats:
-        return stiffness_limits(self.bodies.values(), self.contact_pairs, self._moved_nodes, dt)
+        return stiffness_limits(self.bodies.values(), self.contact_points, self._moved_nodes, dt)
 
     @cached_property
     def _moved_nodes(self) -> list[list[int]]:
         """Nodes of each contact point that its force moves at some time of the run: not always fixed or driven."""
-        moved: list[set[int]] = [set() for _ in self.contact_pairs]
+        moved: list[set[int]] = [set() for _ in self.contact_points]
         for start, _ in self.segments(laws=False):
             for nodes, sides in zip(moved, self.contact_rows((start + 0.5) * self.dt).sides, strict=True):
                 nodes.update(side.node for side in sides if _moves(side, self.mass))
@@ -299,8 +299,8 @@ class Model(ModelArrays):
 
     def _bound_laws(self, dt: float) -> tuple[BoundLaw, ...]:
         groups: dict[ContactLaw, list[int]] = {}
-        for p, contact_pair in enumerate(self.contact_pairs):
-            groups.setdefault(contact_pair.law, []).append(p)
+        for p, contact_point in enumerate(self.contact_points):
+            groups.setdefault(contact_point.law, []).append(p)
         problems: list[Problem] = []
         laws = []
         for law, where in groups.items():
@@ -325,7 +325,7 @@ class Model(ModelArrays):
         advice = "Give both the same options, or let its `bind` return arrays of one number for each point."
 
         def problem(p: int, q: int) -> Problem:
-            first, second = self.contact_pairs[p].name, self.contact_pairs[q].name
+            first, second = self.contact_points[p].name, self.contact_points[q].name
             message = (
                 f"expected the coupled contacts '{first}' and '{second}' to be solved together by the kernel of "
                 f"{laws[0].law.name}; found options that it cannot tell apart"
@@ -361,12 +361,12 @@ class Model(ModelArrays):
     def ignored_couplings(self) -> list[str]:
         """Return one sentence for contacts at each end, or coupled by the mass, if the kernel of a law ignores that."""
         at_node: dict[int, list[int]] = {}
-        for p, contact_pair in enumerate(self.contact_pairs):
-            for node in contact_pair.nodes:
+        for p, contact_point in enumerate(self.contact_points):
+            for node in contact_point.nodes:
                 at_node.setdefault(node, []).append(p)
         coupled = {tuple(contacts): "share an end" for contacts in at_node.values() if len(contacts) > 1}
         for p, near in enumerate(self.whole._largest_delassus[2]):
-            apart = (q for q in near if p < q and not {*self.contact_pairs[p].nodes} & {*self.contact_pairs[q].nodes})
+            apart = (q for q in near if p < q and not {*self.contact_points[p].nodes} & {*self.contact_points[q].nodes})
             coupled |= dict.fromkeys(((p, q) for q in apart), "are coupled by the mass of a body")
         sentences = []
         for bound_law in self.laws:
@@ -376,25 +376,28 @@ class Model(ModelArrays):
             for contacts, how in coupled.items():
                 if set(bound_law.where).isdisjoint(contacts):
                     continue
-                names = ", ".join(f"'{self.contact_pairs[p].name}'" for p in contacts)
+                named = list(dict.fromkeys(f"'{self.contact_points[p].name}'" for p in contacts))
                 where = "at that end " if how == "share an end" else ""
+                which, each = f"contacts {', '.join(named)} {how}", "contacts"
+                if len(named) == 1:
+                    which, each = f"points of the contact {named[0]} share nodes", "points"
                 sentences.append(
-                    f"contacts {names} {how}, and the kernel of law {law.name} sees each of its contacts by itself: it "
+                    f"{which}, and the kernel of law {law.name} sees each of its {each} by itself: it "
                     f"ignores what the others {where}press in the same step (it does not declare `uses_coupling`)"
                 )
-        return sentences
+        return list(dict.fromkeys(sentences))
 
     def parameters(self) -> dict[str, dict[str, float]]:
         """Return, for each contact, the name of its law and its resolved parameters."""
         parameters: dict[str, dict[str, Any]] = {
-            contact_pair.name: {"law": contact_pair.law.name} for contact_pair in self.contact_pairs
+            contact_point.name: {"law": contact_point.law.name} for contact_point in self.contact_points
         }
         for bound_law in self.laws:
             for where, resolved in bound_law.resolved:
                 for name, value in resolved.items():
                     numbers = np.broadcast_to(value, (len(where),))
                     for point, number in zip(where, numbers, strict=True):
-                        parameters[self.contact_pairs[point].name][name] = float(number)
+                        parameters[self.contact_points[point].name][name] = float(number)
         return parameters
 
 

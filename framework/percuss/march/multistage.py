@@ -46,7 +46,7 @@ class MultistageStepper:
         self.model, self.stages = model, stages
         self.nodal = model.n_nodes * model.dim
         self.columns = len(model.case.loads) + 1
-        size = self.nodal + len(model.contact_pairs) + len(model.constraints) + self.columns
+        size = self.nodal + len(model.contact_points) + len(model.constraints) + self.columns
         kept = model.case.method.integrator.kept
         self.levels = 2 + kept
         self.state = State(np.zeros(size), np.zeros(size), np.zeros((kept, size)))
@@ -76,7 +76,7 @@ class MultistageStepper:
     def _responses(self, tables: Sequence[LeapFrog]) -> Floats:
         """Return w of each contact point in the states of each table, (tables, points)."""
         responses = [self.model.law_records(table)[1]["response"] for table in tables]
-        return np.array(responses, dtype=float).reshape(len(tables), len(self.model.contact_pairs))
+        return np.array(responses, dtype=float).reshape(len(tables), len(self.model.contact_points))
 
     def changing_arrays(self) -> list[Any]:
         """Return displacement, velocity, the arrays kept between steps, and the sums of the load amplitudes."""

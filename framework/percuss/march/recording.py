@@ -10,7 +10,7 @@ import numpy as np
 from percuss.compiler.record_arrays import empty_records
 from percuss.errors import Problem, TooLargeError
 from percuss.mesh import size_limits
-from percuss.step.record import ENERGIES, OF_POINTS, OF_PROBES, Record
+from percuss.step.record import ENERGIES, OF_CONTACTS, OF_PROBES, Record
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -57,8 +57,8 @@ def record_shapes(model: Model) -> Shapes:
     rows = steps // record.every + 1 + (steps % record.every > 0)  # the last step is recorded in any case
     motion = len(probe_nodes(model)) * model.dim
     columns = {
-        **dict.fromkeys(OF_POINTS, len(model.contact_pairs)),
-        "contact_state": sum(contact_pair.law.state for contact_pair in model.contact_pairs),
+        **dict.fromkeys(OF_CONTACTS, len(model.case.contacts)),
+        "contact_state": sum(contact_point.law.state for contact_point in model.contact_points),
         **dict.fromkeys(OF_PROBES, motion),
         "energy": len(ENERGIES.names or ()),
     }
@@ -95,7 +95,7 @@ def empty_record(model: Model, place: Mapping[int, int]) -> tuple[Record, Floats
     record = Record(
         every=every,
         last=steps,
-        **{name: np.full((shapes.rows, shapes.columns[name]), np.nan) for name in (*OF_POINTS, *OF_PROBES)},
+        **{name: np.full((shapes.rows, shapes.columns[name]), np.nan) for name in (*OF_CONTACTS, *OF_PROBES)},
         probe=np.array([place[p] + d for p in probe_nodes(model) for d in range(dim)], dtype=np.int64),
         energy=energy,
         field_every=shapes.field_every,

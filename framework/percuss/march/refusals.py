@@ -19,7 +19,7 @@ Rule = Callable[["ModelArrays"], Iterator[Problem | RefusedPair]]
 def pairs_refused(model: ModelArrays) -> Iterator[RefusedPair]:
     """Yield each pair of the integrator and a law of which one refuses the other."""
     integrator = model.case.method.integrator
-    for law in dict.fromkeys(contact_pair.law for contact_pair in model.contact_pairs):
+    for law in dict.fromkeys(contact_point.law for contact_point in model.contact_points):
         for reason, refusing in (
             (integrator.refuses(law), integrator.name),
             (law.refuses(integrator), law.name),
@@ -33,16 +33,16 @@ def not_movable(model: ModelArrays) -> Iterator[Problem]:
     told = set()
     for start, stop in model.segments(laws=False):
         diagonal = model.contact_rows((start + 0.5) * model.dt).diagonal
-        for contact_pair, delassus in zip(model.contact_pairs, diagonal, strict=True):
-            lightest = min(model.mass[node] for node in contact_pair.nodes)
-            if lightest > 0.0 and delassus * lightest < 1e-12 and contact_pair.name not in told:
+        for contact_point, delassus in zip(model.contact_points, diagonal, strict=True):
+            lightest = min(model.mass[node] for node in contact_point.nodes)
+            if lightest > 0.0 and delassus * lightest < 1e-12 and contact_point.name not in told:
                 message = "expected a contact that can move, found every side fixed or driven"
                 advice = "Free one of the ends, or drop the contact."
                 if start > 0 or stop < model.steps:
                     message += f" from {start * model.dt:.6g} to {min(stop, model.steps) * model.dt:.6g}"
                     advice = "Drive one of its ends at a time: without a free end its force is unknown."
-                told.add(contact_pair.name)
-                yield model.case.problem(("contacts", contact_pair.name), message, advice)
+                told.add(contact_point.name)
+                yield model.case.problem(("contacts", contact_point.name), message, advice)
 
 
 # The rules that need no bound laws, and those that do.
@@ -84,7 +84,7 @@ def _problems(model: ModelArrays, refusal: Problem | RefusedPair) -> list[Proble
     """Return the problems of a refusal; of an integrator and a law the places of both."""
     if isinstance(refusal, Problem):
         return [refusal]
-    contact = next((pair.name for pair in model.contact_pairs if pair.law.name == refusal.contact), "")
+    contact = next((point.name for point in model.contact_points if point.law.name == refusal.contact), "")
     own, origin = ("contacts", contact, "method"), model.case.origin
     paths = (("method", "integrator"), own if origin.get(own) is not None else ("method", "contact"))
     messages = (refusal.sentence, f"{refusal.contact}, the contact law of that pair")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
     from percuss.certificate.criteria import RunCriterion
     from percuss.certificate.verdict import Certificate
-    from percuss.contact.contact_pairs import ContactPair
+    from percuss.contact.contact_points import ContactPoint
     from percuss.march.model import Model
     from percuss.mesh.body import Body
 
@@ -74,7 +74,8 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     heading = f"Bodies ({model.n_nodes} nodes in {dimensions})"
     yield _group("bodies", heading, (_body(body) for body in model.bodies.values()))
     explained: set[str] = set()
-    contacts = [_contact(model, p, contact_pair, explained) for p, contact_pair in enumerate(model.contact_pairs)]
+    first = {point.name: p for p, point in reversed(list(enumerate(model.contact_points)))}
+    contacts = [_contact(model, p, model.contact_points[p], explained) for p in sorted(first.values())]
     yield _group("contacts", "Contacts" if contacts else "No contact", contacts)
     yield _group("loads", "Loads" if case.loads else "", (_load(spec) for spec in case.loads.values()))
     yield _step(model, verdict)
@@ -204,28 +205,28 @@ def _measured_energy(model: Model, energy: str) -> dict[str, str]:
 # -------------------------------------------------------------------------------------------------- contacts
 
 
-def _contact(model: Model, number: int, contact_pair: ContactPair, explained: set[str]) -> Fact:
+def _contact(model: Model, number: int, contact_point: ContactPoint, explained: set[str]) -> Fact:
     """Return a contact: its sides, gap and law, the numbers given to the law, and its linear law if there is one.
 
     The formula of a law is told once; `explained` has the names of those that were.
     """
-    spec, law = model.case.contacts[contact_pair.name], contact_pair.law
-    stiffness, mass, frequency = names = _names_at_end(model, contact_pair)
-    at_end = contact_pair.stiffness, contact_pair.mass, contact_pair.frequency
+    spec, law = model.case.contacts[contact_point.name], contact_point.law
+    stiffness, mass, frequency = names = _names_at_end(model, contact_point)
+    at_end = contact_point.stiffness, contact_point.mass, contact_point.frequency
     s_formula = "1/(k dt^2) of each end without mass" if model.points_without_mass[number] else "N^T M^-1 N"
     value: dict[str, Any] = {
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
-        "gap": contact_pair.gap,
+        "gap": contact_point.gap,
         "law": law.name,
         "given": _non_default_options(law),
-        "resolved": {key: one for key, one in model.parameters()[contact_pair.name].items() if key != "law"},
+        "resolved": {key: one for key, one in model.parameters()[contact_point.name].items() if key != "law"},
         "chosen": dict(law.chosen(model.points([number], model.dt), model.dt)),
         "point": dict(zip(names, at_end, strict=True))
         | {"s": float(model.contact_rows(0.5 * model.dt).diagonal[number])},
     }
     value["row"] = _linear_law_data(model, number, value["point"]["s"])
     gap = "touching" if value["gap"] == 0 else f"gap {value['gap']:.9g}"
-    words = [f"{contact_pair.name}: {' and '.join(value['sides'])}, {gap}; {law.name}: {law.summary}"]
+    words = [f"{contact_point.name}: {' and '.join(value['sides'])}, {gap}; {law.name}: {law.summary}"]
     if law.name not in explained:
         words += [f"  {line}" for line in docs(type(law)).formula.splitlines()]
         explained.add(law.name)
@@ -248,7 +249,7 @@ def _contact(model: Model, number: int, contact_pair: ContactPair, explained: se
         words += [f"  {line}" for line in _linear_law_lines(value["row"])]
         if value["row"]["acceleration"] and not value["row"]["sees_acceleration"]:
             words.append(f"  g'' counts as 0: {law.needs_only_response_of['acceleration']}")
-    return Fact(contact_pair.name, value, words)
+    return Fact(contact_point.name, value, words)
 
 
 def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | None:
@@ -279,9 +280,9 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
     }
 
 
-def _names_at_end(model: Model, contact_pair: ContactPair) -> tuple[str, str, str]:
+def _names_at_end(model: Model, contact_point: ContactPoint) -> tuple[str, str, str]:
     """Return the names of stiffness, mass and frequency of the ends in contact (`ContactPoints`)."""
-    if any(model.body_of(node).of_cells for node in contact_pair.nodes):
+    if any(model.body_of(node).of_cells for node in contact_point.nodes):
         return "m omega^2 / 2", "m", "omega"
     return "EA/h", "rho A h / 2", "2c/h"
 
@@ -358,7 +359,10 @@ def _load(spec: LoadSpec) -> Fact:
 def _components(model: Model) -> list[Component]:
     """Return one instance of each component that the run uses, without the exact solution."""
     case = model.case
-    components: list[Component] = [case.method.integrator, *(contact_pair.law for contact_pair in model.contact_pairs)]
+    components: list[Component] = [
+        case.method.integrator,
+        *(contact_point.law for contact_point in model.contact_points),
+    ]
     components += [load.load for load in case.loads.values()]
     components += [part for body in case.bodies.values() for part in (body.shape, body.material, body.element)]
     components.append(case.method.mass)

@@ -118,7 +118,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     errors = true_errors["exact"] or true_errors["exact_covered"]
     components = components_used(model.case, solution=errors["solution"] if errors else None)
     provenance = provenance_of(model, components, resolved=resolved_methods(model))
-    coordinates = {"contact": [contact_pair.name for contact_pair in model.contact_pairs], "probe": probe_names}
+    coordinates = {"contact": list(model.case.contacts), "probe": probe_names}
     return Result(arrays, coordinates, _fields(march, outcome), plain(summary), provenance, solution)
 
 
@@ -132,7 +132,7 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
     warnings += march.model.ignored_couplings()
-    if march.arrays.record.every > 1 and march.model.contact_pairs:
+    if march.arrays.record.every > 1 and march.model.contact_points:
         warnings.append("true errors of the contact force need `record.every: 1`")
     if march.model.multistage:
         name = march.model.case.method.integrator.name
@@ -178,7 +178,7 @@ def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tupl
         return None, true_error.summary_entries(None, "Ctrl-C ended it")
     if solution is None:
         return None, true_error.summary_entries(None, reason)
-    contact_names = [contact_pair.name for contact_pair in model.contact_pairs]
+    contact_names = list(model.case.contacts)
     # The impulse lambda dt acts over the step around t_n, in a multi-stage scheme over that from t_n to t_n+1.
     middle = arrays["time"] + march.stepper.force_at * model.dt
     arrays |= sampled(solution, contact_names, arrays["time"], middle, model.dt)
@@ -220,7 +220,7 @@ def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:
         return {}
     records = outcome.histories["contact_state"][: outcome.records]
     most = max(bound_law.law.state for bound_law in laws)
-    states = np.full((outcome.records, len(march.model.contact_pairs), most), np.nan)
+    states = np.full((outcome.records, len(march.model.contact_points), most), np.nan)
     dissipated = np.zeros(outcome.records)
     first = 0
     for bound_law in laws:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from percuss.contact.contact_pairs import TOUCHING
+from percuss.contact.contact_points import TOUCHING
 from percuss.march.march import March, Outcome
 from percuss.march.model import Model
 from percuss.march.recording import probe_nodes
@@ -52,7 +52,7 @@ def undeclared_pairs(model: Model) -> list[tuple[End, End, float]]:
 
     Ends that both have a contact with another partner are left out: several experiments may lie on one line.
     """
-    in_contact = {node for contact_pair in model.contact_pairs for node in contact_pair.nodes}
+    in_contact = {node for contact_point in model.contact_points for node in contact_point.nodes}
     lines: dict[Any, tuple[list[End], list[End]]] = {}
     for end in _ends(model):
         forward = next(part for part in end.outward.tolist() if abs(part) > 1e-9) > 0.0
@@ -109,18 +109,18 @@ def encounters(march: March, outcome: Outcome, arrays: dict[str, Any]) -> list[s
         depth = -float((gap + _relative(march, outcome, arrays, end.node, other.node) @ end.outward).min())
         if depth > _touching(end):
             notes.append(f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}")
-    for number, contact_pair in enumerate(model.contact_pairs):
-        if model.dim == 1 or len(contact_pair.nodes) == 1:
+    for number, contact_point in enumerate(model.contact_points):
+        if model.dim == 1 or len(contact_point.nodes) == 1:
             continue
-        relative = _relative(march, outcome, arrays, *contact_pair.nodes)
-        beside = np.linalg.norm(relative - np.outer(relative @ contact_pair.normal, contact_pair.normal), axis=1)
+        relative = _relative(march, outcome, arrays, *contact_point.nodes)
+        beside = np.linalg.norm(relative - np.outer(relative @ contact_point.normal, contact_point.normal), axis=1)
         pressing = arrays["contact_force"][-beside.size :, number] != 0.0
         # The faces are taken as squares: they have no point in common beyond half the sum of their sides.
-        width = 0.5 * sum(model.body_of(node).spec.area ** 0.5 for node in contact_pair.nodes)
+        width = 0.5 * sum(model.body_of(node).spec.area ** 0.5 for node in contact_point.nodes)
         if (off := np.flatnonzero(pressing & (beside > width))).size:
             since = arrays["time"][-beside.size :][off[0]]
             notes.append(
-                f"contact '{contact_pair.name}' presses from time {since:.6g} on although its ends have slid off each "
+                f"contact '{contact_point.name}' presses from time {since:.6g} on although its ends have slid off each "
                 f"other: they are {beside[off].max():.3g} apart sideways, and {width:.3g} wide; a contact of two ends "
                 "knows their distance along its normal alone"
             )

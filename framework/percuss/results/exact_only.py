@@ -71,7 +71,7 @@ def run_exact(case: Case) -> Result:
     if solution is None:
         raise InputError([Problem(case.origin.name, "", f"no exact solution covers this case: {reason}")])
     solved = time.perf_counter() - started
-    names = [contact_pair.name for contact_pair in model.contact_pairs]
+    names = list(model.case.contacts)
     arrays = _histories(model, solution, names)
     facts: Any = {"solution": name, "fronts": solution.fronts, "reached": solution.reached}
     summary = {

@@ -196,10 +196,9 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
     for constraint, reaction in zip(model.constraints, outcome.reactions, strict=True):
         supports += model.dt * reaction * constraint.direction
     walls = np.zeros(dim)
-    for index, impulse in enumerate(outcome.sums.impulse):
-        contact_pair = model.contact_pairs[index]
-        if len(contact_pair.nodes) == 1:
-            walls -= impulse * contact_pair.normal
+    for contact_point, impulse in zip(model.contact_points, outcome.sums.impulse, strict=True):
+        if contact_point.at_wall:
+            walls -= impulse * contact_point.normal
     closure = after - before - outcome.load_impulse - supports - walls
     moving = float((model.mass * np.linalg.norm(outcome.final_velocity.reshape(-1, dim), axis=1)).sum())
     started = float((model.mass * np.linalg.norm(outcome.starting_velocity.reshape(-1, dim), axis=1)).sum())
@@ -277,18 +276,20 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
     """Return impulse, peak force, times of closing and opening, and penetration of each contact."""
     model, dt = march.model, march.model.dt
     summaries: dict[str, ContactSummary] = {}
-    for contact_pair, law, point in zip(model.contact_pairs, outcome.law, outcome.sums, strict=True):
-        was_closed = point.first >= 0
-        summaries[contact_pair.name] = {
-            "impulse": float(point.impulse),
-            "peak_force": float(point.peak),
-            "first_closed": float(point.first * dt) if was_closed else None,
-            "last_open": float((point.last + 1) * dt) if was_closed else None,
-            "closed_time": float(point.closed * dt),
+    of_contact = np.array([point.contact for point in model.contact_points], dtype=np.int64)
+    for number, (name, contact) in enumerate(zip(model.case.contacts, outcome.contacts, strict=True)):
+        was_closed = contact.first >= 0
+        sums, stiffness = outcome.sums[of_contact == number], outcome.law.end_stiffness[of_contact == number]
+        summaries[name] = {
+            "impulse": float(sums.impulse.sum()),
+            "peak_force": float(contact.peak),
+            "first_closed": float(contact.first * dt) if was_closed else None,
+            "last_open": float((contact.last + 1) * dt) if was_closed else None,
+            "closed_time": float(contact.closed * dt),
             "penetration": {
-                "largest": float(point.deepest),
-                "time_mean": float(point.overlap / max(outcome.done, 1)),
-                "energy": float(0.5 * law.end_stiffness * point.deepest**2) if np.isfinite(law.end_stiffness) else 0.0,
+                "largest": float(sums.deepest.max(initial=0.0)),
+                "time_mean": float(contact.overlap / max(outcome.done, 1)),
+                "energy": float((0.5 * np.nan_to_num(stiffness) * sums.deepest**2).sum()),
             },
         }
     return summaries
@@ -356,7 +357,7 @@ def growth_notes(march: March, outcome: Outcome, growth: GrowthSummary) -> list[
     """Return a note on energy growth beyond the guarantee, or an empty list if there is none."""
     if growth["kept"] is not False:
         return []
-    laws = " and ".join(dict.fromkeys(contact_pair.law.name for contact_pair in march.model.contact_pairs))
+    laws = " and ".join(dict.fromkeys(contact_point.law.name for contact_point in march.model.contact_points))
     pair = f"{march.model.case.method.integrator.name} with {laws}"
     if growth["guarantee"] == NEVER_GROWS:
         return [

@@ -101,7 +101,7 @@ def resolved_methods(model: Model) -> Mapping[str, Any]:
         "contact": method.contact.name,
         "mass": method.mass.name,
         "contacts": model.parameters(),
-        "headline": {pair.name: list(pair.law.headline) for pair in model.contact_pairs},
+        "headline": {point.name: list(point.law.headline) for point in model.contact_points},
         "dt": model.dt,
         "steps": model.steps,
         "courant": model.courant,
@@ -120,8 +120,8 @@ def geometry(model: Model) -> dict[str, Any]:
     return {
         "bodies": {name: body.mesh.nodes[[0, -1]].tolist() for name, body in model.bodies.items()},
         "contacts": {
-            contact_pair.name: [[model.body_of(node).name, model.nodes[node].tolist()] for node in contact_pair.nodes]
-            for contact_pair in model.contact_pairs
+            contact_point.name: [[model.body_of(node).name, model.nodes[node].tolist()] for node in contact_point.nodes]
+            for contact_point in model.contact_points
         },
     }
 

@@ -65,14 +65,34 @@ def add_up_contacts(points: Points, boundary: Any, total: Any, n: int, dt: float
         if state.multiplier != 0.0:
             sums.impulse += dt * state.multiplier
             total.step_energy = max(total.step_energy, (dt * state.multiplier) ** 2 * law.delassus)
-            sums.peak = max(sums.peak, state.multiplier)
-            sums.closed += 1
-            if sums.first < 0:
-                sums.first = n
-            sums.last = n
         if state.gap < 0.0:
-            sums.overlap -= state.gap
             sums.deepest = max(sums.deepest, -state.gap)
+    join_points(points)
+    for i in range(points.contacts.size):
+        contact = points.contacts[i]
+        if contact.pressing == 1:
+            contact.peak = max(contact.peak, contact.force)
+            contact.closed += 1
+            if contact.first < 0:
+                contact.first = n
+            contact.last = n
+        if contact.gap < 0.0:
+            contact.overlap -= contact.gap
+
+
+def join_points(points: Points) -> None:
+    """Set the force of each contact, the sum of those of its points, and its smallest gap."""
+    for i in range(points.contacts.size):
+        contact = points.contacts[i]
+        contact.force = 0.0
+        contact.gap = np.inf
+        contact.pressing = 0
+    for i in range(points.law.size):
+        contact, state = points.contacts[points.law[i].contact], points.state[i]
+        contact.gap = min(contact.gap, state.gap)
+        if state.multiplier != 0.0:
+            contact.force += state.multiplier
+            contact.pressing = 1
 
 
 def rate_and_reach(points: Points, law: Any, boundary: Any, dt: float) -> tuple[float, float]:

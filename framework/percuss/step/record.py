@@ -35,13 +35,13 @@ ENERGIES = np.dtype(
 
 
 class Record(NamedTuple):
-    """Recorded histories: R rows, one for every `every`-th step and one for the last step; points as in the case."""
+    """Recorded histories: R rows, one for every `every`-th step and one for the last step; contacts as in the case."""
 
     every: int
     last: int  # step of the last record
-    contact_force: Floats  # (R, P)
-    gap: Floats  # (R, P)
-    end_force: Floats  # (R, P)
+    contact_force: Floats  # (R, contacts)
+    gap: Floats  # (R, contacts) of the point with the smallest one
+    end_force: Floats  # (R, contacts)
     displacement: Floats  # (R, probes * dim)
     velocity: Floats  # (R, probes * dim)
     probe: Integers  # (probes * dim,) indices of boundary degrees of freedom
@@ -51,8 +51,8 @@ class Record(NamedTuple):
     field_dof: Integers  # (recorded nodes * dim,)
 
 
-# The histories that have a column for each contact point, and for each component of the motion of each probe.
-OF_POINTS, OF_PROBES = Record._fields[2:5], Record._fields[5:7]
+# The histories that have a column for each contact, and for each component of the motion of each probe.
+OF_CONTACTS, OF_PROBES = Record._fields[2:5], Record._fields[5:7]
 
 
 def is_recorded(record: Record, n: int) -> bool:
@@ -99,14 +99,16 @@ def write_record(record: Record, step: Step, n: int, u: Floats, v: Floats, lag: 
     """
     points, boundary, total = step.points, step.boundary, step.totals[0]
     r = n // record.every if n % record.every == 0 else record.energy.size - 1
+    for i in range(points.contacts.size):
+        record.contact_force[r, i] = points.contacts[i].force
+        record.gap[r, i] = points.contacts[i].gap
+        record.end_force[r, i] = 0.0
     for i in range(points.law.size):
-        law, state = points.law[i], points.state[i]
-        record.contact_force[r, law.number] = state.multiplier
-        record.gap[r, law.number] = state.gap
+        law = points.law[i]
         after = law.initial_gap
         for k in range(law.start, law.stop):
             after += points.entries[k].normal * u[boundary[points.entries[k].place].dof]
-        record.end_force[r, law.number] = law.end_stiffness * max(-after, 0.0)
+        record.end_force[r, law.contact] += law.end_stiffness * max(-after, 0.0)
     for k in range(record.probe.size):
         q = boundary[record.probe[k]]
         record.displacement[r, k] = q.old_u

@@ -326,7 +326,7 @@ def refusals(model: ModelArrays) -> Iterator[RefusedPair]:
     for bound_law in filter(sees_end_force, model.laws):
         law, reason, refusing = bound_law.law.name, "", bound_law.law.name
         what = f"{law} sees or pushes the force of end elements"
-        bodies = {model.body_of(node).name: node for p in bound_law.where for node in model.contact_pairs[p].nodes}
+        bodies = {model.body_of(node).name: node for p in bound_law.where for node in model.contact_points[p].nodes}
         if model.multistage:
             reason = f"{what}, which is evaluated in leap-frog schemes alone"
         elif model.viscosity:

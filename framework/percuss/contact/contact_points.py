@@ -1,4 +1,4 @@
-"""Contact pairs of a model: two ends that face each other, or an end and a rigid wall."""
+"""The contact points of a model; of bars one for each contact: two ends that face each other, or an end and a wall."""
 
 from __future__ import annotations
 
@@ -23,32 +23,43 @@ TOUCHING = 1e-9  # fraction of an element length; a smaller initial gap or overl
 
 
 @dataclass(frozen=True)
-class ContactPair:
-    """A contact pair, which is one contact point: its nodes, unit normal and initial gap, its law and scales.
+class ContactPoint:
+    """A contact point: the contact that it belongs to, its gap, its law and scales.
 
-    The normal points from the first side to the second. Stiffness EA/h, frequency 2c/h and mass rho A h / 2 are those
-    of the end elements, as `percuss.methods.interfaces.ContactPoints` defines them.
+    Stiffness, frequency and mass are as `percuss.methods.interfaces.ContactPoints` defines them.
     """
 
-    name: str
-    nodes: tuple[int, ...]
-    normal: Floats  # (dim,)
+    name: str  # of its contact
+    contact: int  # number of its contact in the case
+    gradient: tuple[tuple[int, Floats], ...]  # nodes, and the derivative of the gap by the displacement of each, (dim,)
+    normal: Floats  # (dim,) from the first side to the second, or to the wall
+    at_wall: bool
     gap: float
     law: ContactLaw
     stiffness: float
     frequency: float
     mass: float
     equal_sides: bool
+    weight: float = 1.0
 
-    def gap_gradient(self) -> list[tuple[int, Floats]]:
-        """Return the derivative of the gap by the displacement of each side: (node, minus or plus the normal)."""
-        return [(node, sign * self.normal) for node, sign in zip(self.nodes, (-1.0, 1.0), strict=False)]
+    @property
+    def nodes(self) -> tuple[int, ...]:
+        """The nodes that the gap depends on."""
+        return tuple(node for node, _ in self.gradient)
 
 
-def contact_pair_of(
+def contact_points_of(
     case: Case, spec: ContactSpec, bodies: Mapping[str, Body], problems: list[Problem]
-) -> ContactPair | None:
-    """Return the contact pair of a contact of a case; None if its geometry is wrong, with the reason in `problems`."""
+) -> list[ContactPoint]:
+    """Return the points of a contact of a case; none if its geometry is wrong, with the reason in `problems`."""
+    point = _ends_that_meet(case, spec, bodies, problems)
+    return [point] if point is not None else []
+
+
+def _ends_that_meet(
+    case: Case, spec: ContactSpec, bodies: Mapping[str, Body], problems: list[Problem]
+) -> ContactPoint | None:
+    """Return the point at which two ends meet, or an end and a wall; None if they cannot, with a problem."""
     path = ("contacts", spec.name)
 
     def add_problem(at: tuple[str, ...], message: str, advice: str) -> None:
@@ -93,10 +104,12 @@ def contact_pair_of(
     frequency = [float(body.frequency[element]) for body, element in zip(sides, elements, strict=True)]
     softest = min(stiffness)
     alike = [k for k, value in enumerate(stiffness) if value <= softest * (1.0 + ROUND_OFF)]
-    return ContactPair(
+    return ContactPoint(
         name=spec.name,
-        nodes=nodes,
+        contact=list(case.contacts).index(spec.name),
+        gradient=tuple((node, sign * normal) for node, sign in zip(nodes, (-1.0, 1.0), strict=False)),
         normal=normal,
+        at_wall=len(nodes) == 1,
         gap=0.0 if gap <= TOUCHING * size else gap,
         law=spec.law,
         stiffness=softest,
