@@ -7,12 +7,13 @@ compiled or loaded from disk, for the time loop, a certificate or an exact solut
 
 from __future__ import annotations
 
+import functools
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import ModuleType
 
 from percuss.heartbeat import beat
 
@@ -44,7 +45,6 @@ class _Clock(threading.local):
 
 
 _CLOCK = _Clock()
-_LISTENERS: list[Any] = []
 
 
 def compile_seconds() -> float:
@@ -52,7 +52,7 @@ def compile_seconds() -> float:
 
     The difference of two readings is the time spent in between.
     """
-    listen()
+    numba_inside()  # whose events the clock follows
     clock = _CLOCK
     return clock.seconds + (time.perf_counter() - clock.since if clock.depth else 0.0)
 
@@ -81,79 +81,71 @@ class Stopwatch:
 
 
 @contextmanager
-def counted() -> Iterator[None]:
-    """Count the time spent inside this context as compile time."""
-    listen()
-    _CLOCK.start()
-    try:
-        yield
-    finally:
-        _CLOCK.stop()
-
-
-@contextmanager
 def announced() -> Iterator[None]:
     """Call `NOTICES` as for a compilation: this context waits for another process that compiles."""
-    for notice in NOTICES:
-        notice(True)
+    _announce(begun=True)
     try:
         yield
     finally:
-        for notice in NOTICES:
-            notice(False)
+        _announce(begun=False)
 
 
 @contextmanager
 def compiler() -> Iterator[None]:
     """Hold the lock inside this context; the time, including the wait for the lock, counts as compile time."""
-    with counted(), LOCK:
-        yield
+    numba_inside()  # whose events the clock follows
+    _CLOCK.start()
+    try:
+        with LOCK:
+            yield
+    finally:
+        _CLOCK.stop()
 
 
-def listen() -> None:
-    """Register, once numba is imported, the listeners that run the clock and call `NOTICES`."""
-    if _LISTENERS or "numba.core.event" not in sys.modules:
-        return
-    with LOCK:
-        if _LISTENERS:
-            return
-        from numba.core import event
+def _announce(*, begun: bool) -> None:
+    """Call all `NOTICES`; one that raises an error ends the compilation."""
+    for notice in NOTICES:
+        notice(begun)
 
-        class Listener(event.Listener):  # type: ignore[misc]
-            """The listener that runs a thread's clock while numba compiles or loads a function in that thread."""
 
-            def on_start(self, event: Any) -> None:  # noqa: ARG002
-                """Start the clock."""
-                beat()
-                _CLOCK.start()
+class _Compilation:
+    """How many functions numba is compiling, each called by the one before."""
 
-            def on_end(self, event: Any) -> None:  # noqa: ARG002
-                """Stop the clock."""
-                beat()
-                _CLOCK.stop()
+    depth = 0
 
-        class Announcer(event.Listener):  # type: ignore[misc]
-            """The listener that calls `NOTICES` when numba compiles a function together with those it calls."""
+    def changes(self, begun: bool) -> None:
+        """Announce the start and the end of the outermost function."""
+        if begun and self.depth == 0:
+            _announce(begun=True)
+        self.depth += 1 if begun else -1
+        if not begun and self.depth == 0:
+            _announce(begun=False)
 
-            depth = 0
 
-            def on_start(self, event: Any) -> None:  # noqa: ARG002
-                """Announce the start of the outermost function; a notice that raises an error ends it."""
-                if self.depth == 0:
-                    self.announce(begun=True)
-                self.depth += 1
+def _numba_is_locked(begun: bool) -> None:
+    """Run the clock while numba compiles or loads a function in this thread."""
+    beat()
+    if begun:
+        _CLOCK.start()
+    else:
+        _CLOCK.stop()
 
-            def on_end(self, event: Any) -> None:  # noqa: ARG002
-                """Announce the end of the outermost function."""
-                self.depth -= 1
-                if self.depth == 0:
-                    self.announce(begun=False)
 
-            def announce(self, *, begun: bool) -> None:
-                """Call all `NOTICES`."""
-                for notice in NOTICES:
-                    notice(begun)
+def numba_inside() -> ModuleType | None:
+    """Return the names from inside numba (`percuss.numba_inside`), or None.
 
-        _LISTENERS.extend([Listener(), Announcer()])
-        event.register("numba:compiler_lock", _LISTENERS[0])
-        event.register("numba:compile", _LISTENERS[1])
+    None means that numba is not imported yet, or that this version of it is built otherwise. From the first call on
+    that finds numba imported, the clock and `NOTICES` follow what it compiles.
+    """
+    # Its last names are there when it has been imported whole.
+    return _numba_inside() if hasattr(sys.modules.get("numba"), "njit") else None
+
+
+@functools.cache
+def _numba_inside() -> ModuleType | None:
+    try:
+        from percuss import numba_inside
+    except (ImportError, AttributeError):
+        return None
+    numba_inside.LOCKED.tell, numba_inside.COMPILED.tell = _numba_is_locked, _Compilation().changes
+    return numba_inside

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 import pytest
-from numba.core import types
+from numba import types
 
 import percuss
 from percuss.compiler import specialise
@@ -63,7 +63,7 @@ def test_compiled_code_reads_from_a_block_what_was_put_into_it(flag):
     helper = numba.njit(weighed)
     kind = types.CPointer(numba.typeof(data))
     read = numba.cfunc(types.float64(kind))(lambda place: helper(at(place)))
-    block = Block(data, form_of(numba.typeof(data)))
+    block = Block(data, form_of(numba.typeof(data), helper.targetctx))
     assert ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(read.address)(block.address) == weighed(data)
 
 

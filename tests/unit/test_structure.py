@@ -78,6 +78,7 @@ GROUND = {
         "interrupt",
         "jsonable",
         "lapack",
+        "numba_inside",
         "process",
     ),
     "version",
@@ -256,6 +257,56 @@ def test_import_percuss_loads_no_plugin_and_nothing_heavy():
     code = f"import sys, percuss; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+# ---------------------------------------------------------------------------------------------- inside numba
+
+PUBLIC_OF_NUMBA = {"numba", "numba.types", "numba.extending", "llvmlite", "llvmlite.ir", "llvmlite.binding"}
+OF_NAMED_TUPLES = {"_replace", "_fields", "_field_defaults"}
+
+
+def from_inside_numba(tree, private_attributes):
+    """Yield line and text of each name in a module that numba or llvmlite do not offer to others."""
+    modules = {"numba", "llvmlite"}
+    for node in ast.walk(tree):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            inside = [f"{node.module}.{alias.name}" for alias in node.names if alias.name.startswith("_")]
+            names = [node.module, *inside]
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and " " not in node.value:
+            names = [node.value]
+        elif isinstance(node, ast.Attribute) and node.attr in private_attributes:
+            yield node.lineno, node.attr
+        own = [name for name in names if name.partition(".")[0] in modules]
+        yield from ((node.lineno, name) for name in own if name not in PUBLIC_OF_NUMBA)
+
+
+def test_only_one_file_takes_names_from_inside_numba():
+    """Imports, modules named in a text, and the private attributes that the one file uses."""
+    inside = ast.parse(MODULES["percuss.numba_inside"].read_text(encoding="utf-8"))
+    attributes = {node.attr for node in ast.walk(inside) if isinstance(node, ast.Attribute)}
+    attributes = {name for name in attributes - OF_NAMED_TUPLES if name.startswith("_") and not name.startswith("__")}
+    assert len(list(from_inside_numba(inside, attributes))) > len(attributes) > 10
+    wrong = [
+        f"{name_of(path)}:{line}: {name}"
+        for path in [*FRAMEWORK_FILES, *PLUGIN_FILES]
+        if path != MODULES["percuss.numba_inside"]
+        for line, name in from_inside_numba(ast.parse(path.read_text(encoding="utf-8")), attributes)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_each_import_from_inside_numba_has_its_reason():
+    """A comment above it says what it does, and what happens without it."""
+    lines = MODULES["percuss.numba_inside"].read_text(encoding="utf-8").splitlines()
+    imports = [number for number, line in enumerate(lines) if line.startswith("from numba")]
+    assert len(imports) > 5
+    for number in imports:
+        above = next(line for line in reversed(lines[:number]) if not line.startswith("from numba"))
+        assert above.startswith("# "), lines[number]
+        assert "Without: " in above, lines[number]
 
 
 # ------------------------------------------------------------------------------------------ one method a file

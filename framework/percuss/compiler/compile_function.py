@@ -9,7 +9,6 @@ stays in memory as long as the process. A *callee* here is therefore translated 
 from __future__ import annotations
 
 import contextlib
-import functools
 import pickle
 import types
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from typing import Any
 
 from percuss.cache import cache_folder, keep, kept
 from percuss.compiler.machine_code import jit_disabled, key_of
+from percuss.compiling import numba_inside
 from percuss.filelock import in_turn
 
 Kernel = Callable[..., Any]
@@ -26,6 +26,9 @@ LONGEST_WAIT = 120.0  # seconds that a process waits for another to compile, bef
 
 def compile_function(function: types.FunctionType, *, entry: bool, key: str = "", **options: Any) -> Kernel:
     """Compile a function for compiled callers alone, or one that Python calls, with the code of its callees inside.
+
+    Where a version of numba is built otherwise, every function is compiled by plain `numba.njit`, and anew by every
+    process: slower, with the same result.
 
     Parameters
     ----------
@@ -41,40 +44,21 @@ def compile_function(function: types.FunctionType, *, entry: bool, key: str = ""
     import numba
 
     options |= {"no_cfunc_wrapper": True} | ({} if entry else {"no_cpython_wrapper": True})
-    stored, compilers = StoredFunction(key), pipelines()
-    if compilers is not None:
-        stored.restore = compilers.restored_entry if entry else compilers.restored_callee
-        entry_compiler = type("Compiler", (compilers.EntryCompiler,), {"cache": stored})
-        options["pipeline_class"] = entry_compiler if entry else compilers.CalleeCompiler
     signatures = options.pop("signature_or_function", ())
+    inside, stored = numba_inside(), StoredFunction(key, entry=entry)
+    if inside is not None:
+        entry_compiler = type("Compiler", (inside.EntryCompiler,), {"cache": stored})
+        options["pipeline_class"] = entry_compiler if entry else inside.CalleeCompiler
     kernel: Any = numba.njit(**options)(function)
-    if not jit_disabled():
-        kernel._cache = stored
-        for signature in signatures:  # numba compiles for these at once, and for no others
-            kernel.compile(signature)
-        if signatures:
-            kernel.disable_compile()
+    if jit_disabled():
+        return kernel  # type: ignore[no-any-return]
+    if inside is not None:
+        inside.use_storage(kernel, stored)
+    for signature in signatures:  # numba compiles for these at once, and for no others
+        kernel.compile(signature)
+    if signatures:
+        kernel.disable_compile()
     return kernel  # type: ignore[no-any-return]
-
-
-@functools.cache
-def pipelines() -> types.ModuleType | None:
-    """Return the module of compilers for callees and entries, or None if this version of numba is built otherwise.
-
-    Without them every function is compiled as numba does it: slower, with the same result.
-    """
-    try:
-        from percuss.compiler import numba_pipelines
-    except (ImportError, AttributeError):
-        return None
-    return numba_pipelines
-
-
-def _restored(target_context: Any, payload: tuple[Any, ...]) -> Any:
-    """Return the compiled function from what `CompileResult._reduce` returned, as numba does it."""
-    from numba.core.compiler import CompileResult
-
-    return CompileResult._rebuild(target_context, *payload)
 
 
 class StoredFunction:
@@ -84,11 +68,11 @@ class StoredFunction:
     ----------
     key
         Name of the function, another one for any other code; empty if nothing is stored.
+    entry
+        Whether Python calls it.
 
     Attributes
     ----------
-    restore
-        Returns what is compiled from what is stored of it.
     stored
         What an entry has compiled or loaded last.
     cache_path
@@ -98,9 +82,8 @@ class StoredFunction:
     cache_path = None
     stored: Any = None
 
-    def __init__(self, key: str) -> None:
-        self.key = key
-        self.restore: Callable[[Any, tuple[Any, ...]], Any] = _restored
+    def __init__(self, key: str, *, entry: bool) -> None:
+        self.key, self.entry = key, entry
 
     def in_turn(self) -> contextlib.AbstractContextManager[None]:
         """Return a context in which no other process compiles this function."""
@@ -109,10 +92,12 @@ class StoredFunction:
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Store the function compiled for a signature, unless it was stored already or refers to addresses."""
-        if self.key and compiled is not self.stored and not compiled.library.has_dynamic_globals:
-            from numba.core.serialize import dumps
+        if not self.key or compiled is self.stored:
+            return
+        from percuss.numba_inside import content_of
 
-            keep(self._name_of(signature), dumps((signature, compiled._reduce())))
+        if content := content_of(signature, compiled):
+            keep(self._name_of(signature), content)
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Return the function compiled for a signature, or None.
@@ -121,13 +106,17 @@ class StoredFunction:
         before and after an edit, what it stores for the new version also refers to the module of the old one. Another
         process does not have that module.
         """
+        from percuss.numba_inside import restored_callee, restored_entry
+
         target_context.refresh()
         content = kept(self._name_of(signature)) if self.key else None
         if content is None:
             return None
         try:
             of, payload = pickle.loads(content)  # noqa: S301 - its digest was checked
-            return self.restore(target_context, payload) if of == signature else None
+            if of != signature:
+                return None
+            return restored_entry(target_context, payload) if self.entry else restored_callee(target_context, payload)
         except (ImportError, AttributeError):
             return None
 

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from percuss.compiling import numba_inside
+
 # Functions of these packages are compiled by numba itself; a fingerprint contains their names only.
 FOREIGN = ("numpy", "math", "numba", "builtins", "scipy", "cmath")
 
@@ -23,8 +25,6 @@ _BY_REPR = (bool, int, float, complex, str, bytes, type(None), type(...), range,
 _NOTHING = object()
 # Objects that a fingerprint identifies by their address: kept alive, so that no other object can take that address.
 _KEPT_ALIVE: dict[int, object] = {}
-# Number of declarations in each registry of numba when its table of overloads was filled last.
-_REGISTERED: dict[Any, list[int]] = {}
 
 
 def is_foreign(name: str | None) -> bool:
@@ -129,7 +129,7 @@ class Fingerprint:
             self.text(value.name)
         elif isinstance(value, np.ufunc) or _is_named_in_module(value):
             self.text(f"{type(value).__name__} {getattr(value, '__module__', '')}.{value.__name__}")
-        elif is_foreign(type(value).__module__) and type(value).__module__.startswith("numba.core.types"):
+        elif _is_type_of_numba(value):
             self.text(repr(value))
         else:
             self._by_address(value)
@@ -170,25 +170,15 @@ class Fingerprint:
 
 def refresh_overloads() -> None:
     """Let numba notice the overloads of functions that were registered since the last call."""
-    registry = sys.modules.get("numba.core.registry")
-    if registry is None:
-        return
-    context = registry.cpu_target.typing_context
-    registered = [len(declarations.globals) for declarations in list(context._registries)]
-    if _REGISTERED.get(context) == registered:  # A refresh takes longer than a bulk step, and would find nothing new.
-        return
-    # Generators fill numba's table of overloads, and another thread that compiles may be running one of them.
-    with sys.modules["numba.core.compiler_lock"].global_compiler_lock:
-        context.refresh()
-    _REGISTERED[context] = [len(declarations.globals) for declarations in list(context._registries)]
+    inside = numba_inside()
+    if inside is not None:
+        inside.refresh_overloads()
 
 
 def is_overloaded(function: object) -> bool:
     """Return whether numba compiles other code in place of a plain function, as an overload of it."""
-    registry = sys.modules.get("numba.core.registry")
-    if registry is None or not isinstance(function, types.FunctionType):
-        return False
-    return registry.cpu_target.typing_context._lookup_global(function) is not None
+    inside = numba_inside()
+    return inside is not None and isinstance(function, types.FunctionType) and inside.is_overloaded(function)
 
 
 def contents(cell: types.CellType) -> Any:
@@ -205,3 +195,8 @@ def _is_named_in_module(value: Any) -> bool:
     if not isinstance(module, str) or not isinstance(name, str) or not is_foreign(module):
         return False
     return getattr(sys.modules.get(module), name, None) is value
+
+
+def _is_type_of_numba(value: object) -> bool:
+    """Return whether a value is one of the types of compiled code."""
+    return "numba" in sys.modules and isinstance(value, sys.modules["numba"].types.Type)

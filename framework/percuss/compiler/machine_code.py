@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 from percuss.cache import keep, kept
 from percuss.compiling import LOCK
+from percuss.files import PACKAGE
 from percuss.methods.source_digest import content_digest, surroundings
 
 OWN_NAMES = ("Py", "_Py", "numba", "NRT_")  # beginnings of the names that Python and numba provide to compiled code
@@ -67,7 +68,8 @@ def key_of(*parts: str) -> str:
 def _surroundings() -> str:
     from llvmlite import binding
 
-    compiler = b"".join(file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py")))
+    files = [*sorted(Path(__file__).parent.glob("*.py")), PACKAGE / "numba_inside.py"]
+    compiler = b"".join(file.read_bytes() for file in files)
     features = binding.get_host_cpu_features().flatten()
     return f"{binding.get_host_cpu_name()};{features};{sorted(surroundings().items())};{content_digest(compiler)}"
 

@@ -30,7 +30,7 @@ from percuss.compiler.fingerprint import (
 )
 from percuss.compiler.machine_code import jit_disabled
 from percuss.compiler.readings import Readings
-from percuss.compiling import compiler, listen
+from percuss.compiling import compiler, numba_inside
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import content_digest, function_digest
 from percuss.version import __version__, installed_version
@@ -256,7 +256,8 @@ class Specialiser:
         """Return the compiler options: for a jitted function those of its author, without the cache."""
         if not isinstance(function, types.FunctionType):
             author_options = {key: value for key, value in function.targetoptions.items() if key != "nopython"}
-            if function.nopython_signatures and not function._can_compile:
+            inside = numba_inside()
+            if function.nopython_signatures and inside is not None and not inside.compiles_for_any_types(function):
                 author_options["signature_or_function"] = tuple(function.nopython_signatures)
             return author_options
         options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
@@ -337,7 +338,7 @@ def _versions() -> str:
 
 def compile_error() -> tuple[type[Exception], ...]:
     """Return the types of error that numba raises for code that it cannot compile."""
-    from numba.core import errors
+    from numba import errors
 
     # The second is no subclass of NumbaError, and several of numba's passes raise the third.
     return errors.NumbaError, errors.UnsupportedBytecodeError, NotImplementedError
@@ -365,19 +366,10 @@ def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry:
     options = dict(options)
     if isinstance(options.get("fastmath"), tuple):
         options["fastmath"] = set(options["fastmath"])
-    if not _counting_can_be_left_out():
+    # The loop allocates nothing, and on small models the counts of references to array slices, two locked additions for
+    # each slice, cost half of the run time. Kernels of plug-ins do without them too, unless one of them allocates: then
+    # all of them count references.
+    inside = numba_inside()
+    if inside is None or not inside.reference_counts_can_be_left_out():
         options.pop("_nrt", None)
-    listen()  # the clock has to listen before the first call, which compiles
     return compile_function(function, entry=entry, key=key, **options)
-
-
-@functools.cache
-def _counting_can_be_left_out() -> bool:
-    """Return whether this version of numba can compile a function without reference counts on array slices.
-
-    The loop allocates nothing, and on small models the counts, two locked additions for each slice, cost half of the
-    run time. Kernels of plug-ins do without them too, unless one of them allocates: then all of them count references.
-    """
-    from numba.core.cpu import CPUTargetOptions
-
-    return hasattr(CPUTargetOptions, "_nrt")

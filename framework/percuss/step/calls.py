@@ -1,7 +1,8 @@
 """Calls of compiled kernels by their addresses, as numba compiles them.
 
 This module imports numba. `percuss.step.linking` does without it, so that a run whose machine code is stored
-does not import the compiler.
+does not import the compiler. What numba hands to an `intrinsic`, the context and its convention for calls, belongs to
+its low-level extension API; the types of its layouts are those of `llvmlite.ir`.
 """
 
 from __future__ import annotations
@@ -12,14 +13,12 @@ from typing import Any
 
 import numba
 from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.errors import TypingError
-from numba.core.registry import cpu_target
+from numba import TypingError, types
 from numba.extending import intrinsic
 
 from percuss.compiler import machine_code
-from percuss.compiler.compile_function import pipelines
 from percuss.compiler.machine_code import CannotLink
+from percuss.compiling import numba_inside
 from percuss.step.linked import EXAMPLES
 
 Kernel = Callable[..., Any]
@@ -57,10 +56,10 @@ def call(_typing: Any, kind: Any, kernel: Any, data: Any, arguments: Any) -> Any
     arguments
         The tuple of its arguments.
     """
-    if not isinstance(kind, types.misc.Literal):
+    if not isinstance(kind, types.Literal):
         return None  # numba asks again without the constant after an error, and reports the first one
     result, expected = signatures()[kind.literal_value]
-    found = types.containers.Tuple([types.misc.unliteral(argument) for argument in arguments])
+    found = types.Tuple([types.unliteral(argument) for argument in arguments])
     # A call with other arguments than the kernel was compiled for would read them from the wrong places.
     if (kernel, data, found) != (types.int64, types.int64, expected):
         raise TypingError(f"{kind.literal_value}: the arguments are {found}, expected {expected}")
@@ -71,7 +70,7 @@ def call(_typing: Any, kind: Any, kernel: Any, data: Any, arguments: Any) -> Any
         function = builder.inttoptr(values[1], ir.PointerType(convention.get_function_type(result, passed)))
         place = builder.inttoptr(values[2], context.get_value_type(types.voidptr))
         status, returned = convention.call_function(builder, function, result, passed, [place, values[3]])
-        with cgutils.if_unlikely(builder, status.is_error):
+        with builder.if_then(status.is_error, likely=False):
             convention.return_status_propagate(builder, status)
         return returned
 
@@ -108,10 +107,10 @@ def compiled(kernel: Kernel, kind: str, key: str, data: Any, of: str) -> tuple[s
         data_type = numba.typeof(data)
     except ValueError as error:  # as for an array of objects
         raise CannotLink(f"{of} cannot be compiled: {error}") from None
-    form = form_of(data_type)
-    result, arguments = signatures()[kind]
-    passed = types.misc.CPointer(data_type), arguments
     dispatcher: Any = kernel
+    form = form_of(data_type, dispatcher.targetctx)
+    result, arguments = signatures()[kind]
+    passed = types.CPointer(data_type), arguments
     if passed not in dispatcher.overloads:
         dispatcher.compile(result(*passed))
     made = dispatcher.overloads[passed]
@@ -121,34 +120,33 @@ def compiled(kernel: Kernel, kind: str, key: str, data: Any, of: str) -> tuple[s
     address = int(made.library.get_pointer_to_function(symbol))
     if address == 0:  # the loop would take it for a kernel that is not there
         raise CannotLink(f"{of} cannot be compiled: its machine code has no address")
-    compilers = pipelines()
-    if key and compilers is not None:
-        object_code, outside = compilers.object_code(made.library)
+    inside = numba_inside()
+    if key and inside is not None:
+        object_code, outside = inside.object_code(made.library)
         if object_code and machine_code.refers_to_c_alone(outside):
             machine_code.store(key, machine_code.MachineCode(symbol, form, object_code))
     return form, address
 
 
 @functools.cache
-def form_of(kind: Any) -> str:
-    """Return the places of the numbers of a type in compiled code, as a format of the module `struct`."""
+def form_of(kind: Any, context: Any) -> str:
+    """Return the places of the numbers of a type in compiled code of a context, as a format of the module `struct`."""
     form, end = "=", 0
-    for offset, layout in _places(cpu_target.target_context.get_data_type(kind), 0):
-        size = layout.get_abi_size(cpu_target.target_context.target_data)
+    for offset, layout in _places(context.get_data_type(kind), 0, context.target_data):
+        size = layout.get_abi_size(context.target_data)
         form += "x" * (offset - end) + _FORMATS[str(layout), size]
         end = offset + size
     return form
 
 
-def _places(layout: Any, offset: int) -> Iterator[tuple[int, Any]]:
+def _places(layout: Any, offset: int, target_data: Any) -> Iterator[tuple[int, Any]]:
     """Return the offset and the type of every number in a layout of compiled code; an address is an integer."""
-    target_data = cpu_target.target_context.target_data
     if isinstance(layout, ir.ArrayType):
         step = layout.element.get_abi_size(target_data)
         for index in range(layout.count):
-            yield from _places(layout.element, offset + index * step)
+            yield from _places(layout.element, offset + index * step, target_data)
     elif isinstance(layout, ir.BaseStructType):
         for index, element in enumerate(layout.elements):
-            yield from _places(element, offset + layout.get_element_offset(target_data, index))
+            yield from _places(element, offset + layout.get_element_offset(target_data, index), target_data)
     else:
         yield offset, ir.IntType(64) if layout.is_pointer else layout

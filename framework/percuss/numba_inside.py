@@ -1,21 +1,57 @@
-"""Compilers of numba in which a function is optimised and made machine code of only where Python calls it.
+"""All names that percuss takes from inside numba, which may change with each of its versions; no other file has any.
 
-This module names private parts of numba. `percuss.compiler.compile_function` does without it where a version of
-numba is built otherwise.
+Each has a reason, and a fall-back for a version of numba that is built otherwise: `percuss.compiling.numba_inside` then
+returns None instead of this module, functions are compiled by plain `numba.njit`, and every number stays the same.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import llvmlite.binding as llvm
+
+# Makes the function object that numba keeps for each compiled function. Without: callees get machine code of their own.
 from numba import _dynfunc
+
+# The code of one function before and after it is optimised; callees stop before. Without: all are optimised alone.
 from numba.core.codegen import JITCodeLibrary
+
+# The passes of numba, of which one is replaced, and what they return. Without: the passes as they are.
 from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
+
+# Held while numba's table of overloads is filled. Without: see `is_overloaded`.
+from numba.core.compiler_lock import global_compiler_lock
+
+# Has a pass counted among those of numba. Without: see `CompilerBase`.
 from numba.core.compiler_machinery import register_pass
+
+# Knows the option `_nrt`. Without: code of the loop counts references to its array slices, and is slower.
+from numba.core.cpu import CPUTargetOptions
+
+# Finds the globals of a callee, of which an entry has to know the place. Without: see `CompilerBase`.
 from numba.core.environment import lookup_environment
+
+# Tells when numba compiles. Without: the time that it takes counts as that of the march, and nothing announces it.
+from numba.core.event import Listener as EventListener
+from numba.core.event import register
+
+# Knows the functions in whose place numba compiles other code. Without: see `is_overloaded`.
+from numba.core.registry import cpu_target
+
+# Pickles compiled functions. Without: nothing is stored on disk, and each process compiles anew.
+from numba.core.serialize import dumps
+
+# The pass that is replaced. Without: see `CompilerBase`.
 from numba.core.typed_passes import NativeLowering
+
+# The name under which an entry with declared types is stored. Without: nothing is stored.
 from numba.core.typing import signature as typing_signature
+
+_REGISTERED: list[int] = []  # `_declarations` when numba's table of overloads was filled last
+TRIED = ("0.61", "0.68")  # the first and the last version of numba with which all tests have passed
+
+# ------------------------------------------------------------------------------------- callees and entries
 
 FREE_ORDER = {"fast", "reassoc"}  # options of numba's `fastmath` with which the terms of a sum are added in any order
 ENVIRONMENT_PREFIX = "_ZN08NumbaEnv"  # first letters of the name of a variable that refers to a function's globals
@@ -184,3 +220,78 @@ def restored_callee(target_context: Any, payload: tuple[Any, ...]) -> CompileRes
     *parts, environments = payload
     restored = CompileResult._rebuild(_ContextOfCallees(target_context), *parts, ())
     return restored._replace(target_context=target_context, referenced_envs=environments)
+
+
+# ------------------------------------------------------------------------------------------- dispatchers and storage
+
+
+def use_storage(dispatcher: Any, storage: Any) -> None:
+    """Have a compiled function load and save its code by `storage`, in the place of numba's own cache."""
+    dispatcher._cache = storage
+
+
+def content_of(signature: Any, compiled: Any) -> bytes:
+    """Return what is stored of a function compiled for a signature; empty if it refers to addresses of this process."""
+    if compiled.library.has_dynamic_globals:
+        return b""
+    return bytes(dumps((signature, compiled._reduce())))
+
+
+def compiles_for_any_types(dispatcher: Any) -> bool:
+    """Return whether a function is compiled when it is called with new types; without this module it counts as such."""
+    return bool(dispatcher._can_compile)
+
+
+def reference_counts_can_be_left_out() -> bool:
+    """Return whether numba can compile a function without reference counts on array slices (option `_nrt`)."""
+    return hasattr(CPUTargetOptions, "_nrt")
+
+
+# -------------------------------------------------------------------------------------------------------- overloads
+
+
+def refresh_overloads() -> None:
+    """Let numba notice the overloads of functions that were registered since the last call."""
+    context = cpu_target.typing_context
+    # A refresh takes longer than a bulk step, and would find nothing new as long as there is no other declaration.
+    if _declarations() == _REGISTERED:
+        return
+    # Generators fill numba's table of overloads, and another thread that compiles may be running one of them.
+    with global_compiler_lock:
+        context.refresh()
+    _REGISTERED[:] = _declarations()
+
+
+def _declarations() -> list[int]:
+    """Return the number of declarations in each registry of numba."""
+    return [len(declarations.globals) for declarations in list(cpu_target.typing_context._registries)]
+
+
+def is_overloaded(function: object) -> bool:
+    """Return whether numba compiles other code in place of a plain function; without this module that is not seen."""
+    return cpu_target.typing_context._lookup_global(function) is not None
+
+
+# ------------------------------------------------------------------------------------------------------------ events
+
+
+class Listener(EventListener):  # type: ignore[misc]
+    """The listener to one kind of event; it calls `tell` with True at the begin of each, and with False at its end."""
+
+    tell: Callable[[bool], None]
+
+    def __init__(self, kind: str) -> None:
+        self.tell = lambda _: None  # until somebody listens
+        register(kind, self)
+
+    def on_start(self, event: Any) -> None:  # noqa: ARG002
+        """Tell that an event begins."""
+        self.tell(True)
+
+    def on_end(self, event: Any) -> None:  # noqa: ARG002
+        """Tell that an event ends."""
+        self.tell(False)
+
+
+LOCKED = Listener("numba:compiler_lock")  # numba compiles or loads a function
+COMPILED = Listener("numba:compile")  # numba compiles a function, with those that it calls
