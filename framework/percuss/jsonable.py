@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 Data: TypeAlias = Mapping[str, Any]  # plain data by key: a case, a summary, the options of a method, a row of a table
+Entries: TypeAlias = dict[str, Any]  # the same while it is put together
 _PLAIN = frozenset({str, int, bool, type(None)})
 _NUMBERS_AND_TEXTS = _PLAIN | {float}
 

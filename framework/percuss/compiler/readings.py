@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Mapping
 from typing import Any
 
 from percuss.compiler.fingerprint import Fingerprint, contents, is_fixed, is_overloaded, refresh_overloads
+from percuss.jsonable import Data
 
 _MISSING = object()
 
@@ -19,7 +19,7 @@ class Readings:
     """
 
     def __init__(self) -> None:
-        self._variables: list[tuple[Mapping[str, Any], str, Any]] = []
+        self._variables: list[tuple[Data, str, Any]] = []
         self._attributes: list[tuple[types.ModuleType | types.FunctionType, str, Any]] = []
         self._cells: list[tuple[types.CellType, Any]] = []
         self._values: list[tuple[Any, frozenset[str], str]] = []
@@ -31,7 +31,7 @@ class Readings:
             self.attribute(function, name)
         self._cells += [(cell, contents(cell)) for cell in function.__closure__ or ()]
 
-    def variable(self, namespace: Mapping[str, Any], name: str) -> None:
+    def variable(self, namespace: Data, name: str) -> None:
         """Add the variable `name` of the globals of a function."""
         self._variables.append((namespace, name, namespace[name]))
 

@@ -31,6 +31,7 @@ from percuss.compiler.fingerprint import (
 from percuss.compiler.machine_code import jit_disabled
 from percuss.compiler.readings import Readings
 from percuss.compiling import compiler, numba_inside
+from percuss.jsonable import Data, Entries
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import content_digest, function_digest
 from percuss.version import __version__, installed_version
@@ -184,7 +185,7 @@ class Specialiser:
         self._keep += [function, kernel]
         return kernel
 
-    def _compiled(self, function: Any, options: dict[str, Any], tag: str, entry: bool) -> Kernel:
+    def _compiled(self, function: Any, options: Entries, tag: str, entry: bool) -> Kernel:
         kernel = _COMPILED.get(tag) or _compile(function, options, entry=entry, key="" if tag in self._unkept else tag)
         _COMPILED[tag] = kernel
         return kernel
@@ -252,7 +253,7 @@ class Specialiser:
             self._unkept.add(fingerprint.tag)
         return fingerprint.tag
 
-    def _options(self, function: Any, *, called: bool, reduction: bool) -> dict[str, Any]:
+    def _options(self, function: Any, *, called: bool, reduction: bool) -> Entries:
         """Return the compiler options: for a jitted function those of its author, without the cache."""
         if not isinstance(function, types.FunctionType):
             author_options = {key: value for key, value in function.targetoptions.items() if key != "nopython"}
@@ -260,7 +261,7 @@ class Specialiser:
             if function.nopython_signatures and inside is not None and not inside.compiles_for_any_types(function):
                 author_options["signature_or_function"] = tuple(function.nopython_signatures)
             return author_options
-        options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+        options: Entries = {"error_model": "numpy", "nogil": True}
         # Copies of whole stages would double the compile time. The option of the calling function applies where none is
         # set.
         if self.inline and not called:
@@ -277,9 +278,9 @@ class Specialiser:
         self,
         source: types.FunctionType,
         names: frozenset[str],
-        bound: Mapping[str, Any],
+        bound: Data,
         closure: tuple[types.CellType, ...],
-        options: Mapping[str, Any],
+        options: Data,
     ) -> str:
         reaches_slot = not _is_part_of_loop(source) or any(
             value in self.slots or self.tags.get(id(bound.get(name))) in self._slotted
@@ -349,9 +350,7 @@ def _is_part_of_loop(function: types.FunctionType) -> bool:
     return function.__module__.startswith(OWN_MODULES)
 
 
-def _copy(
-    source: types.FunctionType, bound: Mapping[str, Any], closure: tuple[types.CellType, ...], tag: str
-) -> types.FunctionType:
+def _copy(source: types.FunctionType, bound: Data, closure: tuple[types.CellType, ...], tag: str) -> types.FunctionType:
     """Return a copy of a function with other globals and closure cells, and with the tag in its name."""
     name = f"{source.__name__}_{tag}"
     bound_copy = types.FunctionType(
@@ -362,7 +361,7 @@ def _copy(
     return bound_copy
 
 
-def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry: bool, key: str) -> Kernel:
+def _compile(function: types.FunctionType, options: Data, *, entry: bool, key: str) -> Kernel:
     options = dict(options)
     if isinstance(options.get("fastmath"), tuple):
         options["fastmath"] = set(options["fastmath"])

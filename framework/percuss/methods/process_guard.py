@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from typing import Any
 from percuss.errors import PluginError
 from percuss.files import PACKAGE
 from percuss.heartbeat import beat
+from percuss.jsonable import Data, Entries
 from percuss.methods.blame import (
     OWN_PACKAGES,
     PLUGIN_MODULES,
@@ -143,7 +144,7 @@ def _folder() -> str:
         return ""
 
 
-def _numpy_errors() -> dict[str, Any]:
+def _numpy_errors() -> Entries:
     """Return what numpy does about overflow and the like; nothing before a plug-in or percuss has imported it."""
     numpy = sys.modules.get("numpy")
     return dict(numpy.geterr()) if numpy is not None else {}
@@ -241,7 +242,7 @@ class _Names:
 _NAMES = _Names()
 
 
-def _differ(owner: Any, values: Mapping[str, Any]) -> bool:
+def _differ(owner: Any, values: Data) -> bool:
     """Return whether a module or a class has another object under one of the names than it had."""
     return not all(map(operator.is_, map(vars(owner).get, values), values.values()))
 

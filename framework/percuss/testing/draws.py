@@ -17,14 +17,16 @@ import numpy as np
 
 from percuss.case.quantities import COMPARED_BY_KIT
 from percuss.errors import InputError, PercussError, RefusedPair, RunError
+from percuss.results.result import Result
 from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
-    from percuss.jsonable import Data
+    from percuss.jsonable import Data, Entries
 
 
+ChainCheck = Callable[[Subject, "Entries"], None]
 PERTURBATION = 1e-12  # relative to the data of a case; its effect on a run estimates that of round-off
 TOO_SENSITIVE = 1e-4  # a run that a perturbation changes by more is decided by round-off and cannot be compared
 SAFETY_FACTOR = 10.0  # round-off may change a run by this multiple of the effect of the perturbations tried
@@ -64,7 +66,7 @@ def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any
 
     skipped: list[Exception] = []
     applied: list[bool] = []
-    failures: list[tuple[int, str, list[Any]]] = []  # length of the case, message, case
+    failures: list[tuple[int, str, list[Data]]] = []  # length of the case, message, case
     calls = itertools.count()
 
     @seed(SEED)  # else the source text of `each` is the seed
@@ -126,7 +128,7 @@ def number(low: float, high: float) -> SearchStrategy[float]:
     return st.integers(round(low * 100), round(high * 100)).map(lambda k: k / 100)
 
 
-def bar(elements: int, length: float = 1.0, **parts: Any) -> dict[str, Any]:
+def bar(elements: int, length: float = 1.0, **parts: Any) -> Entries:
     """Return a body of a case, a bar of steel and of area 1 at rest at x = 0 but for the given parts."""
     return {
         "bar": {"length": length, "elements": elements},
@@ -138,9 +140,9 @@ def bar(elements: int, length: float = 1.0, **parts: Any) -> dict[str, Any]:
     }
 
 
-def chain(bodies: dict[str, Any], *, wall: float | None = None, probes: bool = False, **parts: Any) -> dict[str, Any]:
+def chain(bodies: Entries, *, wall: float | None = None, probes: bool = False, **parts: Any) -> Entries:
     """Return a case of bars in contact with their neighbours, the last with a wall; `probes` are at all ends."""
-    contacts: dict[str, Any] = {
+    contacts: Entries = {
         f"{name}{following}": {"between": [f"{name}.right", f"{following}.left"]}
         for name, following in itertools.pairwise(bodies)
     }
@@ -152,7 +154,7 @@ def chain(bodies: dict[str, Any], *, wall: float | None = None, probes: bool = F
 
 def bar_chains(
     *, bars: int = 3, moving: bool = True, gaps: bool = True, walls: bool = True, push: bool = False, steps: int = 300
-) -> SearchStrategy[dict[str, Any]]:
+) -> SearchStrategy[Entries]:
     """Return a strategy for chains of bars of unlike material, area, length and mesh, as cases without a method.
 
     A chain lies along x; its last end may face a wall, be fixed or be free.
@@ -175,9 +177,9 @@ def bar_chains(
     from hypothesis import strategies as st
 
     @st.composite
-    def drawn(draw: Callable[[SearchStrategy[Any]], Any]) -> dict[str, Any]:
+    def drawn(draw: Callable[[SearchStrategy[Any]], Any]) -> Entries:
         names = "abcd"[: draw(st.integers(1, bars))]
-        bodies: dict[str, Any] = {}
+        bodies: Entries = {}
         position = 0.0
         for index, name in enumerate(names):
             bodies[name] = bar(
@@ -265,7 +267,7 @@ def _numbers(
 # ------------------------------------------------------------------------------------ equivalent forms of a case
 
 
-def moved(case: Data, direction: tuple[float, ...] = (1.0,), shift: float = 0.0) -> dict[str, Any]:
+def moved(case: Data, direction: tuple[float, ...] = (1.0,), shift: float = 0.0) -> Entries:
     """Return a case on the x axis moved along it, and rotated to a direction with as many components as dimensions."""
     unit = np.array(direction) / np.linalg.norm(direction)
     out = copy.deepcopy(dict(case))
@@ -278,7 +280,7 @@ def moved(case: Data, direction: tuple[float, ...] = (1.0,), shift: float = 0.0)
     return out
 
 
-def listed_in_reverse(case: Data) -> dict[str, Any]:
+def listed_in_reverse(case: Data) -> Entries:
     """Return a case with its bodies listed in reverse order and the two sides of each contact swapped."""
     out = copy.deepcopy(dict(case))
     out["bodies"] = dict(reversed(out["bodies"].items()))
@@ -309,7 +311,7 @@ def unit_factor(unit: str) -> float:
     return out
 
 
-def converted(case: Data) -> dict[str, Any]:
+def converted(case: Data) -> Entries:
     """Return a case of bars converted to the other units of length, mass and time, without the options of methods."""
     out = copy.deepcopy(dict(case))
     for body in out["bodies"].values():
@@ -327,7 +329,7 @@ def converted(case: Data) -> dict[str, Any]:
     return out
 
 
-def converted_options(subject: Subject) -> dict[str, Any]:
+def converted_options(subject: Subject) -> Entries:
     """Return the options of a subject converted to the other units by their units, with defaults that change."""
     from percuss.case.options import options_of
 
@@ -348,7 +350,7 @@ def converted_options(subject: Subject) -> dict[str, Any]:
 # --------------------------------------------------------------------------------------------------- comparing
 
 
-def round_off(subject: Subject, case: Data, base: Any) -> float | None:
+def round_off(subject: Subject, case: Data, base: Result) -> float | None:
     """Return a bound of the effect of round-off on the histories of a run, relative to their peaks.
 
     It is None for a run that is decided by round-off and cannot be compared with another.
@@ -366,7 +368,7 @@ def round_off(subject: Subject, case: Data, base: Any) -> float | None:
     return worst
 
 
-def largest_difference(result: Any, other: Any, factors: Mapping[str, float] | None = None) -> float:
+def largest_difference(result: Result, other: Result, factors: Mapping[str, float] | None = None) -> float:
     """Return the largest difference between the histories of two runs, each relative to its peak.
 
     A gap is a difference of displacements, so the difference of gaps is taken relative to the largest displacement
@@ -416,7 +418,7 @@ def must_agree(
         )
 
 
-def on_chains(share: int = 1, **chains: Any) -> Callable[[Callable[[Subject, Any], None]], Callable[[Subject], None]]:
+def on_chains(share: int = 1, **chains: Any) -> Callable[[ChainCheck], Callable[[Subject], None]]:
     """Return a decorator that turns a function of a subject and a case into a check on drawn chains of bars.
 
     The subject passed to the function has options and a partner, which `Subject.placed` uses. In a family with partners
@@ -431,7 +433,7 @@ def on_chains(share: int = 1, **chains: Any) -> Callable[[Callable[[Subject, Any
         Keywords of `bar_chains`.
     """
 
-    def decorated(function: Callable[[Subject, Any], None]) -> Callable[[Subject], None]:
+    def decorated(function: ChainCheck) -> Callable[[Subject], None]:
         @functools.wraps(function)
         def made(subject: Subject) -> None:
             from hypothesis import strategies as st
@@ -458,7 +460,7 @@ def on_chains(share: int = 1, **chains: Any) -> Callable[[Callable[[Subject, Any
     return decorated
 
 
-def must_balance(result: Any, where: str = "", *, ledger: bool = True) -> None:
+def must_balance(result: Result, where: str = "", *, ledger: bool = True) -> None:
     """Raise `CheckFailed` unless the momentum of a run is balanced to round-off, and with `ledger` its energy too."""
     errors = {"momentum": result.summary["momentum"]["error"]}
     errors |= {"energy": result.summary["energy"]["ledger_error"]} if ledger else {}

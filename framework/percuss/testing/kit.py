@@ -13,12 +13,11 @@ from __future__ import annotations
 import dataclasses
 import traceback
 from collections.abc import Callable, Iterator
-from typing import Any
 
 from percuss.errors import PercussError, PluginError, suggestion
 from percuss.methods.blame import described, is_ctrl_c, line_in_plugin
 from percuss.methods.first_run import asked_again
-from percuss.methods.interfaces import Component, LeapFrog
+from percuss.methods.interfaces import Component, ContactState, LeapFrog
 from percuss.methods.registry import Registry
 from percuss.testing.report import OTHERS, Outcome, Report
 from percuss.testing.subject import (
@@ -73,7 +72,7 @@ def _fails_elsewhere(kit_check: Check, subject: Subject, partner: str) -> str:
     return next((name for name in alike if expected(kit_check, subject, name)), "")
 
 
-def _shown_states(subject: Subject, integrator: str) -> Any:
+def _shown_states(subject: Subject, integrator: str) -> tuple[ContactState, ContactState] | None:
     """Return the states at which a leap-frog scheme evaluates contact laws, None for a multi-stage scheme."""
     scheme = subject.scheme(integrator)
     return (scheme.explicit, scheme.end) if isinstance(scheme, LeapFrog) else None

@@ -8,9 +8,9 @@ import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from percuss.files import writing
+from percuss.jsonable import Entries
 from percuss.methods.interfaces import Component
 from percuss.testing.subject import Check, Status, named
 
@@ -87,7 +87,7 @@ class Outcome:
         parts += [f"the case of {self.name}, to be saved and run:\n{self.case}"] if self.case else []
         return "\n".join([title, *(textwrap.indent(part, " " * 22) for part in parts)])
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Entries:
         """Return the outcome as a dictionary that can be written as JSON."""
         fields = {key: getattr(self, key) for key in ("name", "status", "message", "reason", "case", "counts")}
         return fields | {"holds": self.check.holds, "demand": self.check.demand}
@@ -145,7 +145,7 @@ class Report:
             by_kind.setdefault(outcome.kind, []).append(outcome)
         return list(by_kind.values())
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Entries:
         """Return the report as a dictionary that can be written as JSON."""
         return {
             "name": self.component.name,

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.jsonable import Data
 from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages, Trial
 from percuss.methods.kernel_trial import multipliers_of, plain_kernel
 from percuss.methods.plugin_calls import read_only
@@ -22,7 +23,7 @@ from percuss.step.integrator_check import plain_step
 from percuss.testing.subject import NotApplicable
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import ContactLaw, Floats, Integrator
+    from percuss.methods.interfaces import ContactLaw, Floats, Integers, Integrator
 
 TOUCHING = 1e-9  # relative to the element length; a smaller initial gap counts as zero
 
@@ -55,7 +56,7 @@ class StrictSystem:
         Contact points as the law receives them.
     """
 
-    def __init__(self, case: Mapping[str, Any], integrator: Integrator, law: ContactLaw) -> None:
+    def __init__(self, case: Data, integrator: Integrator, law: ContactLaw) -> None:
         self.integrator, self.law = integrator, law
         self._assemble(case)
         fastest = max(frequency for _, frequency in self._ends.values())
@@ -74,7 +75,7 @@ class StrictSystem:
         self._state_before = self._state_after = np.zeros((len(self.points.names), law.state))
         self._shift = np.zeros(len(self.points.names) if law.shifts else 0)
 
-    def _assemble(self, case: Mapping[str, Any]) -> None:
+    def _assemble(self, case: Data) -> None:
         """Set stiffness matrix, lumped mass, loads, initial velocity and held degrees of freedom of the bodies."""
         sizes = {name: body["bar"]["elements"] + 1 for name, body in case["bodies"].items()}
         total = sum(sizes.values())
@@ -106,7 +107,7 @@ class StrictSystem:
         self.velocity[self.held] = 0.0
         self.response = np.where(self.held, 0.0, 1.0 / self.mass)
 
-    def _assemble_contacts(self, case: Mapping[str, Any]) -> None:
+    def _assemble_contacts(self, case: Data) -> None:
         """Set contact normals, initial gaps, Delassus operator and contact points."""
         contacts = case["contacts"]
         self.normal = np.zeros((self.mass.size, len(contacts)))
@@ -220,7 +221,7 @@ class StrictSystem:
             raise NotApplicable("the scheme declares no `end`")
         clock = [0.0]
 
-        def accelerations(_: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+        def accelerations(_: object, stage: int, u: Floats, v: Floats, a: Floats) -> None:
             bulk = self.response * (self.force - self.stiffness @ u[:size])
             gap, rate = self.initial_gap + self.normal.T @ u[:size], self.normal.T @ v[:size]
             acceleration, (r_v, r_a, s_a) = self.normal.T @ bulk, ends[stage]
@@ -235,7 +236,7 @@ class StrictSystem:
             # a scheme treats all entries of a state alike, so that the velocity of these entries becomes the impulse
             a[size:] = multiplier
 
-        def internal(_: Any, stage: int, u: Floats, f: Floats) -> None:  # noqa: ARG001  signature of the slot
+        def internal(_: object, stage: int, u: Floats, f: Floats) -> None:  # noqa: ARG001  signature of the slot
             f[:size] = self.response * (self.stiffness @ u[:size])
             f[size:] = 0.0
 
@@ -277,7 +278,7 @@ class StrictSystem:
         self._state_after, self._shift = trial.after, trial.shift
         return multiplier
 
-    def _neighbours(self) -> tuple[Any, Any, Any, Any]:
+    def _neighbours(self) -> tuple[Integers, Integers, Floats, Floats]:
         """Return the last four fields of a `Trial`: the off-diagonal entries of S by rows, and zero for other laws.
 
         All contacts obey the same law, so that no other law acts at their ends.

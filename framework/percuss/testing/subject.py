@@ -8,16 +8,19 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
+from percuss.case.case import Case
 from percuss.errors import PluginError, RefusedPair, RunError
-from percuss.jsonable import Data
+from percuss.jsonable import Data, Entries
 from percuss.methods.first_run import Answers
-from percuss.methods.interfaces import FAMILIES, Component, DataFile
+from percuss.methods.interfaces import FAMILIES, Component, DataFile, Implicit, Integrator, LeapFrog, Stages
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
+from percuss.results.result import Result
 
 DRAWS = 12  # number of cases that a check draws
+Scheme = LeapFrog | Stages | Implicit
 PARTNERS = {"integrators": "contacts", "contacts": "integrators"}
 SHIPPED = "percuss"  # distribution whose methods judge those of others
 Status = Literal["passed", "failed", "expected failure", "passes unexpectedly", "not applicable"]
@@ -101,7 +104,7 @@ class Subject:
         return self.component.name
 
     @property
-    def examples(self) -> list[dict[str, Any]]:
+    def examples(self) -> list[Entries]:
         """Option sets that the component gives as examples, with absolute paths of the data files beside its file."""
         from percuss.case.options import options_of
         from percuss.case.type_words import branches
@@ -146,12 +149,12 @@ class Subject:
             mistakes = (f"{dotted(mistake.path)}: {mistake.message}" for mistake in mistakes_in(error))
             raise CheckFailed("; ".join(mistakes)) from None
 
-    def made(self) -> Iterator[tuple[dict[str, Any], Any]]:
+    def made(self) -> Iterator[tuple[Entries, Any]]:
         """Yield each option set of the examples, with an instance that has these options."""
         for options in self.examples:
             yield options, self.make(options)
 
-    def placed(self, case: Data, options: Data | None = None, partner: Any = None) -> dict[str, Any]:
+    def placed(self, case: Data, options: Data | None = None, partner: str | Data | None = None) -> Entries:
         """Return a case that uses the component, and its partner as the other method of its pair.
 
         Options and partner are those given, else those of the subject.
@@ -177,16 +180,16 @@ class Subject:
             }
         return out
 
-    def scheme(self, integrator: str) -> Any:
+    def scheme(self, integrator: str) -> Scheme:
         """Return the scheme of a registered integrator, with the first of its examples and a step of 1."""
-        cls: Any = self.registry.components["integrators", integrator]
+        cls = cast("type[Integrator]", self.registry.components["integrators", integrator])
         return cls(**cls.examples[0]).bind(1.0)
 
-    def scheme_of(self, case: Data) -> Any:
+    def scheme_of(self, case: Data) -> Scheme:
         """Return the scheme of the integrator of a case, with a step of 1."""
         return self.load(case).method.integrator.bind(1.0)
 
-    def load(self, case: Data) -> Any:
+    def load(self, case: Data) -> Case:
         """Return a case read from a mapping, with the component under test among the registered components."""
         from percuss.case.case import load
 
@@ -209,7 +212,7 @@ class Subject:
         plugins = {"plugins": [str(Path(source.file).resolve())]} if source is not None and single else {}
         case = {"percuss": 1, "title": f"{self.check} of {self.name}", **plugins, **plain(self.loaded[-1])}
 
-        def flow(part: Any) -> str:
+        def flow(part: object) -> str:
             text: str = yaml.safe_dump(part, sort_keys=False, default_flow_style=True, width=56, allow_unicode=True)
             return text.removesuffix("...\n")
 
@@ -225,7 +228,7 @@ class Subject:
                 lines.append(flow({key: value})[1:-2] + "\n")
         return "".join(lines)
 
-    def run(self, case: Data, *, compiled: bool = True, with_critical_step: bool = False) -> Any:
+    def run(self, case: Data, *, compiled: bool = True, with_critical_step: bool = False) -> Result:
         """Run a case given as a mapping.
 
         Without `with_critical_step` the certificate of a law with a kernel says whether the step is stable, and not up

@@ -11,6 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from percuss.jsonable import Data, Entries
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -23,8 +25,8 @@ class Unit:
 
     unit: str
 
-    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
-        schema: dict[str, Any] = handler(core_schema)
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> Entries:
+        schema: Entries = handler(core_schema)
         schema["x-unit"] = self.unit
         return schema
 
@@ -33,8 +35,8 @@ class Unit:
 class AllowInf:
     """Mark of a numerical option that may be infinite; all others must be finite, and ``nan`` is always refused."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> dict[str, Any]:
-        schema: dict[str, Any] = handler(source)
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Entries:
+        schema: Entries = handler(source)
         schema["allow_inf_nan"] = True
         return schema
 
@@ -45,8 +47,8 @@ class Doc:
 
     text: str
 
-    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
-        schema: dict[str, Any] = handler(core_schema)
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> Entries:
+        schema: Entries = handler(core_schema)
         schema["description"] = self.text
         return schema
 
@@ -96,7 +98,7 @@ class DataFile:
     faults: Mapping[int, str] = field(default_factory=dict)
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> dict[str, Any]:
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Entries:
         # The input has a path, and the context of the validation finds the file.
         return {
             "type": "function-after",
@@ -199,7 +201,7 @@ class Component(ABC):
     name: ClassVar[str]
     summary: ClassVar[str]
     references: ClassVar[tuple[str, ...]] = ()
-    examples: ClassVar[tuple[Mapping[str, Any], ...]] = ({},)
+    examples: ClassVar[tuple[Data, ...]] = ({},)
     shorthand: ClassVar[str] = ""
     expected_failures: ClassVar[Mapping[str, str]] = {}
     contract_version: ClassVar[int | None] = None

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from percuss.jsonable import Data
 from percuss.methods.interfaces.base import Component, Floats, Integers
 
 NO_CELLS: Mapping[str, Integers] = MappingProxyType({})
@@ -127,7 +128,7 @@ class Shape(Component, contract="shapes"):
 
     regions: ClassVar[tuple[str, ...]]
     cell: ClassVar[str] = "line"
-    without_mesh: ClassVar[Mapping[str, Any]] = {}
+    without_mesh: ClassVar[Data] = {}
 
     @abstractmethod
     def dimension(self) -> int | None:

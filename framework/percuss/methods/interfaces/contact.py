@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from percuss.jsonable import Data
 from percuss.methods.interfaces.base import Component, Floats, Integers
 from percuss.methods.interfaces.integrator import Integrator
 
@@ -311,7 +312,7 @@ class ContactLaw(Component, contract="contacts"):
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw | Any:
         """Return the `LinearLaw` at `points` for the time step `dt`, or the arrays for the kernel `multipliers`."""
 
-    def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:  # noqa: ARG002
+    def resolved(self, points: ContactPoints, dt: float) -> Data:  # noqa: ARG002
         """Return the resolved parameters at `points` for the time step `dt`; they go into the provenance."""
         return {}
 

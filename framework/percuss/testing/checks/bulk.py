@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from percuss.compiler.specialise import Specialiser
 from percuss.errors import RunError
+from percuss.jsonable import Entries
 from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.cells import (
     PROBING_STRAIN,
@@ -24,7 +26,18 @@ from percuss.mesh.cells import (
 from percuss.mesh.material_points import points_at_rest
 from percuss.mesh.materials import material_slots
 from percuss.mesh.stresses import ElementProbe
-from percuss.methods.interfaces import BodyMesh, Line, Lumping, Mass, Mesh, Region
+from percuss.methods.interfaces import (
+    BodyMesh,
+    CellElement,
+    Element,
+    Floats,
+    Line,
+    Lumping,
+    Mass,
+    Material,
+    Mesh,
+    Region,
+)
 from percuss.methods.plugin_calls import answer
 from percuss.testing.draws import must_balance, on_chains
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
@@ -111,7 +124,7 @@ class _BodyKernels:
         Positions of the nodes along the body.
     """
 
-    def __init__(self, element: Any, material: Any, mesh: Mesh) -> None:
+    def __init__(self, element: Any, material: Material, mesh: Mesh) -> None:
         self.body = BodyMesh(mesh_of_element(element, mesh), 1.3)
         self.dim = mesh.direction.size
         self.along = (self.body.mesh.nodes - self.body.mesh.nodes[0]) @ mesh.direction
@@ -125,7 +138,7 @@ class _BodyKernels:
             self.bound = element.bind(self.body)
             self._force, self._energy = specialiser.bind(element.internal_force), specialiser.bind(element.energy)
 
-    def force(self, displacement: Any) -> Any:
+    def force(self, displacement: Floats) -> Floats:
         """Return the internal force, (nodes * dim,); nan where the kernel leaves an entry unset."""
         force = np.full(displacement.size, np.nan)
         if self.cells is not None:
@@ -135,13 +148,13 @@ class _BodyKernels:
             self._force(self.bound, self.points, 0, self.dim, displacement, force)
         return force
 
-    def part(self, first: int, displacement: Any) -> Any:
+    def part(self, first: int, displacement: Floats) -> Floats:
         """Return the force of consecutive two-node elements from `first` on."""
         force = np.zeros(displacement.size)
         self._force(self.bound, self.points, first, self.dim, displacement, force)
         return force
 
-    def energy(self, displacement: Any) -> float:
+    def energy(self, displacement: Floats) -> float:
         """Return the strain energy at rest."""
         rest = np.zeros(displacement.size)
         if self.cells is not None:
@@ -171,7 +184,7 @@ def check_stress_and_energy(subject: Subject) -> None:
         _check_slopes(cls, parameters, material.modulus)
 
 
-def _check_cycle(cls: Any, parameters: Any, modulus: float) -> None:
+def _check_cycle(cls: Any, parameters: Floats, modulus: float) -> None:
     """Raise `CheckFailed` if along a cycle of strain the stress is too steep, or its work is not accounted for."""
     before, after = np.zeros(cls.state), np.zeros(cls.state)
     if cls.stress(parameters, 0.0, before, after) != 0.0 or after[cls.stored_in] != 0.0:
@@ -200,7 +213,7 @@ def _check_cycle(cls: Any, parameters: Any, modulus: float) -> None:
         )
 
 
-def _check_slopes(cls: Any, parameters: Any, modulus: float) -> None:
+def _check_slopes(cls: type[Material], parameters: Floats, modulus: float) -> None:
     """Raise `CheckFailed` unless stress is the slope of the energy, and `modulus` the largest slope of the stress."""
     steepest = -np.inf
     for strain in np.outer(np.geomspace(1e-10, 0.05, 18), (1.0, -1.0)).flat:
@@ -301,7 +314,7 @@ def check_linear(subject: Subject) -> None:
         raise CheckFailed("it declares `linear = True`, and its answer is not proportional to its input")
 
 
-def _proportional_stress(material: Any) -> bool:
+def _proportional_stress(material: Material) -> bool:
     """Return whether the stress of a material is `modulus` times the strain at strains of 1e-6 to 10 of either sign."""
     if material.state:
         return False
@@ -312,7 +325,7 @@ def _proportional_stress(material: Any) -> bool:
     return bool(np.allclose(stresses, material.modulus * strains, rtol=CLOSE, atol=0.0))
 
 
-def _proportional_force(element: Any, material: Any) -> bool:
+def _proportional_force(element: Element | CellElement, material: Material) -> bool:
     """Return whether the force of a sum of displacements is the sum of their forces in one to three dimensions."""
     for dim in (1, 2, 3):
         kernels = _BodyKernels(element, material, line(5, dim))
@@ -351,7 +364,7 @@ def check_stress_in_the_element(subject: Subject) -> None:
                     )
 
 
-def _check_stretched(element: Any, kernels: _BodyKernels, material: Any) -> None:
+def _check_stretched(element: Element | CellElement, kernels: _BodyKernels, material: Material) -> None:
     """Raise `CheckFailed` if the end force at small uniform strain is not that of `axial_stiffness`."""
     mesh, dim = kernels.body.mesh, kernels.dim
     stiffness = np.asarray(element.axial_stiffness(kernels.body, material.modulus), dtype=float)
@@ -365,7 +378,7 @@ def _check_stretched(element: Any, kernels: _BodyKernels, material: Any) -> None
             )
 
 
-def _check_gradient(kernels: _BodyKernels, u: Any, force: Any) -> None:
+def _check_gradient(kernels: _BodyKernels, u: Floats, force: Floats) -> None:
     """Raise `CheckFailed` if an entry of the force differs from minus the difference quotient of the energy."""
     size = float(np.abs(force).max())
     for i in range(u.size):
@@ -446,7 +459,7 @@ def check_total_mass(subject: Subject) -> None:
             raise CheckFailed("the centre of mass of a uniform line is not in its middle")
 
 
-def _check_nodal(both: Sequence[Any], massive: Any, total: float, where: str) -> None:
+def _check_nodal(both: Sequence[Floats], massive: NDArray[np.bool], total: float, where: str) -> None:
     """Raise `CheckFailed` unless nodal masses, counted from either end, have a total and are positive if `massive`."""
     nodal, reverse = (np.asarray(masses, dtype=float) for masses in both)
     if not (nodal >= 0).all() or not (nodal[massive] > 0).all():
@@ -492,7 +505,7 @@ def check_masses_in_contact(subject: Subject) -> None:
 
 @check("masses")
 @on_chains(steps=100)
-def check_balance_in_contact(subject: Subject, case: Any) -> None:
+def check_balance_in_contact(subject: Subject, case: Entries) -> None:
     """With each law the balances are exact.
 
     Momentum and energy of drawn chains of bars are balanced to round-off with every law that goes with the mass.

@@ -14,22 +14,11 @@ from typing import Any
 import numpy as np
 
 from percuss.errors import InputError, RefusedPair, RunError, suggestion
+from percuss.jsonable import Data, Entries
 from percuss.methods.blame import described
-from percuss.testing.draws import (
-    TWO_BARS,
-    for_all,
-    must_agree,
-    on_chains,
-    option_values,
-)
-from percuss.testing.subject import (
-    PARTNERS,
-    CheckFailed,
-    NotApplicable,
-    Subject,
-    check,
-    names_of_checks,
-)
+from percuss.results.result import Result
+from percuss.testing.draws import TWO_BARS, for_all, must_agree, on_chains, option_values
+from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, check, names_of_checks
 
 # families of methods that take part in the time steps
 METHODS = ("integrators", "contacts", "elements", "materials", "masses")
@@ -191,7 +180,7 @@ def check_options_bounded(subject: Subject) -> None:
                 continue
             raise CheckFailed(f"option `{key}` accepts {invalid!r}")
 
-        def with_value(drawn: tuple[dict[str, Any], Any], key: str = key) -> None:
+        def with_value(drawn: tuple[Entries, Any], key: str = key) -> None:
             options, value = drawn
             try:
                 instance = subject.make({**options, key: value})
@@ -213,7 +202,7 @@ def check_options_bounded(subject: Subject) -> None:
             for_all(subject, st.tuples(st.sampled_from(subject.examples), values), with_value)
 
 
-def _use(subject: Subject, instance: Any, options: Mapping[str, Any]) -> Any:
+def _use(subject: Subject, instance: Any, options: Data) -> Result | None:
     """Use an instance once, as a shape or load outside of a run, else in a run of three steps, and return its result.
 
     A method whose pair with the default partner is refused runs with the first partner that it may have.
@@ -221,7 +210,8 @@ def _use(subject: Subject, instance: Any, options: Mapping[str, Any]) -> Any:
     if subject.family in METHODS:
         case = {**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}
         partners = [(name, subject.registry.components[PARTNERS[subject.family], name]) for name in subject.partners]
-        for partner in ("", *({"name": name, **cls.examples[0]} for name, cls in partners)):
+        choices: list[str | Data] = ["", *({"name": name, **cls.examples[0]} for name, cls in partners)]
+        for partner in choices:
             with contextlib.suppress(NotApplicable):
                 return subject.run(subject.placed(case, options, partner))
     elif subject.family == "shapes":
@@ -257,7 +247,7 @@ def check_schema(subject: Subject) -> None:
 
 @check(*METHODS)
 @on_chains(share=3)
-def check_no_hidden_state(subject: Subject, case: Any) -> None:
+def check_no_hidden_state(subject: Subject, case: Entries) -> None:
     """The same run gives the same bits.
 
     A run, compiled or not, gives the same bits whatever ran before it, and leaves its class unchanged. If a run
@@ -295,7 +285,7 @@ def _class_and_module_values(subject: Subject) -> str:
 
 @check(*METHODS)
 @on_chains(share=3)
-def check_compiled_and_plain(subject: Subject, case: Any) -> None:
+def check_compiled_and_plain(subject: Subject, case: Entries) -> None:
     """Compiled and plain runs agree.
 
     A compiled run and a run in plain Python give the same numbers up to round-off. A kernel is wrong in one of the
@@ -305,7 +295,7 @@ def check_compiled_and_plain(subject: Subject, case: Any) -> None:
     must_agree(subject, case, case, "plain Python", compiled=False)
 
 
-def _has_number(schema: Mapping[str, Any]) -> bool:
+def _has_number(schema: Data) -> bool:
     """Return whether a JSON schema allows a number, itself or in one of its branches or items."""
     branches = [schema, *schema.get("anyOf", []), *([schema["items"]] if isinstance(schema.get("items"), dict) else [])]
     return any(

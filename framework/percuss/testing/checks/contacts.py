@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from percuss.contact.bound_law import COEFFICIENTS, bind_law
 from percuss.errors import InputError, RefusedPair, RunError, suggestion
+from percuss.jsonable import Data, Entries
 from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
 from percuss.methods.kernel_trial import COUPLED, multipliers_of, plain_kernel, trial_of
 from percuss.testing.draws import (
@@ -23,13 +24,7 @@ from percuss.testing.draws import (
     round_off,
 )
 from percuss.testing.strict import StrictSystem, locked
-from percuss.testing.subject import (
-    CheckFailed,
-    NotApplicable,
-    Subject,
-    check,
-    was_not_started,
-)
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, was_not_started
 
 COUNTS = (0, 1, 2, 5)  # numbers of contact points
 # A bar that strikes a wall once and leaves it.
@@ -79,7 +74,7 @@ def trial_of_point(trial: Trial, index: int, point: ContactPoints, law: Any) -> 
     return trial_of(point, trial.dt, state, law, trial.before[index : index + 1])._replace(time=trial.time)
 
 
-def _bound(subject: Subject, options: Mapping[str, Any], points: ContactPoints, dt: float) -> Any:
+def _bound(subject: Subject, options: Data, points: ContactPoints, dt: float) -> Any:
     """Return the linear law of a law, checked, or the data of its kernel with read-only arrays."""
     bound_law = bind_law(subject.make(options), tuple(range(len(points.names))), points, dt)
     return bound_law.linear if bound_law.linear is not None else bound_law.kernel_data
@@ -108,7 +103,7 @@ def check_any_number_of_contacts(subject: Subject) -> None:
                     raise CheckFailed(f"{name} of each point is {values} at {count} points, and {single} alone")
 
 
-def _law_values(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
+def _law_values(subject: Subject, bound: Any, trial: Trial) -> Entries:
     """Return the values of a law at its contact points: the fields of a linear law, or the multipliers in a state."""
     if isinstance(bound, LinearLaw):
         return {f"LinearLaw.{name}": getattr(bound, name) for name in COEFFICIENTS}
@@ -185,14 +180,14 @@ def check_contacts_at_one_end(subject: Subject) -> None:
         raise NotApplicable("with no integrator two contacts at one end both press")
 
 
-def _case_at_one_end(subject: Subject, partner: str, *options: Mapping[str, Any]) -> dict[str, Any]:
+def _case_at_one_end(subject: Subject, partner: str, *options: Data) -> Entries:
     """Return a case with two contacts of one end, with options of the law for each."""
     methods = ({"method": {"name": subject.name, **own}} for own in options)
     contacts = {name: contact | next(methods) for name, contact in STRUCK_TWICE["contacts"].items()}
     return subject.placed({**STRUCK_TWICE, "contacts": contacts}, options[0], partner)
 
 
-def _nudged(subject: Subject, case: Mapping[str, Any], options: Mapping[str, Any]) -> Iterator[Any]:
+def _nudged(subject: Subject, case: Data, options: Data) -> Iterator[tuple[Entries, Entries]]:
     """Yield pairs of options that differ by little in one number, for each number that the law uses in a case."""
     from percuss.case.options import options_of
     from percuss.case.type_words import branches
@@ -206,7 +201,7 @@ def _nudged(subject: Subject, case: Mapping[str, Any], options: Mapping[str, Any
                 yield {**options, key: value}, {**options, key: nudged}
 
 
-def _compare_at_one_end(subject: Subject, partner: str, first: Mapping[str, Any], second: Mapping[str, Any]) -> None:
+def _compare_at_one_end(subject: Subject, partner: str, first: Data, second: Data) -> None:
     """Raise `CheckFailed` if contacts of two option sets, in reverse order, press otherwise than those of the first."""
     try:
         equal, moved = (subject.run(_case_at_one_end(subject, partner, each, each)) for each in (first, second))
@@ -258,7 +253,7 @@ def check_stored_and_dissipated(subject: Subject) -> None:
 
 @check("contacts")
 @on_chains()
-def check_as_a_strict_host_has_it(subject: Subject, case: Any) -> None:
+def check_as_a_strict_host_has_it(subject: Subject, case: Entries) -> None:
     """The law uses the contract alone.
 
     `StrictSystem`, dense and in plain NumPy, gives the same contact forces and gaps as the time loop. It provides
@@ -329,7 +324,7 @@ def check_resolved(subject: Subject) -> None:
 
 @check("contacts")
 @on_chains()
-def check_guarantees(subject: Subject, case: Any) -> None:
+def check_guarantees(subject: Subject, case: Entries) -> None:
     """Its guarantees are kept in every run.
 
     The declared `guarantees` of a law hold in every drawn run, with every partner and option set. The possible
@@ -359,7 +354,7 @@ def check_guarantees(subject: Subject, case: Any) -> None:
     if "no penetration" in declared and deepest > 1e-11 * travel:
         raise CheckFailed(f"it declares 'no penetration', but bodies overlap by {deepest:.3g}")
     certificate = result.summary["certificate"]
-    has_limit = certificate["dt_critical"] is not None
-    lowered = has_limit and certificate["dt_critical"] < certificate["dt_critical_free"] * (1.0 - 1e-5)
+    critical, free = certificate["dt_critical"], certificate["dt_critical_free"]
+    lowered = critical is not None and free is not None and critical < free * (1.0 - 1e-5)
     if "keeps the free step" in declared and lowered:
         raise CheckFailed(f"it declares 'keeps the free step', but {certificate['why']}")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from percuss.errors import RunError, suggestion
-from percuss.methods.interfaces import Integrator, Stages
+from percuss.jsonable import Data, Entries
+from percuss.methods.interfaces import Floats, Integrator, Stages
 from percuss.step.integrator_check import no_internal_forces, plain_step
 from percuss.testing.checks.pairs import below_limit
 from percuss.testing.draws import bar, chain, per_cent
@@ -23,13 +23,13 @@ CONSERVATION_TOLERANCE = 1e-11  # largest relative change of a conserved quantit
 MARGIN = 0.01  # distance from the critical Courant number at which stability is tried, relative to it
 
 
-def moving_bar(elements: int, courant: float, steps: int, *fixed: str) -> dict[str, Any]:
+def moving_bar(elements: int, courant: float, steps: int, *fixed: str) -> Entries:
     """Return a case of a moving bar without contact, with fixed ends from t = 0 on."""
     case = chain({"a": bar(elements, velocity=1.0, fixed=list(fixed))}, time={"steps": steps, "courant": courant})
     return {**case, "record": {"probes": ["a.right"]}}
 
 
-def exact_end_displacement(elements: int, time: Any) -> Any:
+def exact_end_displacement(elements: int, time: Floats) -> Floats:
     """Return the exact displacement of the free end of a `moving_bar` fixed at its left end, from its modes."""
     h, (young, density) = 1.0 / elements, bar(1)["material"].values()
     stiffness = np.zeros((elements + 1, elements + 1))
@@ -41,7 +41,7 @@ def exact_end_displacement(elements: int, time: Any) -> Any:
     squares, modes = np.linalg.eigh(stiffness[1:, 1:] / root[:, None] / root)
     omega = np.sqrt(squares)
     start = modes.T @ root
-    return (modes[-1] / root[-1] * start / omega) @ np.sin(omega[:, None] * time)
+    return np.asarray((modes[-1] / root[-1] * start / omega) @ np.sin(omega[:, None] * time), dtype=float)
 
 
 @check("integrators")
@@ -126,7 +126,7 @@ def check_critical_courant(subject: Subject) -> None:
             raise CheckFailed(f"it declares {declared:g}, but energy grows {energy:.2g}-fold at C = {courant:.5g}")
 
 
-def _energy_ratio(subject: Subject, case: Mapping[str, Any]) -> float:
+def _energy_ratio(subject: Subject, case: Data) -> float:
     """Return the ratio of the largest to the initial energy of a run, infinite if the run was stopped."""
     try:
         result = subject.run(case)
@@ -189,10 +189,12 @@ def check_stages(subject: Subject) -> None:
 ENTRIES = 6  # size of the state with which a step is made
 STAGED_TOLERANCE = 1e-9
 
-Calls = list[tuple[int, Any, Any, Any]]  # stage, u, v and a of each call of `accelerations`; -1 is the start
+Calls = list[tuple[int, Floats, Floats, Floats]]  # stage, u, v and a of each call of `accelerations`; -1 is the start
 
 
-def _two_steps(integrator: Integrator, stages: Stages, dt: float, *, free: bool) -> tuple[list[Any], Calls, list[int]]:
+def _two_steps(
+    integrator: Integrator, stages: Stages, dt: float, *, free: bool
+) -> tuple[list[tuple[Floats, Floats]], Calls, list[int]]:
     """Make two steps with random data; in `free` flight all accelerations, also the kept ones, are zero.
 
     Returns
@@ -204,11 +206,11 @@ def _two_steps(integrator: Integrator, stages: Stages, dt: float, *, free: bool)
     random = np.random.default_rng(7)
     calls: Calls = []
 
-    def accelerations(system: Any, stage: int, u: Any, v: Any, a: Any) -> None:  # noqa: ARG001  signature of the slot
+    def accelerations(system: object, stage: int, u: Floats, v: Floats, a: Floats) -> None:  # noqa: ARG001  signature of the slot
         a[:] = 0.0 if free else random.standard_normal(u.size)
         calls.append((stage, u.copy(), v.copy(), a.copy()))
 
-    def internal(system: Any, stage: int, u: Any, f: Any) -> None:  # noqa: ARG001  signature of the slot
+    def internal(system: object, stage: int, u: Floats, f: Floats) -> None:  # noqa: ARG001  signature of the slot
         f[:] = 0.0 if free else random.standard_normal(u.size)
 
     step = plain_step(integrator, accelerations, internal)
@@ -243,9 +245,9 @@ def _check_stage_times(integrator: Integrator, stages: Stages, dt: float) -> Non
 def _check_stage_velocity(integrator: Integrator, stages: Stages, dt: float) -> None:
     """Raise `CheckFailed` unless `velocity` completes the velocity of each stage under a constant acceleration."""
     constant, start = np.array([0.7, -1.3]), np.array([0.2, 0.4])
-    velocities: list[tuple[int, Any]] = []
+    velocities: list[tuple[int, Floats]] = []
 
-    def accelerations(system: Any, stage: int, u: Any, v: Any, a: Any) -> None:  # noqa: ARG001  signature of the slot
+    def accelerations(system: object, stage: int, u: Floats, v: Floats, a: Floats) -> None:  # noqa: ARG001  signature of the slot
         a[:] = constant
         velocities.append((stage, v.copy()))
 
@@ -262,7 +264,7 @@ def _check_stage_velocity(integrator: Integrator, stages: Stages, dt: float) -> 
             )
 
 
-def _refuses_exact_laws(subject: Subject, options: Any) -> bool:
+def _refuses_exact_laws(subject: Subject, options: Data) -> bool:
     """Return whether an integrator refuses all laws that guarantee "no penetration"."""
     laws = [cls for (family, _), cls in subject.registry.components.items() if family == "contacts"]
     exact: list[Any] = [cls for cls in laws if "no penetration" in cls.guarantees]  # type: ignore[attr-defined]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from percuss.jsonable import Entries
 from percuss.methods.plugin_calls import answer
 from percuss.testing.draws import TWO_BARS, on_chains
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
@@ -14,7 +15,7 @@ from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 CLOSE = 1e-9
 
 
-def _solved(subject: Subject, case: dict[str, Any]) -> tuple[Any, float]:
+def _solved(subject: Subject, case: Entries) -> tuple[Any, float]:
     """Return the exact solution of a case and the time up to which the check uses it.
 
     Raises
@@ -44,7 +45,7 @@ def _solved(subject: Subject, case: dict[str, Any]) -> tuple[Any, float]:
 
 @check("solutions")
 @on_chains()
-def check_signorini(subject: Subject, case: Any) -> None:
+def check_signorini(subject: Subject, case: Entries) -> None:
     """No exact contact pulls or overlaps.
 
     An exact contact force never pulls, the bodies never overlap, and the contact presses only while they touch.
@@ -65,7 +66,7 @@ def check_signorini(subject: Subject, case: Any) -> None:
 
 @check("solutions")
 @on_chains()
-def check_impulse_and_balances(subject: Subject, case: Any) -> None:
+def check_impulse_and_balances(subject: Subject, case: Entries) -> None:
     """Impulse, momentum and energy agree.
 
     The contact impulse is the integral of the force. Momentum changes by the external impulse, energy by the work.
@@ -92,7 +93,7 @@ def check_impulse_and_balances(subject: Subject, case: Any) -> None:
 
 @check("solutions")
 @on_chains()
-def check_largest_values(subject: Subject, case: Any) -> None:
+def check_largest_values(subject: Subject, case: Entries) -> None:
     """The stated largest values are right.
 
     No sample of a contact force or of the energy exceeds the stated largest value. If no work is done, the energy
@@ -135,7 +136,7 @@ def check_methods_tend_to_it(subject: Subject) -> None:
             result = subject.run(case)
             if result.summary["exact"] is None:
                 raise CheckFailed(f"no error against it was computed: {result.summary['exact_reason']}")
-            errors.append(result.summary["exact"]["displacement_error"])
+            errors.append(cast("float", result.summary["exact"]["displacement_error"]))
         if not errors[1] < 0.5 * errors[0]:
             raise CheckFailed(
                 f"a mesh four times finer brings the displacement from {errors[0]:.3g} to {errors[1]:.3g}"
@@ -144,7 +145,7 @@ def check_methods_tend_to_it(subject: Subject) -> None:
 
 @check("measures")
 @on_chains()
-def check_measure(subject: Subject, case: Any) -> None:
+def check_measure(subject: Subject, case: Entries) -> None:
     """It measures the same number each time.
 
     A measure returns a finite number or None, the same each time for a result, and does not change the result.

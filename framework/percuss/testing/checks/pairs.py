@@ -4,28 +4,20 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, cast
 
 import numpy as np
 
 from percuss.case import defaults
 from percuss.case.quantities import COMPARED_BY_KIT, QUANTITIES
 from percuss.errors import InputError, RunError
+from percuss.jsonable import Data, Entries
 from percuss.methods.interfaces import LeapFrog
 from percuss.results.ledger import STORED_BY_LAWS
+from percuss.results.result import Result
 from percuss.testing import draws
-from percuss.testing.draws import (
-    bar,
-    bar_chains,
-    chain,
-    for_all,
-    must_agree,
-    must_balance,
-    number,
-    on_chains,
-    per_cent,
-)
+from percuss.testing.draws import bar, bar_chains, chain, for_all, must_agree, must_balance, number, on_chains, per_cent
 from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, check, was_not_started
 
 PAIRS = ("integrators", "contacts")
@@ -41,7 +33,7 @@ COURANTS = (0.25, 0.45, 0.65, 0.8, 0.86, 0.95)
 
 @check(*PAIRS, "elements", "materials", "masses", "shapes")
 @on_chains(push=True)
-def check_balances(subject: Subject, case: Any) -> None:
+def check_balances(subject: Subject, case: Entries) -> None:
     """Momentum and energy are balanced.
 
     The momentum balance of every run closes to round-off, and so does the energy ledger of a leap-frog scheme. A force
@@ -57,7 +49,7 @@ def check_balances(subject: Subject, case: Any) -> None:
 # ------------------------------------------------------------------------------------------- exact solutions
 
 
-def impact(parameters: tuple[float, float, float, int]) -> dict[str, Any]:
+def impact(parameters: tuple[float, float, float, int]) -> Entries:
     """Return a case of two unlike bars that touch and move towards each other, run until they have separated.
 
     Parameters
@@ -93,7 +85,7 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
                 raise CheckFailed(f"the run was {stopped}") from None
             if result.summary["exact"] is None:
                 raise NotApplicable(f"no exact solution: {result.summary['exact_reason']}")
-            errors.append(result.summary["exact"]["contacts"]["ab"]["impulse_error"])
+            errors.append(cast("float", result.summary["exact"]["contacts"]["ab"]["impulse_error"]))
             if errors[-1] <= min(max(REDUCTION * errors[0], AS_GOOD_AS_EXACT), CLOSE) and len(errors) > 1:
                 return
         off = ", ".join(f"{per_cent(error)} with {10 * refine}" for error, refine in zip(errors, MESHES, strict=True))
@@ -103,7 +95,7 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
     for_all(subject, parameters, check_convergence, max(3, subject.draws // 3))
 
 
-def _run_at_stable_step(subject: Subject, case: dict[str, Any], partner: str) -> Any:
+def _run_at_stable_step(subject: Subject, case: Entries, partner: str) -> Result:
     """Return the result of a run, with a step at which the pair can be expected to run if that of the case is above."""
     from percuss.certificate import verdict
     from percuss.march.model import Model
@@ -121,7 +113,7 @@ def _run_at_stable_step(subject: Subject, case: dict[str, Any], partner: str) ->
     return subject.run(at_courant(case, courant))
 
 
-def _courant_of_default(subject: Subject, case: Mapping[str, Any], partner: str) -> float:
+def _courant_of_default(subject: Subject, case: Data, partner: str) -> float:
     """Return the largest of some Courant numbers, below the limit of the scheme, at which the default method runs.
 
     The default method of a case takes the place of the subject, beside the same partner: a law of somebody else that
@@ -140,12 +132,12 @@ def _courant_of_default(subject: Subject, case: Mapping[str, Any], partner: str)
     raise NotApplicable(f"{name} does not run with {partner} at any step")
 
 
-def at_courant(case: Mapping[str, Any], courant: float) -> dict[str, Any]:
+def at_courant(case: Data, courant: float) -> Entries:
     """Return a case with another Courant number."""
     return {**case, "time": {**case["time"], "courant": courant}}
 
 
-def below_limit(subject: Subject, case: Mapping[str, Any], courant: float) -> float:
+def below_limit(subject: Subject, case: Data, courant: float) -> float:
     """Return a Courant number, lowered where it is near or above the limit of an integrator without contact.
 
     The limit is the declared one; of an integrator that declares none, it is that of its certificate.
@@ -179,7 +171,7 @@ def check_energy_never_grows(subject: Subject, partner: str) -> None:
     other = subject.registry.components[PARTNERS[subject.family], partner]
     pairs = list(itertools.product(subject.examples, other.examples))
 
-    def check_growth(case: Mapping[str, Any], options: Mapping[str, Any], partner_options: Mapping[str, Any]) -> None:
+    def check_growth(case: Data, options: Data, partner_options: Data) -> None:
         full_case = subject.placed(case, options, {"name": partner, **partner_options})
         if getattr(subject.scheme_of(full_case), "own_steps", False):
             raise NotApplicable("its internal forces do not act in every step, so contact is not balanced in each")
@@ -207,7 +199,7 @@ def check_energy_never_grows(subject: Subject, partner: str) -> None:
     for_all(subject, strategy, lambda drawn: check_growth(drawn[0], *drawn[1]))
 
 
-def energy_growth(subject: Subject, case: Mapping[str, Any], result: Any) -> float:
+def energy_growth(subject: Subject, case: Data, result: Result) -> float:
     """Return the energy growth of a run, relative to its largest energy.
 
     Raises
@@ -241,7 +233,7 @@ def energy_growth(subject: Subject, case: Mapping[str, Any], result: Any) -> flo
     return max(rises) / scale if scale else 0.0
 
 
-def repeated_impacts() -> Iterator[dict[str, Any]]:
+def repeated_impacts() -> Iterator[Entries]:
     """Yield cases of unlike bars that strike each other and walls many times, at several Courant numbers."""
     for courant in COURANTS:
         time = {"steps": int(240 / courant), "courant": courant}
@@ -262,7 +254,7 @@ def repeated_impacts() -> Iterator[dict[str, Any]]:
 
 @check(*PAIRS)
 @on_chains(share=2)
-def check_placement(subject: Subject, case: Any) -> None:
+def check_placement(subject: Subject, case: Entries) -> None:
     """Place and order of bodies change nothing.
 
     Results do not change if all bodies and walls are moved, rotated in two or three dimensions, or mirrored, and if a
@@ -280,7 +272,7 @@ def check_placement(subject: Subject, case: Any) -> None:
 
 @check(*PAIRS)
 @on_chains(push=True)
-def check_units(subject: Subject, case: Any) -> None:
+def check_units(subject: Subject, case: Entries) -> None:
     """A change of units changes nothing.
 
     Results do not depend on the units of length, mass and time. Options are converted by their stated units. A
@@ -315,7 +307,7 @@ def check_refusals(subject: Subject) -> None:
 
 @check(*PAIRS)
 @on_chains(share=2)
-def check_no_contact(subject: Subject, case: Any) -> None:
+def check_no_contact(subject: Subject, case: Entries) -> None:
     """Bodies that never meet move freely.
 
     Bodies without contacts, or with contacts that never close, move as if there were no contact law. This detects a
@@ -349,7 +341,7 @@ def check_no_contact(subject: Subject, case: Any) -> None:
 
 @check(*PAIRS)
 @on_chains(share=4, bars=2, walls=False)
-def check_certificate(subject: Subject, case: Any) -> None:
+def check_certificate(subject: Subject, case: Entries) -> None:
     """The critical step is where motion grows.
 
     The critical step computed from linear laws and integrator is the step at which the motion itself begins to
