@@ -59,19 +59,13 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     certificate
         Certificate of the run.
     """
-    model = march.model
-    record_count = outcome.records
-    # takes contact points from the order of the loop back to the order of the case
-    dim = march.dim
+    model, record_count = march.model, outcome.records
     probe_names = [str(address) for address in model.case.recorded_ends]
-    arrays: dict[str, Any] = {
-        "time": outcome.time[:record_count],
-        "time_half": outcome.time[:record_count] + march.stepper.energy_at * model.dt,
-        "contact_force": outcome.record.contact_force[:record_count],
-        "gap": outcome.record.gap[:record_count],
-        "displacement": outcome.record.displacement[:record_count].reshape(record_count, len(probe_names), dim),
-        "velocity": outcome.record.velocity[:record_count].reshape(record_count, len(probe_names), dim),
-    }
+    time = outcome.time[:record_count]
+    arrays = {"time": time, "time_half": time + march.stepper.energy_at * model.dt}
+    arrays |= {name: getattr(outcome.record, name)[:record_count] for name in ("contact_force", "gap")}
+    for name in ("displacement", "velocity"):
+        arrays[name] = getattr(outcome.record, name)[:record_count].reshape(record_count, len(probe_names), march.dim)
     energies = ledger.energies(march, outcome)
     arrays |= energies | _contact_states(march, outcome)
     end_force = outcome.record.end_force[:record_count]
@@ -98,7 +92,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]
     summary: Summary = {
         "status": outcome.status,
-        "stop": _stop_entry(march.model, outcome.stop, certificate),
+        "stop": _stop_entry(model, outcome.stop, certificate),
         "steps": outcome.done,
         "nodes": model.n_nodes,
         "dt": model.dt,
@@ -132,20 +126,17 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
     warnings += march.model.ignored_couplings()
+    name = march.model.case.method.integrator.name
     if march.arrays.record.every > 1 and march.model.contact_points:
         warnings.append("true errors of the contact force need `record.every: 1`")
     if march.model.multistage:
-        name = march.model.case.method.integrator.name
         warnings.append(
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
         )
     if march.model.implicit:
-        warnings.append(
-            f"{NOT_COMPILED.format(march.model.case.method.integrator.name)}, and its time is that of these"
-        )
+        warnings.append(f"{NOT_COMPILED.format(name)}, and its time is that of these")
     bodies_error = energy["bodies_error"] or 0.0
     if march.model.own_steps and bodies_error > ledger.BODIES_TOLERANCE:
-        name = march.model.case.method.integrator.name
         warnings.append(
             f"{name} has not kept the energy: what its internal forces did and what the bodies store differ by "
             f"{percent(bodies_error)} of the largest energy"
@@ -231,18 +222,15 @@ def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:
         if law.dissipated_in is not None:
             dissipated += of_law[:, :, law.dissipated_in].sum(axis=1)
         first = stop
-    if any(bound_law.law.dissipated_in is not None for bound_law in laws):
-        return {"contact_state": states, "contact_dissipation": dissipated}
-    return {"contact_state": states}
+    known = any(bound_law.law.dissipated_in is not None for bound_law in laws)
+    return {"contact_state": states, **({"contact_dissipation": dissipated} if known else {})}
 
 
 def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
     record, model, dim = outcome.record, march.model, march.dim
     if record.field_every == 0:
         return {}
-    snapshots = (
-        outcome.done // record.field_every + 1 if outcome.status == "done" else outcome.done // record.field_every
-    )
+    snapshots = outcome.done // record.field_every + (outcome.status == "done")
     if snapshots == 0:  # stopped before the first snapshot
         return {}
     of_elements = outcome.histories.get("field_state", np.zeros((snapshots, 0)))

@@ -116,23 +116,17 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> dict[str, Any
     for k, instant in enumerate(t):
         energies[k] = solution.energy(float(instant))
         progress(k / t.size)
-    has_external_work = (
-        model.nodal_forces
-        or model.followers
-        or model.body_forces
-        or any(constraint.load is not None for constraint in model.constraints)
-    )
-    work = np.array([solution.work(float(instant)) for instant in t]) if has_external_work else np.zeros(t.size)
+    work = np.zeros(t.size)
+    if model.case.loads:
+        work = np.array([solution.work(float(instant)) for instant in t])
     total = energies.sum(axis=1)
     closure = total - total[0] - work
     largest = np.maximum.accumulate(np.maximum(np.abs(total), np.abs(work)))
-    contacts = {
-        "contact_force": [solution.contacts[name].force(t) for name in names],
-        "gap": [solution.contacts[name].gap(t) for name in names],
-    }
+    contacts = [solution.contacts[name] for name in names]
     return {
         "time": t,
-        **{quantity: np.array(columns).reshape(len(names), t.size).T for quantity, columns in contacts.items()},
+        "contact_force": np.array([contact.force(t) for contact in contacts]).reshape(len(names), t.size).T,
+        "gap": np.array([contact.gap(t) for contact in contacts]).reshape(len(names), t.size).T,
         **motion,
         "kinetic_energy": energies[:, 0],
         "elastic_energy": energies[:, 1],
@@ -142,8 +136,7 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> dict[str, Any
 
 
 def _contact(solution: Exact, name: str) -> dict[str, Any]:
-    contact = solution.contacts[name]
-    closed = contact.closed
+    contact, closed = solution.contacts[name], solution.contacts[name].closed
     return {
         "impulse": float(contact.impulse(np.array(solution.reached))),
         "peak_force": max(float(contact.largest_force(0.0, solution.reached)), 0.0) if closed else 0.0,

@@ -125,35 +125,26 @@ def energy_summary(
         ``ledger_closed``.
     """
     total = histories["kinetic_energy"] + histories["elastic_energy"]
-    initial = march.initial_energy
-
-    def last(name: str) -> float:
-        return float(histories[name][-1]) if histories[name].size else 0.0
-
-    def last_if_any(name: str) -> float | None:
-        return last(name) if name in histories else None
-
+    last = {name: float(values[-1]) if values.size else 0.0 for name, values in histories.items()}
     bodies_error = _bodies_error(march, histories, largest_energy)
+    agree = march.model.own_steps or not (bodies_error or 0.0) > BODIES_TOLERANCE
     error = float(np.max(np.abs(histories["energy_error"]), initial=0.0))
-    allowed = None
-    if not march.model.multistage and outcome.status != "unstable":
-        allowed = _allowed_closure(outcome, largest_energy)
+    judged = not march.model.multistage and outcome.status != "unstable"
+    allowed = _allowed(outcome, CLOSURE_TOLERANCE, largest_energy)
     return {
-        "initial": initial,
-        "final": float(total[-1]) if total.size else initial,
-        "max": float(np.max(total, initial=initial)),
-        "external_work": last("external_work"),
-        "contact_work": last("contact_work"),
+        "initial": march.initial_energy,
+        "final": float(total[-1]) if total.size else march.initial_energy,
+        "max": float(np.max(total, initial=march.initial_energy)),
+        "external_work": last["external_work"],
+        "contact_work": last["contact_work"],
         "external_work_max": float(np.max(histories["external_work"], initial=0.0)),
         "contact_work_max": float(np.max(histories["contact_work"], initial=0.0)),
-        "internal_work": last_if_any("internal_work"),
-        "dissipated": last_if_any("dissipated_energy"),
+        "internal_work": last.get("internal_work"),
+        "dissipated": last.get("dissipated_energy"),
         "bodies_error": bodies_error,
         "ledger_error": error,
-        "ledger_allowed": allowed,
-        "ledger_closed": None
-        if allowed is None
-        else bool(error <= allowed and (march.model.own_steps or not (bodies_error or 0.0) > BODIES_TOLERANCE)),
+        "ledger_allowed": allowed if judged else None,
+        "ledger_closed": bool(error <= allowed and agree) if judged else None,
     }
 
 
@@ -171,11 +162,10 @@ def _bodies_error(march: March, histories: Mapping[str, Floats], largest_energy:
     return float(np.max(np.abs(missing), initial=0.0)) / largest_energy
 
 
-def _allowed_closure(outcome: Outcome, largest_energy: float) -> float:
-    """Return the allowed closure error of the ledger of a run, over the largest energy."""
-    # The round-off of the steps adds up in long runs.
-    round_off = ROUND_OFF_UNITS * ROUNDING * outcome.totals.round_off
-    return CLOSURE_TOLERANCE + (round_off / largest_energy if largest_energy > 0 else 0.0)
+def _allowed(outcome: Outcome, tolerance: float, largest_energy: float) -> float:
+    """Return an allowed error over the largest energy: a tolerance, and the round-off of all steps, which adds up."""
+    round_off = ROUND_OFF_UNITS * ROUNDING * float(outcome.totals.round_off)
+    return tolerance + (round_off / largest_energy if largest_energy > 0 else 0.0)
 
 
 def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> MomentumSummary:
@@ -189,9 +179,9 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
     ``balanced`` is whether the imbalance is round-off, None for a stopped run.
     """
     model, dim = march.model, march.dim
-    mass = model.mass[:, None]
-    before = (mass * outcome.starting_velocity.reshape(-1, dim)).sum(axis=0)
-    after = (mass * outcome.final_velocity.reshape(-1, dim)).sum(axis=0)
+    velocities = outcome.starting_velocity.reshape(-1, dim), outcome.final_velocity.reshape(-1, dim)
+    before, after = ((model.mass[:, None] * velocity).sum(axis=0) for velocity in velocities)
+    started, moving = (float((model.mass * np.linalg.norm(velocity, axis=1)).sum()) for velocity in velocities)
     supports = np.zeros(dim)
     for constraint, reaction in zip(model.constraints, outcome.reactions, strict=True):
         supports += model.dt * reaction * constraint.direction
@@ -200,15 +190,12 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
         if contact_point.at_wall:
             walls -= impulse * contact_point.normal
     closure = after - before - outcome.load_impulse - supports - walls
-    moving = float((model.mass * np.linalg.norm(outcome.final_velocity.reshape(-1, dim), axis=1)).sum())
-    started = float((model.mass * np.linalg.norm(outcome.starting_velocity.reshape(-1, dim), axis=1)).sum())
-    contacts = float(np.abs(outcome.sums.impulse).sum())
     # The magnitudes are summed, as the reactions at the two ends of a stretched bar are large and cancel.
     support_impulse = model.dt * float(np.abs(outcome.reactions).sum())
     scale = max(
         moving,
         started,
-        contacts,
+        float(np.abs(outcome.sums.impulse).sum()),
         support_impulse,
         float(np.abs(outcome.load_impulse).max(initial=0.0)),
         # Balanced forces bring no momentum: their round-off is relative to the momentum that their energy could bring.
@@ -308,25 +295,14 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
         Largest energy or work of the run.
     """
     total = outcome.totals
-    guarantee = certificate["energy"]
-
-    def share(value: float) -> float:
-        return float(value) / scale if scale > 0 else 0.0
-
-    rise, drift = share(total.rise), share(total.largest_drift)
-    measured = {NEVER_GROWS: rise, BETWEEN: drift}.get(guarantee)
-    # The round-off of the steps adds up in long runs.
-    allowed = ALLOWED_GROWTH + ROUND_OFF_UNITS * ROUNDING * share(total.round_off)
+    rise, drift = (float(value) / scale if scale > 0 else 0.0 for value in (total.rise, total.largest_drift))
+    measured = {NEVER_GROWS: rise, BETWEEN: drift}.get(certificate["energy"])
+    allowed = _allowed(outcome, ALLOWED_GROWTH, scale)
     step = int(total.rise_step) if total.rise > 0 else None
+    linear, by_laws = not march.model.sums_internal_work, march.arrays.variables.stored_by_laws.size > 0
     return {
-        "guarantee": guarantee,
-        "quantity": "contact work"
-        if march.model.multistage
-        else quantity(
-            outcome.law,
-            linear=not march.model.sums_internal_work,
-            by_laws=march.arrays.variables.stored_by_laws.size > 0,
-        ),
+        "guarantee": certificate["energy"],
+        "quantity": "contact work" if march.model.multistage else quantity(outcome.law, linear=linear, by_laws=by_laws),
         "largest": rise,
         "step": step,
         "time": (step + march.stepper.energy_at) * march.model.dt if step is not None else None,

@@ -11,7 +11,7 @@ import datetime as dt
 import platform
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,11 +27,7 @@ from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, numeric_settings, own_digest
 from percuss.version import installed_version
 
-
-def versions() -> dict[str, str]:
-    """Return the versions in use."""
-    names = ("percuss", "numpy", "numba", "llvmlite", "scipy", "xarray", "netCDF4")
-    return {"python": platform.python_version(), **{name: installed_version(name) for name in names}}
+PACKAGES = ("percuss", "numpy", "numba", "llvmlite", "scipy", "xarray", "netCDF4")  # on which numbers may depend
 
 
 @cache
@@ -59,16 +55,7 @@ def _instructions() -> tuple[str, str]:
     return binding.get_host_cpu_name(), " ".join(sorted(name for name, present in features.items() if present))
 
 
-@cache
-def _own_digest() -> str | None:
-    """Return the digest of the sources of percuss, None if one of them was edited after this process imported it."""
-    try:
-        return own_digest()
-    except InputError:
-        return None
-
-
-_settings = cache(numeric_settings)
+_settings, _own_digest = cache(numeric_settings), cache(own_digest)
 
 
 def machine() -> dict[str, Any]:
@@ -85,9 +72,9 @@ def machine() -> dict[str, Any]:
     if "llvmlite" in sys.modules:
         described["compiled_for"], described["instructions"] = _instructions()
     return {
-        "versions": versions(),
+        "versions": {"python": platform.python_version(), **{name: installed_version(name) for name in PACKAGES}},
         "settings": dict(_settings()),
-        "source_digest": _own_digest(),
+        "source_digest": _unless_edited(_own_digest),
         "machine": described,
         "time": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
     }
@@ -106,46 +93,6 @@ def resolved_methods(model: Model) -> Mapping[str, Any]:
         "steps": model.steps,
         "courant": model.courant,
     }
-
-
-def geometry(model: Model) -> dict[str, Any]:
-    """Return the places that a picture of a result needs.
-
-    Returns
-    -------
-    dict
-        ``bodies``: first and last node of each body, (2, dim); ``contacts``: body and node of each side of a contact,
-        at t = 0.
-    """
-    return {
-        "bodies": {name: body.mesh.nodes[[0, -1]].tolist() for name, body in model.bodies.items()},
-        "contacts": {
-            contact_point.name: [[model.body_of(node).name, model.nodes[node].tolist()] for node in contact_point.nodes]
-            for contact_point in model.contact_points
-        },
-    }
-
-
-def expected_forces(case: Case) -> list[dict[str, Any]]:
-    """Return the expected contact forces of a case as plain data, which a picture of its result shows.
-
-    Returns
-    -------
-    list of dict
-        ``contact``, ``statistic``, ``value``, ``allowed`` (the largest difference from it) and ``during``, the times
-        over which the statistic is taken, None for the whole run.
-    """
-    return [
-        {
-            "contact": expectation.contact,
-            "statistic": expectation.statistic,
-            "value": expectation.value,
-            "allowed": expectation.allowed,
-            "during": expectation.during,
-        }
-        for expectation in case.expect
-        if expectation.quantity == "contact_force"
-    ]
 
 
 def components_used(case: Case, *, methods: bool = True, solution: str | None = None) -> list[tuple[str, str]]:
@@ -200,10 +147,32 @@ def origins(case: Case, components: Iterable[tuple[str, str]]) -> dict[str, Any]
 
 
 def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: Any) -> dict[str, Any]:
-    """Return the provenance of a result of a model that depends on some components, with what else was found."""
-    case = model.case
-    found |= {"geometry": geometry(model), "expected_forces": expected_forces(case)}
+    """Return the provenance of a result of a model that depends on some components, with what else was found.
+
+    A picture of the result needs two entries. ``geometry``: first and last node of each body, (2, dim), and body and
+    node of each side of a contact, at t = 0. ``expected_forces``: of each contact force that the case expects its
+    contact, statistic, value, largest allowed difference, and the times over which the statistic is taken, None for the
+    whole run.
+    """
+    case, names = model.case, ("contact", "statistic", "value", "allowed", "during")
+    forces = [expectation for expectation in case.expect if expectation.quantity == "contact_force"]
+    found["geometry"] = {
+        "bodies": {name: body.mesh.nodes[[0, -1]].tolist() for name, body in model.bodies.items()},
+        "contacts": {
+            contact_point.name: [[model.body_of(node).name, model.nodes[node].tolist()] for node in contact_point.nodes]
+            for contact_point in model.contact_points
+        },
+    }
+    found["expected_forces"] = [{name: getattr(expected, name) for name in names} for expected in forces]
     return {**machine(), "case": as_lists(case.data), **origins(case, components), **plain(found)}
+
+
+def _unless_edited(digest: Callable[[], str]) -> str | None:
+    """Return a digest of sources, None if one of them was edited after this process imported it."""
+    try:
+        return digest()
+    except InputError:
+        return None
 
 
 _DIGESTS = SourceDigests()  # of this process, which runs the sources that it imported first
@@ -211,9 +180,7 @@ _DIGESTS = SourceDigests()  # of this process, which runs the sources that it im
 
 @cache
 def _origin(source: Provenance) -> dict[str, str | None]:
-    digest = None
-    with contextlib.suppress(InputError):  # a source was edited after its import
-        digest = _DIGESTS.of(source)
+    digest = _unless_edited(lambda: _DIGESTS.of(source))
     return {"distribution": source.distribution, "version": source.version, "file": source.file, "digest": digest}
 
 
