@@ -114,6 +114,11 @@ class InputError(PercussError):
         super().__init__("\n".join(shown))
 
 
+def wrong_input(place: str, message: str, advice: str = "", *, path: str = "") -> InputError:
+    """Return the error of a single mistake."""
+    return InputError([Problem(place, path, message, advice)])
+
+
 def refuse_if_any(problems: Collection[Problem]) -> None:
     """Raise an InputError with all problems, if there are any."""
     if problems:

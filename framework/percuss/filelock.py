@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from percuss.errors import InputError, Problem
+from percuss.errors import InputError, Problem, wrong_input
 
 WAIT_SECONDS = 0.02  # between two attempts to get a lock
 
@@ -83,7 +83,7 @@ def locked(path: Path, about: Mapping[str, Any]) -> Iterator[None]:
             file.flush()
         except OSError as error:
             message = f"cannot write here: {error.strerror}"
-            raise InputError([Problem(str(path), "", message, "Make room, or name another file with -o.")]) from error
+            raise wrong_input(str(path), message, "Make room, or name another file with -o.") from error
         yield
     finally:
         with contextlib.suppress(OSError):
@@ -130,9 +130,7 @@ def _acquired(path: Path, lock_file: Path) -> IO[str]:
         except OSError as error:
             file.close()
             message = f"cannot lock this file: {error.strerror}"
-            raise InputError(
-                [Problem(str(path), "", message, "Name a file on another file system with -o.")]
-            ) from error
+            raise wrong_input(str(path), message, "Name a file on another file system with -o.") from error
         if not free:
             file.seek(0)
             try:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from percuss.errors import InputError, Problem, UnwrittenError
+from percuss.errors import UnwrittenError, wrong_input
 
 PACKAGE = Path(__file__).parent  # folder of percuss's own modules
 
@@ -59,7 +59,7 @@ def expect_no_input(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Pa
     for role, file in inputs:
         if _is_same(Path(path), file):
             message = f"expected a file to write, found the {role} {file}, which is read"
-            raise InputError([Problem(str(path), "", message, "Name another file.")])
+            raise wrong_input(str(path), message, "Name another file.")
 
 
 def _is_same(first: Path, second: Path) -> bool:
@@ -93,11 +93,10 @@ def expect_place(path: Path) -> None:
         If there cannot be a file.
     """
     if not is_folder(path.parent):
-        message = f"expected a folder {path.parent}, found none"
-        raise InputError([Problem(str(path), "", message, "Make it first.")])
+        raise wrong_input(str(path), f"expected a folder {path.parent}, found none", "Make it first.")
     if other := found_instead(path):
         advice = "Name a file in it." if is_folder(path) else "Name another file."
-        raise InputError([Problem(str(path), "", f"expected a file to write, found {other}", advice)])
+        raise wrong_input(str(path), f"expected a file to write, found {other}", advice)
 
 
 def place_whole(path: Path, content: bytes) -> None:
@@ -157,8 +156,7 @@ def _temporary_beside(target: Path, suffix: str) -> Path:
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=suffix, dir=target.parent)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        problem = Problem(str(target), "", f"cannot write here: {reason}", "Name another file or folder.")
-        raise InputError([problem]) from error
+        raise wrong_input(str(target), f"cannot write here: {reason}", "Name another file or folder.") from error
     os.close(handle)
     return Path(name)
 

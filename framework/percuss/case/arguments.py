@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.hints import name_advice
-from percuss.errors import InputError, Problem, refuse_if_any
+from percuss.errors import InputError, Problem, refuse_if_any, wrong_input
 from percuss.methods.blame import SINGULAR
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def wrong_argument(function: str, message: str, value: Any, advice: str) -> Inpu
     """Return the error for an argument of the wrong kind."""
     text = repr(value)
     shown = text if len(text) <= 60 else f"{text[:57]}..."
-    return InputError([Problem(function, "", f"{message}, found {shown} of type {type(value).__name__}", advice)])
+    return wrong_input(function, f"{message}, found {shown} of type {type(value).__name__}", advice)
 
 
 def expect_suffix(path: str | os.PathLike[str], what: str, suffixes: Sequence[str], advice: str) -> str:
@@ -27,8 +27,7 @@ def expect_suffix(path: str | os.PathLike[str], what: str, suffixes: Sequence[st
     suffix = Path(str(path)).suffix
     if suffix.lower() not in suffixes:
         endings = " or ".join(filter(None, (", ".join(suffixes[:-1]), suffixes[-1])))
-        message = f"expected {what} ending in {endings}, found {suffix or 'no ending'}"
-        raise InputError([Problem(str(path), "", message, advice)])
+        raise wrong_input(str(path), f"expected {what} ending in {endings}, found {suffix or 'no ending'}", advice)
     return suffix.lower()
 
 
@@ -40,41 +39,36 @@ def expect_mapping_or_path(function: str, value: Any) -> None:
 
 def expect_paths(function: str, parameter: str, value: Any, *, many: bool = False) -> None:
     """Raise InputError unless `value` is None or maps dotted paths to values; with `many`, each path to several."""
-    example = '{"method.contact.beta_s": [0.1, 1]}' if many else '{"method.contact.beta_s": 1}'
+    advice = 'As {"method.contact.beta_s": [0.1, 1]}.' if many else 'As {"method.contact.beta_s": 1}.'
     if value is None:
         return
     if not isinstance(value, Mapping) or not all(isinstance(path, str) for path in value):
-        raise wrong_argument(
-            function, f"expected a mapping of dotted paths to values as `{parameter}`", value, f"As {example}."
-        )
+        raise wrong_argument(function, f"expected a mapping of dotted paths to values as `{parameter}`", value, advice)
     for path, items in value.items():
         if many and (isinstance(items, (str, bytes, Mapping)) or not isinstance(items, Iterable)):
-            raise wrong_argument(
-                function, f"expected a list of values for '{path}' of `{parameter}`", items, f"As {example}."
-            )
+            raise wrong_argument(function, f"expected a list of values for '{path}' of `{parameter}`", items, advice)
 
 
-def expect_names(function: str, parameter: str, value: Any) -> None:
+def expect_names(function: str, parameter: str, value: Any, *, of: str = "names", example: str = "NAME") -> None:
     """Raise InputError unless `value` is a list of names; a text is refused, as it would be read letter by letter."""
-    if isinstance(value, str) or not isinstance(value, Iterable):
-        example = [value] if isinstance(value, str) else ["NAME"]
-        raise wrong_argument(function, f"expected a list of names as `{parameter}`", value, f"As {example}.")
+    if isinstance(value, (str, bytes, os.PathLike)) or not isinstance(value, Iterable):
+        shown = [str(value)] if isinstance(value, (str, os.PathLike)) else [example]
+        raise wrong_argument(function, f"expected a list of {of} as `{parameter}`", value, f"As {shown}.")
+
+
+def expect_files(function: str, value: Any) -> None:
+    """Raise InputError unless `value` is a list of files."""
+    expect_names(function, "plugins", value, of="files", example="my_law.py")
 
 
 def expect_methods(registry: Registry, integrators: Iterable[str], contacts: Iterable[str]) -> None:
     """Raise InputError unless all names of integrators and of contact laws are registered."""
     options = (("integrator", "integrators", integrators), ("contact", "contacts", contacts))
-    problems = [
-        Problem(f"--{option}", "", f"unknown {SINGULAR[family]} '{name}'", name_advice(name, family, registry))
-        for option, family, names in options
-        for name in names
-        if name not in registry.names(family)
-    ]
-    refuse_if_any(problems)
-
-
-def expect_files(function: str, value: Any) -> None:
-    """Raise InputError unless `value` is a list of files; a text is refused, as it would be read letter by letter."""
-    if isinstance(value, (str, bytes, os.PathLike)) or not isinstance(value, Iterable):
-        example = [str(value)] if isinstance(value, (str, os.PathLike)) else ["my_law.py"]
-        raise wrong_argument(function, "expected a list of files as `plugins`", value, f"As {example}.")
+    refuse_if_any(
+        [
+            Problem(f"--{option}", "", f"unknown {SINGULAR[family]} '{name}'", name_advice(name, family, registry))
+            for option, family, names in options
+            for name in names
+            if name not in registry.names(family)
+        ]
+    )

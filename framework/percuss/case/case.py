@@ -114,10 +114,9 @@ class Case(CaseSection):
         source = self.origin
         for name, contact in self.contacts.items():
             if contact.own_law:
-                entry = source.get(("contacts", name))
-                source = source.replaced(
-                    ("contacts", name), {key: value for key, value in entry.items() if key != "method"}
-                )
+                entry = dict(source.get(("contacts", name)))
+                del entry["method"]
+                source = source.replaced(("contacts", name), entry)
         return _read(source, self.registry, self.files, self.notes)
 
 
@@ -166,34 +165,26 @@ def _load(
     plugins: tuple[Path, ...],
     notes: tuple[str, ...],
 ) -> Case:
-    plugin_overrides = {path: value for path, value in overrides.items() if path.split(".")[0] == "plugins"}
-    other_overrides = {path: value for path, value in overrides.items() if path not in plugin_overrides}
-    if overrides and not isinstance(source.data, Mapping):
-        other_overrides = {}
-    else:
-        for path, value in plugin_overrides.items():
-            source = source.override(path, value)
+    if not isinstance(source.data, Mapping):
+        overrides = {}  # nothing can be set in it, as its reader reports
+    source, overrides = overriding.with_plugins(source, overrides)
     if registry is None:
         registry = registry_of(source, plugins)
-    source, override_notes = overriding.apply(source, other_overrides, registry)
+    source, override_notes = overriding.apply(source, overrides, registry)
     return _read(source, registry, plugins, (*notes, *override_notes))
 
 
 def registry_of(source: Source, plugins: tuple[Path, ...]) -> Registry:
     """Return the components of the installed plug-ins, of `plugins` and of the files that the case names."""
-    names = source.get(("plugins",), ())
-    if not isinstance(names, tuple):
-        names = ()
-    files = list(plugins)
+    names, files = source.get(("plugins",), ()), list(plugins)
     registry = Registry.load(files)
-    for i, name in enumerate(names):
-        if not isinstance(name, str):
-            continue
-        try:
-            registry = Registry.load([*files, source.folder / name])
-        except PluginError as error:
-            raise InputError([source.problem(("plugins", i), str(error))]) from error
-        files.append(source.folder / name)
+    for i, name in enumerate(names if isinstance(names, tuple) else ()):
+        if isinstance(name, str):
+            files.append(source.folder / name)
+            try:
+                registry = Registry.load(files)
+            except PluginError as error:
+                raise InputError([source.problem(("plugins", i), str(error))]) from error
     return registry
 
 

@@ -20,7 +20,7 @@ COLUMNS_OF_NUMBERS = 2  # A file of no more columns holds numbers alone: times a
 # Python's own `float` accepts too much: also 1_0 for 10, digits of other scripts, and words.
 NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
-BEGINS_AS_NUMBER = re.compile(r"[-+]?\.?[0-9]")
+LIKE_A_NUMBER = re.compile(rf"[-+]?\.?[0-9]|(?:{NOT_FINITE.pattern})\Z", re.IGNORECASE)
 LINE_END = re.compile(r"\r\n|\n|\r")  # The method `splitlines` would also break lines at form feeds and the like.
 
 
@@ -37,10 +37,6 @@ class _Field(NamedTuple):
 
     text: str
     column: int
-
-    @property
-    def looks_like_a_number(self) -> bool:
-        return bool(BEGINS_AS_NUMBER.match(self.text) or NOT_FINITE.fullmatch(self.text))
 
 
 def read_text(path: str, folder: Path) -> str:
@@ -104,7 +100,7 @@ def table_in(text: str, path: str) -> DataFile:
     lines: list[int] = []
     faults: dict[int, str] = {}
     for position, (line, fields) in enumerate(_lines(text)):
-        if position == 0 and not any(field.looks_like_a_number for field in fields):
+        if position == 0 and not any(LIKE_A_NUMBER.match(field.text) for field in fields):
             names = tuple(field.text.strip('"') for field in fields)
             continue
         row = _numbers(fields, f"{path}:{line}", faults)

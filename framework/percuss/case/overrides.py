@@ -13,7 +13,8 @@ from percuss.case.specs import CaseSection
 from percuss.case.type_words import branches, fact, item_type
 from percuss.case.validation import Named, Section
 from percuss.case.yaml_text import KeyPath, dotted, flow
-from percuss.errors import InputError, Problem, refuse_if_any, suggestion
+from percuss.errors import InputError, Problem, refuse_if_any, suggestion, wrong_input
+from percuss.jsonable import Data
 from percuss.methods.registry import Registry
 
 
@@ -46,6 +47,14 @@ def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> t
             notes += new_notes
     refuse_if_any(problems)
     return source, notes
+
+
+def with_plugins(source: Source, overrides: Data) -> tuple[Source, Data]:
+    """Return the source with the single-file plug-ins that overrides name, which bring components; and the others."""
+    others = dict(overrides)
+    for path in [path for path in overrides if path.split(".")[0] == "plugins"]:
+        source = source.override(path, others.pop(path))
+    return source, others
 
 
 def as_given_by(option: str, paths: Iterable[str], error: InputError) -> InputError:
@@ -90,7 +99,7 @@ def _apply_override(
     parts: KeyPath = tuple(path.split("."))
     if not all(parts):
         label = override_label(path, value)
-        raise InputError([Problem(label, "", "expected a path, as time.end")])
+        raise wrong_input(label, "expected a path, as time.end")
     _refuse_missing_entry(source, path, value)
     at = next((parts[:n] for n in range(1, len(parts) + 1) if _component_at(parts[:n]) is not None), None)
     if at is None:
@@ -151,7 +160,7 @@ def _refuse_missing_entry(source: Source, path: str, value: Any) -> None:
         return
     label = override_label(path, value)
     advice = suggestion(parts[1], entries, "name")
-    raise InputError([Problem(label, f"{parts[0]}.{parts[1]}", f"there is no {kind} '{parts[1]}'", advice)])
+    raise wrong_input(label, f"there is no {kind} '{parts[1]}'", advice, path=f"{parts[0]}.{parts[1]}")
 
 
 def _with_load_as_mapping(source: Source, parts: KeyPath, registry: Registry) -> Source:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
 import functools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from percuss.case.hints import file_advice
-from percuss.case.yaml_text import MAX_DEPTH, KeyPath, Mark, NotPlainError, compose, dotted, flow
-from percuss.errors import InputError, Problem, shortened
+from percuss.case.yaml_text import MAX_DEPTH, KeyPath, Mark, Mistake, NotPlainError, compose, dotted, flow
+from percuss.errors import InputError, Problem, shortened, wrong_input
 from percuss.files import found_instead, is_folder
 
 EXCERPT_WIDTH = 120
@@ -41,7 +40,7 @@ def _value_of(text: str) -> Any:
 def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
     """Return a Python value as plain data; numpy numbers and arrays become Python's."""
     if len(path) > MAX_DEPTH:
-        raise InputError([Problem("case", dotted(path[:4]) + "...", f"nested more than {MAX_DEPTH} levels deep")])
+        raise wrong_input("case", f"nested more than {MAX_DEPTH} levels deep", path=dotted(path[:4]) + "...")
     # As there is no text, the order of the entries stands in for lines, so that problems are listed in that order.
     marks[path] = Mark(None, (len(marks) + 1, 1))
     if isinstance(value, np.ndarray | np.generic):
@@ -51,7 +50,7 @@ def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
     if isinstance(value, Mapping):
         for key in value:
             if not isinstance(key, str):
-                raise InputError([Problem("case", dotted(path), f"expected a word as key, found {key!r}")])
+                raise wrong_input("case", f"expected a word as key, found {key!r}", path=dotted(path))
         return {key: _plain(item, (*path, key), marks) for key, item in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
         return tuple(_plain(item, (*path, i), marks) for i, item in enumerate(value))
@@ -113,27 +112,27 @@ class Source:
         name, file = str(path), Path(path)
         if other := found_instead(file):
             advice = "Name a file in it." if is_folder(file) else "Save its text in a file first."
-            raise InputError([Problem(name, "", f"expected a YAML file, found {other}", advice)])
+            raise wrong_input(name, f"expected a YAML file, found {other}", advice)
         try:
             with file.open("rb") as stream:
                 content = stream.read(MAX_BYTES + 1)
             if other_kind := file_advice(name, content):
-                raise InputError([Problem(name, "", f"expected a YAML file, found {other_kind[0]}", other_kind[1])])
+                raise wrong_input(name, f"expected a YAML file, found {other_kind[0]}", other_kind[1])
             text = content.decode("utf-8-sig") if len(content) <= MAX_BYTES else None
         except FileNotFoundError:
             beside = [entry.name for entry in file.parent.glob("*.y*ml")] if file.parent.is_dir() else []
             close = difflib.get_close_matches(file.name, beside, n=1)
             advice = f"Did you mean '{file.parent / close[0]}'?" if close else "Check the path."
-            raise InputError([Problem(name, "", "no such file", advice)]) from None
+            raise wrong_input(name, "no such file", advice) from None
         except UnicodeDecodeError as error:
             line = error.object.count(b"\n", 0, error.start) + 1
-            raise InputError([Problem(f"{name}:{line}", "", "not UTF-8 text", "Save the file as UTF-8.")]) from None
+            raise wrong_input(f"{name}:{line}", "not UTF-8 text", "Save the file as UTF-8.") from None
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
-            raise InputError([Problem(name, "", f"cannot be read: {reason}")]) from None
+            raise wrong_input(name, f"cannot be read: {reason}") from None
         if text is None:
             message = f"expected at most {MAX_BYTES // 1_000_000} MB of text, found more"
-            raise InputError([Problem(name, "", message, "Keep tables in a CSV file.")])
+            raise wrong_input(name, message, "Keep tables in a CSV file.")
         return Source.parse(text, name, file.parent)
 
     @staticmethod
@@ -149,10 +148,7 @@ class Source:
             data, marks, aliases = compose(text)
         except NotPlainError as error:
             bare = Source(name, text, None)
-            raise InputError(
-                bare._problem_at(mistake.position, dotted(mistake.path), mistake.message, mistake.advice)
-                for mistake in error.mistakes
-            ) from None
+            raise InputError(map(bare._problem_of, error.mistakes)) from None
         return Source(name, text, data, marks, aliases, folder=folder)
 
     @staticmethod
@@ -179,7 +175,7 @@ class Source:
 
     def replaced(self, path: KeyPath, value: Any) -> Source:
         """Return the source with another value at `path`, which keeps the place of the old value."""
-        return dataclasses.replace(self, data=_put(self.data, path, value))
+        return replace(self, data=_put(self.data, path, value))
 
     def override(self, path: str, value: Any, *, shown_path: str = "") -> Source:
         """Return the source with `value` at the dotted `path`; text is read as YAML.
@@ -196,37 +192,28 @@ class Source:
             try:
                 value = _value_of(value) if len(value) <= SHORT_TEXT else Source.parse(value, label).data
             except InputError as error:
-                raise InputError(
-                    [Problem(label, path, problem.message, problem.advice) for problem in error.problems]
-                ) from None
-        parts: list[str | int] = []
+                raise InputError(replace(problem, place=label, path=path) for problem in error.problems) from None
+        full: KeyPath = ()
         created: KeyPath | None = None
         container = self.data
         for part in path.split("."):
-            parent = dotted(tuple(parts))
+            parent = dotted(full)
             if isinstance(container, tuple):
                 if not (part.isdecimal() and int(part) < len(container)):
                     message = f"expected the number of an item, 0 to {len(container) - 1}, found '{part}'"
-                    raise InputError([Problem(label, parent, message)])
-                parts.append(int(part))
-                container = container[int(part)]
+                    raise wrong_input(label, message, path=parent)
+                full, container = (*full, int(part)), container[int(part)]
                 continue
             if not isinstance(container, Mapping):
-                raise InputError(
-                    [Problem(label, parent, f"is {flow(container)} and has no part '{part}'", "Set the whole value.")]
-                )
-            parts.append(part)
+                message = f"is {flow(container)} and has no part '{part}'"
+                raise wrong_input(label, message, "Set the whole value.", path=parent)
+            full = (*full, part)
             if part not in container and created is None:
-                created = tuple(parts)
+                created = full
             container = container.get(part, {})
-        full = tuple(parts)
-        target = created or full
         labels = {old: text for old, text in self.labels.items() if old[: len(full)] != full}
-        return dataclasses.replace(
-            self,
-            data=_put(self.data, full, _plain(value, (), {})),
-            labels={**labels, target: label, full: label},
-        )
+        data = _put(self.data, full, _plain(value, (), {}))
+        return replace(self, data=data, labels={**labels, created or full: label, full: label})
 
     def has_override(self, *sections: str) -> bool:
         """Return whether an override set something in one of the named sections."""
@@ -287,8 +274,10 @@ class Source:
         number = f"{position[0]:5d} | "
         return f"{number}{line}\n{' ' * (len(number) - 2)}| {' ' * column}^"
 
-    def _problem_at(self, position: tuple[int, int], path: str, message: str, advice: str) -> Problem:
-        return Problem(f"{self.name}:{position[0]}:{position[1]}", path, message, advice, self._excerpt_at(position))
+    def _problem_of(self, mistake: Mistake) -> Problem:
+        place = f"{self.name}:{mistake.position[0]}:{mistake.position[1]}"
+        excerpt = self._excerpt_at(mistake.position)
+        return Problem(place, dotted(mistake.path), mistake.message, mistake.advice, excerpt)
 
     def _label_of_cause(self, path: KeyPath, message: str, any_inside: bool) -> str | None:
         """Return the text of the override that causes a problem at a path that no override set, or None.

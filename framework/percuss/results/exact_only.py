@@ -12,7 +12,7 @@ import numpy as np
 
 from percuss.blas import one_blas_thread
 from percuss.case.case import Case
-from percuss.errors import InputError, Problem
+from percuss.errors import wrong_input
 from percuss.heartbeat import progress
 from percuss.jsonable import plain
 from percuss.march.model import Model
@@ -69,7 +69,7 @@ def run_exact(case: Case) -> Result:
     end = case.time.end if case.time.end is not None else model.steps * model.dt
     solution, name, reason = exact_solution(model, end)
     if solution is None:
-        raise InputError([Problem(case.origin.name, "", f"no exact solution covers this case: {reason}")])
+        raise wrong_input(case.origin.name, f"no exact solution covers this case: {reason}")
     solved = time.perf_counter() - started
     names = list(model.case.contacts)
     arrays = _histories(model, solution, names)

@@ -13,7 +13,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from percuss.errors import InputError, Problem
+from percuss.errors import wrong_input
 from percuss.files import is_file, replacing, unwritten
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def read(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
     from xarray.backends import NetCDF4DataStore
 
     if not is_file(Path(path)):
-        raise InputError([Problem(str(path), "", "expected a result file, found nothing", "Write one with -o.")])
+        raise wrong_input(str(path), "expected a result file, found nothing", "Write one with -o.")
     _verify(Path(path))
     try:
         with netCDF4.Dataset(path) as file:
@@ -92,7 +92,7 @@ def read(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
             json.loads(histories.attrs[name])
     except Exception as error:  # a result that another program put together
         reason = str(error).partition("\n")[0] or type(error).__name__
-        raise InputError([Problem(str(path), "", f"cannot be read as a percuss result: {reason}", ADVICE)]) from error
+        raise wrong_input(str(path), f"cannot be read as a percuss result: {reason}", ADVICE) from error
     return histories, fields
 
 
@@ -110,7 +110,7 @@ def _verify(path: Path) -> None:
                 remaining -= len(block)
             checksum = CHECKSUM.fullmatch(file.read())
     except OSError as error:
-        raise InputError([Problem(str(path), "", f"cannot be read: {error.strerror}")]) from error
+        raise wrong_input(str(path), f"cannot be read: {error.strerror}") from error
     if checksum is not None and checksum[1] == digest.hexdigest().encode():
         return
     file_format = _format_named_in(path)
@@ -120,13 +120,13 @@ def _verify(path: Path) -> None:
             if checksum is not None
             else "its end, a checksum, is missing, or another program wrote the file anew"
         )
-        raise InputError([Problem(str(path), "", f"the file is damaged: {message}", ADVICE)])
+        raise wrong_input(str(path), f"the file is damaged: {message}", ADVICE)
     message, advice = f"expected a percuss result ({FORMAT}), found another NetCDF file", ""
     if file_format:
         message, advice = f"expected a percuss result ({FORMAT}), found the format {file_format}", ADVICE
     elif first != HDF5:
         message = "expected a NetCDF-4 file, found something else"
-    raise InputError([Problem(str(path), "", message, advice)])
+    raise wrong_input(str(path), message, advice)
 
 
 def _format_named_in(path: Path) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 
 from percuss.case.case import Case, load
 from percuss.case.source import Source
-from percuss.errors import InputError, PluginError, Problem, refuse_if_any
+from percuss.errors import InputError, PluginError, Problem, refuse_if_any, wrong_input
 from percuss.jsonable import as_lists, plain
 from percuss.march.model import Model
 from percuss.methods.provenance import Provenance
@@ -218,7 +218,7 @@ def case_inside(provenance: Mapping[str, Any], *, plugins: Sequence[Path] = (), 
     """
     if "single_files" not in provenance:
         message = "does not hold what its case was run with, as an older percuss has written it"
-        raise InputError([Problem(name, "", message, "Make the run again.")])
+        raise wrong_input(name, message, "Make the run again.")
     registry = Registry.load([*plugins, *_files_at_their_place(provenance, plugins, name)])
     data = {key: value for key, value in provenance["case"].items() if key != "plugins"}
     source = dataclasses.replace(Source.of(data), name=name, data_files=provenance["data_files"])

@@ -15,7 +15,7 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 from percuss.compiling import LOCK
-from percuss.errors import InputError, Problem, RunError
+from percuss.errors import RunError, wrong_input
 from percuss.studies.job_package import Bench, Job
 from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
@@ -70,13 +70,12 @@ def _client(address: str) -> Any:
         from distributed import Client
     except ImportError:
         advice = "Install percuss[study], or leave --scheduler out to use the cores of this machine."
-        problem = Problem("--scheduler", "", "needs distributed, which is not installed", advice)
-        raise InputError([problem]) from None
+        raise wrong_input("--scheduler", "needs distributed, which is not installed", advice) from None
     try:
         return Client(address, timeout=5, set_as_default=False)
     except (OSError, ValueError) as error:
         advice = "Start one with `dask scheduler`, and workers with `dask worker ADDRESS`."
-        raise InputError([Problem(f"--scheduler {address}", "", f"nobody answers: {error}", advice)]) from None
+        raise wrong_input(f"--scheduler {address}", f"nobody answers: {error}", advice) from None
 
 
 def _distribute(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop: threading.Event) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from percuss.case.csv_file import NOT_FINITE, NUMBER
 from percuss.case.options import LARGEST_NUMBER
-from percuss.errors import InputError, Problem, shortened
+from percuss.errors import InputError, shortened, wrong_input
 from percuss.studies.layout import SampleSection
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,4000}")
@@ -77,9 +77,7 @@ def varied(given: list[str], option: str = "--vary") -> dict[str, list[Any]]:
         if not equals or not path:
             raise _grammar_error(option, f"expected PATH=VALUES, found '{item}'")
         if path.strip() in out:
-            raise InputError(
-                [Problem(option, "", f"expected a path once, found {path.strip()} twice", "Join the values.")]
-            )
+            raise wrong_input(option, f"expected a path once, found {path.strip()} twice", "Join the values.")
         out[path.strip()] = values(text, f"{option} {path.strip()}")
     return out
 
@@ -93,7 +91,7 @@ def _number(text: str) -> Any:
 
 
 def _grammar_error(place: str, message: str) -> InputError:
-    return InputError([Problem(place, "", message, f"{GRAMMAR[0].upper()}{GRAMMAR[1:]}.")])
+    return wrong_input(place, message, f"{GRAMMAR[0].upper()}{GRAMMAR[1:]}.")
 
 
 def number_of_combinations(

@@ -195,10 +195,7 @@ def _as_text(value: Any) -> str | None:
 def _changed(source: Source, changes: Data, case: Case) -> dict[str, Any] | None:
     """Return the entries of a source with changes that change its run, or None if they cannot be made."""
     try:
-        for path in (path for path in changes if path.partition(".")[0] == "plugins"):
-            source = source.override(path, changes[path])
-        others = {path: value for path, value in changes.items() if path.partition(".")[0] != "plugins"}
-        return run_data(overriding.apply(source, others, case.registry)[0].data)
+        return run_data(overriding.apply(*overriding.with_plugins(source, changes), case.registry)[0].data)
     except PercussError:
         return None
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from percuss.case.hints import file_advice
-from percuss.errors import InputError, Problem, UnwrittenError, shortened
+from percuss.errors import InputError, UnwrittenError, shortened, wrong_input
 from percuss.files import is_file, is_folder, place_whole
 from percuss.methods.source_digest import content_digest
 from percuss.studies.perform import LOST, WAITING
@@ -82,7 +82,7 @@ class Store:
                 self._check(db)
 
     def _error(self, message: str, advice: str = "") -> InputError:
-        return InputError([Problem(str(self.path), "", message, advice)])
+        return wrong_input(str(self.path), message, advice)
 
     def _unusable(self, message: str) -> InputError:
         """Return the error of a file that is no study of this format as it was stored."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from percuss.case.arguments import expect_files, expect_mapping_or_path
-from percuss.errors import InputError, Problem
+from percuss.errors import InputError, wrong_input
 from percuss.filelock import BusyError, NotWritableError, locked
 from percuss.files import expect_no_input, expect_place, expect_writable
 from percuss.jsonable import Data
@@ -87,11 +87,11 @@ def study(
     expect_mapping_or_path("percuss.study", path)
     expect_files("percuss.study", plugins)
     if workers is not None and workers < 1:
-        raise InputError([Problem("--workers", "", f"expected a number of at least 1, found {workers}")])
+        raise wrong_input("--workers", f"expected a number of at least 1, found {workers}")
     unknown = [status for status in again if status not in AGAIN]
     if unknown:
         message = f"expected one of {', '.join(AGAIN)}, found '{unknown[0]}'"
-        raise InputError([Problem("--again", "", message, "Lost runs are always made again.")])
+        raise wrong_input("--again", message, "Lost runs are always made again.")
     spec = read_study(path, [Path(plugin) for plugin in plugins])
     if out is not None:
         expect_no_input(out, spec.inputs)
@@ -278,7 +278,7 @@ def _other_study(file: Path, identity: Data, keys: set[str]) -> InputError | Non
     if held is None or _is_same(held, identity) or store.planned() == keys:
         return None
     message = f"holds another study: {_described(held)}; this is {_described(identity)}"
-    return InputError([Problem(str(file), "", message, "Name another file with -o, or remove this one.")])
+    return wrong_input(str(file), message, "Name another file with -o, or remove this one.")
 
 
 def _described(identity: Data) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.arguments import expect_suffix
-from percuss.errors import InputError, Problem
+from percuss.errors import wrong_input
 from percuss.files import replacing
 from percuss.studies.perform import LOST, WAITING
 from percuss.studies.row_command import Template, command_of
@@ -205,5 +205,5 @@ def exportable(path: str | os.PathLike[str]) -> str:
     suffix = expect_suffix(path, "a table", (".csv", ".parquet"), "Name it table.csv.")
     if suffix == ".parquet" and find_spec("pyarrow") is None:
         advice = "Install percuss[study], or write csv."
-        raise InputError([Problem(str(path), "", "parquet needs pyarrow, which is not installed", advice)])
+        raise wrong_input(str(path), "parquet needs pyarrow, which is not installed", advice)
     return suffix
