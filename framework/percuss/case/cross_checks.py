@@ -258,8 +258,8 @@ class CrossChecks:
         for i in range(len(items) if isinstance(items, tuple) else 0):
             at, expectation = ("expect", i), self.reader.part(("expect", i))
             if expectation is not None:
-                for path, message, advice, key in misfits(expectation, contacts):
-                    self.wrong((*at, *path), message, advice, key=key)
+                for mistake in misfits(expectation, contacts):
+                    self.reader.report(mistake, at)
                 self._check_owner(at, expectation, contacts)
                 self._check_time(at, expectation)
 

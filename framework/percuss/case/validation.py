@@ -445,6 +445,10 @@ class Reader:
         problem = self.source.problem(path, message, advice, key=key)
         self.problems.append((self.source.order(path, key=key), problem))
 
+    def report(self, mistake: Mistake, at: KeyPath = ()) -> None:
+        """Keep a mistake inside the value at a path."""
+        self.wrong((*at, *mistake.path), mistake.message, mistake.advice, key=mistake.key)
+
     def finish(self) -> None:
         """Raise InputError with all mistakes in the order of the file, if there are any."""
         if self.problems:
@@ -457,8 +461,8 @@ class Reader:
         try:
             return validate(cls, self.source.data, self.context)
         except pydantic.ValidationError as error:
-            for path, message, advice, key in mistakes_in(error):
-                self.wrong(path, message, advice, key=key)
+            for mistake in mistakes_in(error):
+                self.report(mistake)
             return None
 
     def part(self, path: KeyPath) -> Any:

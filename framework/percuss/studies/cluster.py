@@ -99,7 +99,9 @@ def _distribute(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop
             try:
                 records, address = future.result()
             except KilledWorker:  # the scheduler raises it for a batch that killed several workers
-                records, address = _records_of_killer(batch, batches), ""
+                killer, address = batches.culprit(batch), ""
+                reason = "its worker process died several times; the same command tries the run again"
+                records = [Record(killer.key, LOST, reason, WORKER)] if killer is not None else []
             if any(record.misfit for record in records):
                 unfit.add(address)
                 if set(client.nthreads()) - unfit:  # other workers may be able to make the runs
@@ -147,15 +149,6 @@ def _finished(futures: list[Any]) -> list[Any]:
         return list(wait(futures, timeout=0.5, return_when="FIRST_COMPLETED").done)
     except Late:
         return []
-
-
-def _records_of_killer(batch: list[Job], batches: Batches) -> list[Record]:
-    """Return the record of a run that kills workers; the runs of a larger batch are tried alone first."""
-    if len(batch) > 1:
-        batches.alone |= {job.key for job in batch}
-        return []
-    reason = "its worker process died several times; the same command tries the run again"
-    return [Record(batch[0].key, LOST, reason, WORKER)]
 
 
 @functools.lru_cache(maxsize=2)

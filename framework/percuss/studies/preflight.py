@@ -13,7 +13,7 @@ from percuss.errors import InputError, Problem, refuse_if_any
 from percuss.jsonable import Data
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import perform
-from percuss.studies.spec import StudySpec
+from percuss.studies.spec import StudySpec, mistake_in_study
 from percuss.studies.tasks import Task, tasks
 
 
@@ -31,11 +31,11 @@ def check_points(spec: StudySpec) -> None:
     for places, point in _points_to_try(spec, _first_point(spec)):
         wrong = _wrong_everywhere(spec, point)
         for problem in wrong:
-            path = next((path for path in point if problem.place.startswith(f"--set {path}=")), None)
-            if path is None:
+            mistake = mistake_in_study(problem, places)
+            if mistake is not None:
+                problems[spec.source.problem(*mistake[:3], key=mistake.key)] = None
+            elif mistake_in_study(problem, dict.fromkeys(point, ())) is None:  # else the ends of its range say it
                 problems[problem] = None
-            elif path in places:  # else the ends of the range say it, from which the value was drawn
-                problems[_problem_in_study(spec, places[path], path, problem)] = None
         if wrong and len(problems) > 20:
             break
     refuse_if_any(problems)
@@ -66,29 +66,21 @@ def _first_point(spec: StudySpec) -> dict[str, Any]:
     return combinations({path: values[:1] for path, values in spec.vary.items()}, spec.paired[:1], sample)[0]
 
 
-def _problem_in_study(spec: StudySpec, at: KeyPath, path: str, problem: Problem) -> Problem:
-    """Return the problem of a value that the study gives, with its place in the study."""
-    inside = "" if problem.path in {"", path} else f"{problem.path}: "
-    if problem.message.startswith("unknown key"):  # concerns the path, not one of its values
-        key_path = at[: at.index(path) + 1] if path in at else at
-        return spec.source.problem(key_path, inside + problem.message, problem.advice, key=True)
-    return spec.source.problem(at, inside + problem.message, problem.advice)
-
-
 def _points_to_try(spec: StudySpec, first: Data) -> Iterator[tuple[Mapping[str, KeyPath], dict[str, Any]]]:
     """Yield a point for each value to try, with the place of each of its values that the study writes out.
 
     All other values are those of the first point.
     """
-    listed = {path: isinstance(spec.source.get(("vary", path)), tuple) for path in spec.vary}
-    places: dict[str, KeyPath] = {path: ("vary", path, 0) if listed[path] else ("vary", path) for path in spec.vary}
+
+    def place(path: str, i: int) -> KeyPath:
+        return ("vary", path, i) if isinstance(spec.source.get(("vary", path)), tuple) else ("vary", path)
+
+    places: dict[str, KeyPath] = {path: place(path, 0) for path in spec.vary}
     places |= {path: ("paired", 0, path) for point in spec.paired[:1] for path in point}
     for path, values in spec.vary.items():
-        ends = {0, len(values) - 1}
         for i, value in enumerate(values):
-            if i in ends or not isinstance(value, int | float):
-                at = ("vary", path, i) if listed[path] else ("vary", path)
-                yield {**places, path: at}, {**first, path: value}
+            if i in (0, len(values) - 1) or not isinstance(value, int | float):
+                yield {**places, path: place(path, i)}, {**first, path: value}
     for i, point in enumerate(spec.paired):
         yield {**places, **{path: ("paired", i, path) for path in point}}, {**first, **point}
     if spec.sample is not None:

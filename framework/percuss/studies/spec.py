@@ -15,7 +15,7 @@ from percuss.case.quantities import METRICS
 from percuss.case.source import Source
 from percuss.case.specs import MeasureSection
 from percuss.case.type_words import found
-from percuss.case.validation import Reader
+from percuss.case.validation import Mistake, Reader
 from percuss.case.yaml_text import KeyPath, flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.jsonable import Data
@@ -24,6 +24,7 @@ from percuss.methods.registry import Registry
 from percuss.studies import parameters
 from percuss.studies.columns import Column, RowSettings, column, column_by_name
 from percuss.studies.layout import Condition, SampleSection, StudySection
+from percuss.studies.tasks import method_name
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 COST = "node_steps"
@@ -53,8 +54,8 @@ class StudySpec:
         Measured columns, and the other settings on which rows depend.
     where
         Conditions that every run meets.
-    tied, stalled_after
-        As in the file.
+    section
+        The file as it was read.
     data
         The study as a plain mapping.
     """
@@ -68,8 +69,7 @@ class StudySpec:
     sample: SampleSection | None
     rows: RowSettings
     where: tuple[Condition, ...]
-    tied: bool
-    stalled_after: float
+    section: StudySection
     data: Data
     source: Source
 
@@ -103,6 +103,26 @@ def read_study(given: str | Path | Data, plugins: list[Path] | None = None) -> S
         source = Source("study", "", source.data, source.marks)
     name = "study" if isinstance(given, Mapping) else Path(given).stem
     return _StudyReader(source, plugins or []).study(name)
+
+
+def mistake_in_study(problem: Problem, places: Mapping[str, KeyPath]) -> Mistake | None:
+    """Return the problem of a value that a study sets as the mistake at its place there.
+
+    Parameters
+    ----------
+    problem
+        The problem, which names the override that set the value.
+    places
+        Place of each value in the study, by the path that it is set at; with those of others the answer is None.
+    """
+    path = next((path for path in places if problem.place.startswith(f"--set {path}=")), None)
+    if path is None:
+        return None
+    message = problem.message if problem.path in {"", path} else f"{problem.path}: {problem.message}"
+    at, unknown = places[path], problem.message.startswith("unknown key")
+    if unknown and path in at:  # it concerns the path, not one of its values
+        at = at[: at.index(path) + 1]
+    return Mistake(at, message, problem.advice, key=unknown)
 
 
 class _StudyReader:
@@ -152,8 +172,7 @@ class _StudyReader:
             sample=sample,
             rows=RowSettings(columns, section.nudge, section.keep.histories, section.repeats),
             where=where,
-            tied=section.tied,
-            stalled_after=section.stalled_after,
+            section=section,
             data=data,
             source=self.source,
         )
@@ -202,27 +221,22 @@ class _StudyReader:
             return case.with_overrides({**given, "expect": ()})
         except InputError as error:
             for problem in error.problems:
-                self.report_problem([("set", path) for path in given], problem)
+                mistake = mistake_in_study(problem, {path: ("set", path) for path in given})
+                if mistake is not None:
+                    self.reader.report(mistake)
+                else:
+                    self.reader.problems.append(((1, 0, 0), problem))
             return None
-
-    def report_problem(self, paths: list[KeyPath], problem: Problem) -> None:
-        """Report the mistake of a value that the study sets, at its place in the study."""
-        matching = [path for path in paths if problem.place.startswith(f"--set {path[-1]}=")]
-        if not matching:
-            self.reader.problems.append(((1, 0, 0), problem))
-            return
-        message = f"{problem.path}: {problem.message}" if problem.path not in ("", matching[0][-1]) else problem.message
-        self.reader.wrong(matching[0], message, problem.advice, key=problem.message.startswith("unknown key"))
 
     def methods(self, family: str, registries: list[Registry]) -> dict[str, Any]:
         """Return label and value of each named method; at least one case must have it."""
         path, given, kind = ("methods", family), self.items("methods", family), SINGULAR[family]
         known_names = sorted({name for registry in registries for name in registry.names(family)})
         out: dict[str, Any] = {}
-        names: list[Any] = [method.get("name") if isinstance(method, Mapping) else method for method in given]
+        names = [method_name(method) for method in given]
         for i, method in enumerate(given):
             at = (*path, i, "name") if isinstance(method, Mapping) else (*path, i)
-            if not isinstance(names[i], str):
+            if not names[i]:
                 message = f"expected the name of a {kind}, found {found(method)}"
                 self.reader.wrong((*path, i), message, suggestion("", known_names))
             elif names[i] not in known_names:
@@ -276,12 +290,12 @@ class _StudyReader:
 
     def refuse_repeated_paths(self, varied: Data, paired: Sequence[Data], sample: SampleSection | None) -> None:
         """Report a path that is varied in two ways, as the second would silently replace the first."""
-        together = list(dict.fromkeys(path for point in paired for path in point))
-        drawn = list(sample.of) if sample else []
-        for section, paths, others in (("paired", together, [*varied]), ("sample", drawn, [*varied, *together])):
-            for path in paths:
-                if path in others:
-                    self.reader.wrong((section,), f"{path} is varied twice", "Give each path once.")
+        seen = set(varied)
+        together = dict.fromkeys(path for point in paired for path in point)
+        for section, paths in (("paired", together), ("sample", sample.of if sample else {})):
+            for path in (path for path in paths if path in seen):
+                self.reader.wrong((section,), f"{path} is varied twice", "Give each path once.")
+            seen |= set(paths)
 
     def columns(self, cases: dict[str, Case], varied: Sequence[str]) -> tuple[Column, ...]:
         """Return the measured columns; `varied` are the paths that differ between runs."""
@@ -292,10 +306,10 @@ class _StudyReader:
             if column_of_measure is None:
                 continue
             name = column_of_measure.name
-            owner = "is the name of another column" if not isinstance(measure, str) and name in RESERVED else ""
-            owner = owner or ("is taken by another measure" if name in out else "")
-            if owner:
-                self.reader.wrong(("measure", i), f"the name '{name}' {owner}", "Rename it.")
+            if not isinstance(measure, str) and name in RESERVED:
+                self.reader.wrong(("measure", i), f"the name '{name}' is the name of another column", "Rename it.")
+            elif name in out:
+                self.reader.wrong(("measure", i), f"the name '{name}' is taken by another measure", "Rename it.")
             else:
                 out[name] = column_of_measure
         if not out:
@@ -323,8 +337,8 @@ class _StudyReader:
             if section is None:
                 return None
             contacts = dict.fromkeys(name for case in cases.values() for name in case.contacts)
-            for path, message, advice, key in misfits(section, contacts):
-                self.reader.wrong((*at, *path), message, advice, key=key)
+            for mistake in misfits(section, contacts):
+                self.reader.report(mistake, at)
             return column(section, [name for case in cases.values() for name in case.bodies])
         except ValueError as error:  # raised without the place in the study, which the column does not know
             message, advice, *inside = error.args

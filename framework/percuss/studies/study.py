@@ -103,14 +103,11 @@ def study(
             store = Store(file, new=True)
             finished = store.finished_keys(again)
             missing = list({job.key: job for job in jobs if job.key not in finished}.values())
-            with local_workers(bench, len(missing), workers, scheduler, spec.stalled_after) as local:
+            with local_workers(bench, len(missing), workers, scheduler, spec.section.stalled_after) as local:
                 if missing:
                     steps = rehearsals(spec.cases, [job.task for job in missing])
                     check_measures(spec, summaries_of(local, spec.cases, steps))
-                commands = RowCommands(
-                    spec.data.get("set", {}), [Path(file) for file in plugins], nudge=spec.rows.nudge
-                )
-                _begin(store, spec, jobs, bench, commands, {"command": _command(path, plugins)}, {"study": identity})
+                _begin(store, spec, jobs, bench, [Path(file) for file in plugins], _command(path, plugins), identity)
                 done = Study(store.path)
                 done.found = sum(job.key in finished for job in jobs)
                 if missing:
@@ -146,7 +143,7 @@ def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
     keys = Keys(spec.rows)
     jobs = []
     for label, case in spec.cases.items():
-        for task in tasks(label, case, spec.integrators, spec.contacts, points, tied=spec.tied):
+        for task in tasks(label, case, spec.integrators, spec.contacts, points, tied=spec.section.tied):
             names = {"case": label, "integrator": task.integrator, "contact": task.contact, **task.varied}
             if all(condition.holds(names) for condition in spec.where):
                 jobs.append(Job(keys.of(label, case, task), task))
@@ -169,11 +166,12 @@ def _begin(
     spec: StudySpec,
     jobs: Sequence[Job],
     bench: Bench,
-    commands: RowCommands,
-    provenance: Data,
-    facts: Data,
+    given: Sequence[Path],
+    command: str | None,
+    identity: Data,
 ) -> None:
-    """Store the facts, the files, the provenance and the plan of the study."""
+    """Store the facts, the files, the provenance and the plan of a study, which has plug-ins `given` beside it."""
+    commands = RowCommands(spec.data.get("set", {}), given, nudge=spec.rows.nudge)
     plugins = {
         str(path): source.version
         for case in spec.cases.values()
@@ -181,26 +179,18 @@ def _begin(
         for source in case.registry.sources.values()
         if source.file == str(path)
     }
-    plan = [
-        (
-            job.key,
-            {
-                "case": job.task.case,
-                "integrator": job.task.integrator,
-                "contact": job.task.contact,
-                "varied": as_json_data(job.task.varied),
-                "command": commands.index_of(job.task.case, spec.cases[job.task.case], job.task),
-            },
-        )
-        for job in jobs
-    ]
+    plan = []
+    for key, task in jobs:
+        names = {"case": task.case, "integrator": task.integrator, "contact": task.contact}
+        index = commands.index_of(task.case, spec.cases[task.case], task)
+        plan.append((key, {**names, "varied": as_json_data(task.varied), "command": index}))
     facts = {
-        **facts,
+        "study": identity,
         "spec": as_json_data(spec.data),
         "columns": {column.name: column.what for column in spec.rows.columns},
         "commands": commands.templates,
     }
-    provenance = {**machine(), "cores": os.cpu_count(), "plugins": plugins, **provenance}
+    provenance = {**machine(), "cores": os.cpu_count(), "plugins": plugins, "command": command}
     store.begin(facts, provenance, plan, files_of(spec, bench))
 
 

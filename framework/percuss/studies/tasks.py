@@ -76,11 +76,9 @@ def tasks(
     for (integrator_label, integrator), (law_label, law), points_of_pair, is_tied in pairs:
         changes = {**_method_change("method.integrator", integrator), **_method_change("method.contact", law)}
         for point in points_of_pair if strict else _applicable(case, points_of_pair, integrator, law):
-            names = (
-                _method_of_point(point, "method.integrator") or integrator_label,
-                _method_of_point(point, "method.contact") or law_label,
-            )
-            yield Task(label, *names, point, {**changes, **point}, is_tied)
+            shown_integrator = _method_of_point(point, "method.integrator") or integrator_label
+            shown_law = _method_of_point(point, "method.contact") or law_label
+            yield Task(label, shown_integrator, shown_law, point, {**changes, **point}, is_tied)
 
 
 def _applicable(case: Case, points: Sequence[Data], integrator: Any, law: Any) -> Iterator[Data]:
@@ -96,7 +94,7 @@ def _applicable(case: Case, points: Sequence[Data], integrator: Any, law: Any) -
                 ("method.integrator", "integrators", integrator, case.method.integrator.name),
                 ("method.contact", "contacts", law, case.method.contact.name),
             )
-            if (name := _method_of_point(point, path) or _listed_name(listed) or default) in case.registry.names(family)
+            if (name := _method_of_point(point, path) or method_name(listed) or default) in case.registry.names(family)
         }
         lacking = {
             path
@@ -105,25 +103,22 @@ def _applicable(case: Case, points: Sequence[Data], integrator: Any, law: Any) -
             if path.startswith(f"{method}.") and path.split(".")[2] not in {"name", *options}
         }
         fitting = {path: value for path, value in point.items() if path not in lacking}
-        identity = repr(sorted(fitting.items(), key=repr))
-        if lacking and identity in seen:
-            continue
-        if lacking:
-            seen.add(identity)
-        yield fitting
+        identity = repr(sorted(fitting.items(), key=repr)) if lacking else ""
+        if identity not in seen:
+            yield fitting
+        seen |= {identity} if lacking else set()
 
 
-def _listed_name(listed: Any) -> str:
-    """Return the name of a listed method, given alone or with options; empty if none is listed."""
-    name = listed.get("name") if isinstance(listed, Mapping) else listed
+def method_name(value: Any) -> str:
+    """Return the name of a method, given alone or with options; empty if there is none."""
+    name = value.get("name") if isinstance(value, Mapping) else value
     return name if isinstance(name, str) else ""
 
 
 def _without_law(points: Sequence[Data]) -> list[Data]:
     """Return the points without the contact law and its options, which a tied twin lacks; equal points once."""
-    law_paths = ("method.contact", "method.contact.")
     remaining = [
-        {path: value for path, value in point.items() if path != law_paths[0] and not path.startswith(law_paths[1])}
+        {path: value for path, value in point.items() if path.split(".")[:2] != ["method", "contact"]}
         for point in points
     ]
     return list({repr(sorted(point.items())): point for point in remaining}.values())
@@ -137,6 +132,4 @@ def _method_change(path: str, value: Any) -> dict[str, Any]:
 
 def _method_of_point(point: Data, path: str) -> str:
     """Return the name of the method that a point sets because methods are varied by their path, or an empty text."""
-    value = point.get(path, point.get(f"{path}.name"))
-    name = value.get("name") if isinstance(value, Mapping) else value
-    return name if isinstance(name, str) else ""
+    return method_name(point.get(path, point.get(f"{path}.name")))

@@ -82,6 +82,13 @@ class Batches:
                 break
         return batch
 
+    def culprit(self, jobs: Sequence[Job]) -> Job | None:
+        """Return the job of a batch that has killed its worker; those of a larger batch are tried alone first."""
+        if len(jobs) == 1:
+            return jobs[0]
+        self.alone |= {job.key for job in jobs}
+        return None
+
     def put_back(self, jobs: Sequence[Job], made: Sequence[Record]) -> None:
         """Update the time of a run from a returned batch, and put its unmade jobs at the front of the queue."""
         keys = {record.key for record in made}
@@ -148,12 +155,9 @@ def _records_of_dead(worker: _Worker, batch: Sequence[Job], batches: Batches, st
         batches.put_back(unmade, [])
     if worker.stall is not None:
         return [Record(worker.stall.key, "failed", worker.stall.reason, WORKER)]
-    if not worker.ready:
+    job = batches.culprit(batch) if worker.ready else None
+    if job is None:
         return []
-    if len(batch) > 1:
-        batches.alone |= {job.key for job in batch}
-        return []
-    (job,) = batch
     strikes[job.key] += 1
     if strikes[job.key] < STRIKES:
         return []
