@@ -14,8 +14,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import ModuleType
+from typing import Any, TypeAlias
 
 from percuss.heartbeat import beat
+
+Kernel: TypeAlias = Callable[..., Any]  # a function of the loop or of a method, compiled or in plain Python
 
 LOCK = threading.RLock()
 # These callbacks are called with True when numba begins to compile a function, and with False when it has finished.

@@ -21,7 +21,7 @@ class PercussError(Exception):
 
     exit_code = 2
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         # An error is made anew with its attributes, whatever its class is made of: its text stands in `args`.
         return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
 

@@ -40,7 +40,7 @@ class _SetEvents:
     event: threading.Event
     previous: Any
 
-    def __call__(self, number: int, frame: Any) -> None:  # noqa: ARG002
+    def __call__(self, number: int, frame: object) -> None:  # noqa: ARG002
         handler: Any = self
         while isinstance(handler, _SetEvents):
             handler.event.set()

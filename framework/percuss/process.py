@@ -94,7 +94,7 @@ class _Descriptor(io.FileIO):
             return len(data)
 
 
-def _end_at_once(number: int, frame: Any) -> None:  # noqa: ARG001
+def _end_at_once(number: int, frame: object) -> None:  # noqa: ARG001
     """End this process, which does no work that would have to be put in order, at Ctrl-C."""
     os.write(2, b"interrupted\n")
     os._exit(INTERRUPTED)

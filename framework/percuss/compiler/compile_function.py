@@ -11,15 +11,12 @@ from __future__ import annotations
 import contextlib
 import pickle
 import types
-from collections.abc import Callable
 from typing import Any
 
 from percuss.cache import cache_folder, keep, kept
 from percuss.compiler.machine_code import jit_disabled, key_of
-from percuss.compiling import numba_inside
+from percuss.compiling import Kernel, numba_inside
 from percuss.filelock import in_turn
-
-Kernel = Callable[..., Any]
 
 LONGEST_WAIT = 120.0  # seconds that a process waits for another to compile, before it compiles by itself
 
@@ -80,7 +77,7 @@ class StoredFunction:
     """
 
     cache_path = None
-    stored: Any = None
+    stored: object = None
 
     def __init__(self, key: str, *, entry: bool) -> None:
         self.key, self.entry = key, entry
@@ -90,7 +87,7 @@ class StoredFunction:
         folder = cache_folder() if self.key else None
         return contextlib.nullcontext() if folder is None else in_turn(folder / f"{self.key}.lock", LONGEST_WAIT)
 
-    def save_overload(self, signature: Any, compiled: Any) -> None:
+    def save_overload(self, signature: object, compiled: object) -> None:
         """Store the function compiled for a signature, unless it was stored already or refers to addresses."""
         if not self.key or compiled is self.stored:
             return
@@ -99,7 +96,7 @@ class StoredFunction:
         if content := content_of(signature, compiled):
             keep(self._name_of(signature), content)
 
-    def load_overload(self, signature: Any, target_context: Any) -> Any:
+    def load_overload(self, signature: object, target_context: Any) -> Any:
         """Return the function compiled for a signature, or None.
 
         Numba takes union types for equal if their names are, so that in a process that has loaded a single-file plug-in
@@ -123,6 +120,6 @@ class StoredFunction:
     def flush(self) -> None:
         """Leave what is stored as it is: numba asks for this where a function is to be compiled again."""
 
-    def _name_of(self, signature: Any) -> str:
+    def _name_of(self, signature: object) -> str:
         # Types are told apart by more than their names, as tuples of two classes of one name are: see above.
         return f"{key_of(self.key, repr(signature))}.compiled"

@@ -181,7 +181,7 @@ def is_overloaded(function: object) -> bool:
     return inside is not None and isinstance(function, types.FunctionType) and inside.is_overloaded(function)
 
 
-def contents(cell: types.CellType) -> Any:
+def contents(cell: types.CellType) -> object:
     """Return the content of a closure cell, None where it is still empty."""
     try:
         return cell.cell_contents
@@ -189,7 +189,7 @@ def contents(cell: types.CellType) -> Any:
         return None
 
 
-def _is_named_in_module(value: Any) -> bool:
+def _is_named_in_module(value: object) -> bool:
     """Return whether a value is the attribute of its own foreign module under its own name, as ``math.sin`` is."""
     module, name = getattr(value, "__module__", None), getattr(value, "__name__", None)
     if not isinstance(module, str) or not isinstance(name, str) or not is_foreign(module):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import types
-from typing import Any
+from collections.abc import Mapping
 
 from percuss.compiler.fingerprint import Fingerprint, contents, is_fixed, is_overloaded, refresh_overloads
-from percuss.jsonable import Data
 
 _MISSING = object()
 
@@ -19,11 +18,11 @@ class Readings:
     """
 
     def __init__(self) -> None:
-        self._variables: list[tuple[Data, str, Any]] = []
-        self._attributes: list[tuple[types.ModuleType | types.FunctionType, str, Any]] = []
-        self._cells: list[tuple[types.CellType, Any]] = []
-        self._values: list[tuple[Any, frozenset[str], str]] = []
-        self._overloads: list[tuple[Any, bool]] = []
+        self._variables: list[tuple[Mapping[str, object], str, object]] = []
+        self._attributes: list[tuple[types.ModuleType | types.FunctionType, str, object]] = []
+        self._cells: list[tuple[types.CellType, object]] = []
+        self._values: list[tuple[object, frozenset[str], str]] = []
+        self._overloads: list[tuple[object, bool]] = []
 
     def function(self, function: types.FunctionType) -> None:
         """Add the code of a function, its defaults and the content of its closure."""
@@ -31,7 +30,7 @@ class Readings:
             self.attribute(function, name)
         self._cells += [(cell, contents(cell)) for cell in function.__closure__ or ()]
 
-    def variable(self, namespace: Data, name: str) -> None:
+    def variable(self, namespace: Mapping[str, object], name: str) -> None:
         """Add the variable `name` of the globals of a function."""
         self._variables.append((namespace, name, namespace[name]))
 
@@ -39,12 +38,12 @@ class Readings:
         """Add an attribute of a module or a function, or that it has none of this name."""
         self._attributes.append((owner, name, getattr(owner, name, _MISSING)))
 
-    def value(self, value: Any, names: frozenset[str]) -> None:
+    def value(self, value: object, names: frozenset[str]) -> None:
         """Add the content of a value, as far as it is visible to code that refers to `names`."""
         if not is_fixed(value):
             self._values.append((value, names, _tag(value, names)))
 
-    def overload(self, function: Any, *, overloaded: bool) -> None:
+    def overload(self, function: object, *, overloaded: bool) -> None:
         """Add whether numba compiles other code in place of a function."""
         self._overloads.append((function, overloaded))
 
@@ -61,7 +60,7 @@ class Readings:
         )
 
 
-def _tag(value: Any, names: frozenset[str]) -> str:
+def _tag(value: object, names: frozenset[str]) -> str:
     fingerprint = Fingerprint("")
     fingerprint.value(value, names)
     return fingerprint.tag

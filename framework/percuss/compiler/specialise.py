@@ -14,7 +14,7 @@ import copy
 import functools
 import sys
 import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -30,13 +30,12 @@ from percuss.compiler.fingerprint import (
 )
 from percuss.compiler.machine_code import jit_disabled
 from percuss.compiler.readings import Readings
-from percuss.compiling import compiler, numba_inside
+from percuss.compiling import Kernel, compiler, numba_inside
 from percuss.jsonable import Data, Entries
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import content_digest, function_digest
 from percuss.version import __version__, installed_version
 
-Kernel = Callable[..., Any]
 AnyKernel = TypeVar("AnyKernel", bound=Kernel)
 
 _COMPILED: dict[str, Kernel] = {}  # kernels that this process has compiled or loaded, by tag
@@ -239,7 +238,9 @@ class Specialiser:
         self._keep.append(changed)
         return changed
 
-    def _finish(self, fingerprint: Fingerprint, names: frozenset[str], parts: Sequence[tuple[str, Any, Any]]) -> str:
+    def _finish(
+        self, fingerprint: Fingerprint, names: frozenset[str], parts: Sequence[tuple[str, object, object]]
+    ) -> str:
         """Return the tag of code that reads `parts`, each with name, replacement in bound code, and original."""
         for name, replacement, original in parts:
             fingerprint.text(name)
@@ -278,7 +279,7 @@ class Specialiser:
         self,
         source: types.FunctionType,
         names: frozenset[str],
-        bound: Data,
+        bound: Mapping[str, object],
         closure: tuple[types.CellType, ...],
         options: Data,
     ) -> str:
@@ -350,7 +351,9 @@ def _is_part_of_loop(function: types.FunctionType) -> bool:
     return function.__module__.startswith(OWN_MODULES)
 
 
-def _copy(source: types.FunctionType, bound: Data, closure: tuple[types.CellType, ...], tag: str) -> types.FunctionType:
+def _copy(
+    source: types.FunctionType, bound: Mapping[str, object], closure: tuple[types.CellType, ...], tag: str
+) -> types.FunctionType:
     """Return a copy of a function with other globals and closure cells, and with the tag in its name."""
     name = f"{source.__name__}_{tag}"
     bound_copy = types.FunctionType(

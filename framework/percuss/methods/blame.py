@@ -11,11 +11,14 @@ import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
-from typing import Any
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Any, cast
 
 from percuss import version
 from percuss.errors import PercussError, PluginError, RefusedPair, nearest
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import Component
 
 OWN_PACKAGES = {"percuss", "percuss_methods"}
 RENAMED = {"Rows": "LinearLaw", "Judged": "ContactState"}  # names that contract 2 changed
@@ -66,7 +69,7 @@ def is_ctrl_c(error: BaseException) -> bool:
 
 def _last_call(error: BaseException) -> tuple[FrameType, int]:
     """Return the innermost call of an error that has been caught, and the place of the instruction in its code."""
-    call: Any = error.__traceback__
+    call = cast("TracebackType", error.__traceback__)
     while call.tb_next is not None:
         call = call.tb_next
     return call.tb_frame, call.tb_lasti
@@ -144,7 +147,7 @@ def assignment_place(name: str) -> str:
     return next(iter(named), "")
 
 
-def breach(component: Any, method: str, message: str, place: str = "") -> PluginError:
+def breach(component: Component, method: str, message: str, place: str = "") -> PluginError:
     """Return the error for a method of a component that does what its contract forbids.
 
     Parameters

@@ -9,11 +9,13 @@ same state shows that the kernel depends on earlier calls or on chance.
 from __future__ import annotations
 
 import itertools
+import types
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
+from percuss.compiling import Kernel
 from percuss.methods.blame import breach
 from percuss.methods.first_run import first_asked
 from percuss.methods.interfaces import Trial
@@ -48,7 +50,7 @@ def try_kernel(law: ContactLaw, bound: object, points: ContactPoints, dt: float)
             _try_twice(law, bound, points, dt)
 
 
-def _try_twice(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
+def _try_twice(law: ContactLaw, bound: object, points: ContactPoints, dt: float) -> None:
     kernel = plain_kernel(law)
     globals_before = _mutable_globals(kernel)
     low_indices: list[int] = []
@@ -102,7 +104,7 @@ class _WatchedArray(np.ndarray):
 
     low_indices: list[int]
 
-    def __array_finalize__(self, other: Any) -> None:
+    def __array_finalize__(self, other: object) -> None:
         self.low_indices = getattr(other, "low_indices", [])
 
     def __getitem__(self, index: Any) -> Any:
@@ -120,7 +122,7 @@ def _with_watched_arrays(value: Any, low_indices: list[int]) -> Any:
     return mapped(lambda item: _with_watched_arrays(item, low_indices), value) if isinstance(value, tuple) else value
 
 
-def _trial_states(count: int, dt: float) -> Iterator[list[Any]]:
+def _trial_states(count: int, dt: float) -> Iterator[list[Floats]]:
     """Yield the gap, predicted gap, gap rate and predicted rate of trial states, as (count,) arrays.
 
     Contact points are open, closed or just touching. Before the step and during it they approach, separate or rest,
@@ -139,7 +141,7 @@ def _trial_states(count: int, dt: float) -> Iterator[list[Any]]:
 def trial_of(
     points: ContactPoints,
     dt: float,
-    state: Sequence[Any],
+    state: Sequence[Floats],
     law: Any,
     before: Floats | None = None,
     *,
@@ -171,7 +173,7 @@ def trial_of(
     )  # fmt: skip
 
 
-def multipliers_of(law: ContactLaw, kernel: Any, bound: object, trial: Trial) -> Any:
+def multipliers_of(law: ContactLaw, kernel: Kernel, bound: object, trial: Trial) -> Floats:
     """Return the multipliers that a kernel computes for a state, (points,)."""
     multiplier = np.full(trial.gap.size, np.nan)
     with kernel_faults(law, "multipliers"):
@@ -211,7 +213,7 @@ COMPUTED = Fault(
 )
 
 
-def fault_of_nan(kernel: Any, bound: object, trial: Trial, point: int) -> Fault:
+def fault_of_nan(kernel: Kernel, bound: object, trial: Trial, point: int) -> Fault:
     """Return why a kernel in plain Python left nan for the multiplier of a point.
 
     It is called again with another initial value: if that value is still there, the kernel did not set the multiplier;
@@ -234,7 +236,7 @@ def describe_state(trial: Trial, point: int) -> str:
     )
 
 
-def _mutable_globals(kernel: Any) -> dict[str, str]:
+def _mutable_globals(kernel: types.FunctionType) -> dict[str, str]:
     """Return the text form of each mutable global variable that a kernel names, attributes of classes included."""
     kinds = (list, dict, set, bytearray, np.ndarray)
     names = kernel.__globals__
@@ -268,7 +270,7 @@ def kernel_of(law: ContactLaw) -> Callable[..., None]:
     return kernel  # type: ignore[no-any-return]
 
 
-def plain_kernel(law: ContactLaw) -> Any:
+def plain_kernel(law: ContactLaw) -> types.FunctionType:
     """Return the kernel of a contact law as plain Python, also of one that its author has compiled."""
     kernel = kernel_of(law)
-    return getattr(kernel, "py_func", kernel)
+    return cast("types.FunctionType", getattr(kernel, "py_func", kernel))

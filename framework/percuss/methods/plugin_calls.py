@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from percuss.compiling import Kernel
 from percuss.errors import PercussError
 from percuss.methods.blame import breach, described, line_in_plugin
 from percuss.methods.first_run import first_asked, is_watched
@@ -26,7 +27,7 @@ REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask whe
 DEEPEST = 6  # levels of attributes up to which two answers are compared
 
 
-def answer(component: Component, method: str, *arguments: Any) -> Any:
+def answer(component: Component, method: str, *arguments: object) -> Any:
     """Return the answer of a method of a component to arguments whose arrays it cannot change.
 
     Raises
@@ -98,9 +99,7 @@ def kernel_faults(component: Component, name: str, advice: str = "") -> Iterator
         raise breach(component, name, text, line_in_plugin(error)) from error
 
 
-def called_twice(
-    component: Component, name: str, call: Callable[..., Any], states: Sequence[tuple[Any, ...]]
-) -> list[Any]:
+def called_twice(component: Component, name: str, call: Kernel, states: Sequence[tuple[object, ...]]) -> list[Any]:
     """Return what a kernel gives in some states; call it in all of them a second time.
 
     Raises
@@ -128,7 +127,7 @@ def read_only(value: Any) -> Any:
     return mapped(read_only, value) if isinstance(value, tuple) else value
 
 
-def mapped(function: Callable[..., Any], *values: Any) -> Any:
+def mapped(function: Kernel, *values: Any) -> Any:
     """Return nested tuples with the answer of `function` to the corresponding entries of `values` in their place.
 
     Raises

@@ -13,15 +13,15 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Any, TextIO
 
 from percuss.errors import PluginError
 from percuss.files import PACKAGE
 from percuss.heartbeat import beat
-from percuss.jsonable import Data, Entries
 from percuss.methods.blame import (
     OWN_PACKAGES,
     PLUGIN_MODULES,
@@ -36,6 +36,7 @@ from percuss.methods.first_run import note_answers
 
 MOST_FILES = 256  # numbers of open files that are looked at
 MISSING = object()  # instead of a name that has been removed
+Owner = ModuleType | type  # of names that others use
 STREAMS = ("stdin", "stdout", "stderr")
 STANDSTILL = 10.0  # seconds without a completed step after which the line of the plug-in is named
 
@@ -55,7 +56,7 @@ class _Output:
         Whether the text of plug-ins is passed on; otherwise it is left out.
     """
 
-    def __init__(self, real: Any, *, shown: bool) -> None:
+    def __init__(self, real: TextIO, *, shown: bool) -> None:
         self._real, self._shown = real, shown
         self.places: dict[str, None] = {}
 
@@ -66,7 +67,7 @@ class _Output:
         if not place and caller.f_code.co_filename.startswith(KERNELS_RUN_IN):
             place = COMPILED
         if not place:
-            return self._real.write(text)  # type: ignore[no-any-return]
+            return self._real.write(text)
         if place not in self.places:
             self.places[place] = None
             fate = "it is shown here" if self._shown else "its text is left out"
@@ -144,7 +145,7 @@ def _folder() -> str:
         return ""
 
 
-def _numpy_errors() -> Entries:
+def _numpy_errors() -> dict[str, str]:
     """Return what numpy does about overflow and the like; nothing before a plug-in or percuss has imported it."""
     numpy = sys.modules.get("numpy")
     return dict(numpy.geterr()) if numpy is not None else {}
@@ -210,7 +211,7 @@ class _Names:
 
     def __init__(self) -> None:
         self._open = 0  # contexts
-        self._held: list[tuple[Any, dict[str, object]]] = []  # by module or class
+        self._held: list[tuple[Owner, dict[str, object]]] = []  # by module or class
         self._modules: list[str] = []  # that were loaded then
 
     def begin(self) -> None:
@@ -224,7 +225,7 @@ class _Names:
         self._modules = list(sys.modules)
         self._held = [(owner, dict(vars(owner))) for owner in _owners()]
 
-    def put_back(self) -> list[tuple[Any, str, object]]:
+    def put_back(self) -> list[tuple[Owner, str, object]]:
         """End a context; after the outermost, put back all names, and return those that were other objects."""
         self._open -= 1
         if self._open:
@@ -242,12 +243,12 @@ class _Names:
 _NAMES = _Names()
 
 
-def _differ(owner: Any, values: Data) -> bool:
+def _differ(owner: Owner, values: Mapping[str, object]) -> bool:
     """Return whether a module or a class has another object under one of the names than it had."""
     return not all(map(operator.is_, map(vars(owner).get, values), values.values()))
 
 
-def _owners() -> Iterator[Any]:
+def _owners() -> Iterator[Owner]:
     """Yield the modules and the classes whose names no plug-in may overwrite."""
     for key, module in list(sys.modules.items()):
         top = key.partition(".")[0]
@@ -257,7 +258,7 @@ def _owners() -> Iterator[Any]:
                 yield from (item for item in vars(module).values() if inspect.isclass(item) and item.__module__ == key)
 
 
-def _culprit(name: str, value: Any) -> str:
+def _culprit(name: str, value: object) -> str:
     """Return the place at which a plug-in overwrites a name, or an empty text if no plug-in does."""
     in_plugin = is_third_party(str(getattr(value, "__module__", "")))
     return assignment_place(name) or (definition_place(value) if in_plugin else "")

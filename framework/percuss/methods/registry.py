@@ -34,6 +34,7 @@ NONE_USED = "none is used: have one renamed, or uninstall it"
 HOOKS = {PREFIX + family: family for family in FAMILIES}
 
 Key = tuple[str, str]
+Hook = tuple[str, Callable[[], object]]  # a function of a plug-in, with its family or what is wrong with its name
 Clashes = Mapping[Key, tuple["Provenance", ...]]
 
 
@@ -128,7 +129,7 @@ class Registry:
             raise KeyError(f"{family} has no '{name}'. {suggestion(name, names)}{left_out}")
         return component
 
-    def __reduce__(self) -> tuple[Callable[..., Registry], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[Callable[..., Registry], tuple[object, ...]]:
         # Another process loads the plug-ins itself, so that pickle finds the modules of single files there.
         return functools.partial(Registry.load, distributions=self.distributions), (self.files,)
 
@@ -244,10 +245,10 @@ def _import_file(file: SingleFile) -> ModuleType:
     return sys.modules[name]
 
 
-def _hooks_of(manager: PluginManager, plugin: Any) -> tuple[list[tuple[str, Any]], list[tuple[str, Any]]]:
+def _hooks_of(manager: PluginManager, plugin: object) -> tuple[list[Hook], list[Hook]]:
     """Return the hooks of a plug-in, each with its family, and the faults of functions that only look like hooks."""
-    hooks: list[tuple[str, Any]] = []
-    faults: list[tuple[str, Any]] = []
+    hooks: list[Hook] = []
+    faults: list[Hook] = []
     for name in dir(plugin):
         options = manager.parse_hookimpl_opts(plugin, name)
         function = getattr(plugin, name, None) if options or name.startswith(PREFIX) else None
@@ -259,7 +260,7 @@ def _hooks_of(manager: PluginManager, plugin: Any) -> tuple[list[tuple[str, Any]
     return sorted(hooks, key=lambda hook: list(FAMILIES).index(hook[0])), faults
 
 
-def _families_of(plugin: object, name: str, function: Any, options: HookimplOpts | None) -> list[str]:
+def _families_of(plugin: object, name: str, function: Callable[[], object], options: HookimplOpts | None) -> list[str]:
     """Return the family of a hook, or nothing for another function; raise PluginError if it only looks like a hook."""
     if options is None and isinstance(plugin, ModuleType) and function.__module__ != plugin.__name__:
         return []  # a function imported from another module
@@ -303,7 +304,7 @@ def _components_of(manager: PluginManager, plugin: Any, source: Provenance, brok
     return components
 
 
-def _offers_of(function: Callable[[], Any]) -> list[object]:
+def _offers_of(function: Callable[[], object]) -> list[object]:
     """Return the objects that a hook returns, as a list; refuse a class, a string, a mapping and a non-iterable."""
     result = function()
     if isinstance(result, type | str | Mapping) or not isinstance(result, Iterable):
@@ -320,7 +321,7 @@ def _finished_components(module: ModuleType) -> list[type[Component]]:
 
 
 @contextlib.contextmanager
-def _isolate(broken: list[Broken], source: Provenance, part: str = "", culprit: Any = None) -> Iterator[None]:
+def _isolate(broken: list[Broken], source: Provenance, part: str = "", culprit: object = None) -> Iterator[None]:
     """Run plug-in code inside this context; an error is added to `broken`, with its place, and goes no further.
 
     Parameters

@@ -5,7 +5,7 @@ A slot is a function without a body of its own; the compiler of the solver repla
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Trial
@@ -38,7 +38,7 @@ def unbound() -> NoReturn:
     raise NotImplementedError("a slot is called before a kernel is bound to it")
 
 
-def stress(material: Any, point: int, strain: float) -> float:
+def stress(material: object, point: int, strain: float) -> float:
     """Return the stress of a point of a body at `strain`; a slot for the body's material.
 
     `material` is what the kernel of the element receives, and `point` the number of its element in the bound arrays.
@@ -46,7 +46,7 @@ def stress(material: Any, point: int, strain: float) -> float:
     unbound()
 
 
-def energy_density(material: Any, point: int, before: float, after: float) -> float:
+def energy_density(material: object, point: int, before: float, after: float) -> float:
     """Return the staggered strain-energy density of a point of a body; a slot for the body's material.
 
     `material` is what the kernel of the element receives, and `point` the number of its element in the bound arrays.
@@ -54,12 +54,12 @@ def energy_density(material: Any, point: int, before: float, after: float) -> fl
     unbound()
 
 
-def accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+def accelerations(system: object, stage: int, u: Floats, v: Floats, a: Floats) -> None:
     """Set `a` to the accelerations in a stage of the step; a slot that the time loop fills."""
     unbound()
 
 
-def internal(system: Any, stage: int, u: Floats, f: Floats) -> None:
+def internal(system: object, stage: int, u: Floats, f: Floats) -> None:
     """Set `f` to ``M^-1 f_int(u)`` at a stage, without loads and contact; a slot that the time loop fills."""
     unbound()
 
@@ -67,12 +67,12 @@ def internal(system: Any, stage: int, u: Floats, f: Floats) -> None:
 # Slots for the kernels of an element, whose arguments are those of `percuss.methods.interfaces.Element`.
 
 
-def internal_force(*arguments: Any) -> None:
+def internal_force(*arguments: object) -> None:
     """Set the internal force of consecutive elements; a slot for the kernel of the body's element."""
     unbound()
 
 
-def energy(*arguments: Any) -> float:
+def energy(*arguments: object) -> float:
     """Return the staggered strain energy of consecutive elements; a slot for the kernel of the body's element."""
     unbound()
 
@@ -81,11 +81,11 @@ def energy(*arguments: Any) -> float:
 energy.reduction = True  # type: ignore[attr-defined]
 
 
-def cell_force(*arguments: Any) -> None:
+def cell_force(*arguments: object) -> None:
     """Set the forces of one cell on its nodes; a slot for `percuss.methods.interfaces.CellElement.force`."""
     unbound()
 
 
-def follow(numbers: Any, time: float, displacement: float, velocity: float) -> float:
+def follow(numbers: object, time: float, displacement: float, velocity: float) -> float:
     """Return the force of a load that follows the motion of an end; a slot for the kernel of the load."""
     unbound()

@@ -7,9 +7,11 @@ data; in compiled code a list of addresses (`percuss.step.linked`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+from percuss.compiling import Kernel
 
 # The places of a step in their order, then those of a stage of a multi-stage scheme.
 PLACES = range(20)
@@ -36,8 +38,6 @@ PLACES = range(20)
     LOADS_OF_A_STAGE,
     AFTER_SUPPORTS,
 ) = PLACES
-
-Kernel = Callable[..., Any]
 
 
 @dataclass(frozen=True)

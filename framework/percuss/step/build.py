@@ -12,8 +12,8 @@ import numpy as np
 from percuss.compiler.fingerprint import layout
 from percuss.compiler.machine_code import CannotLink, jit_disabled
 from percuss.compiler.readings import Readings
-from percuss.compiler.specialise import Filled, Kernel, Specialiser, compile_error
-from percuss.compiling import LOCK
+from percuss.compiler.specialise import Filled, Specialiser, compile_error
+from percuss.compiling import LOCK, Kernel
 from percuss.methods import slots
 from percuss.step import actions as plain
 from percuss.step import linked, stages

@@ -8,7 +8,7 @@ its low-level extension API; the types of its layouts are those of `llvmlite.ir`
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numba
@@ -18,10 +18,9 @@ from numba.extending import intrinsic
 
 from percuss.compiler import machine_code
 from percuss.compiler.machine_code import CannotLink
-from percuss.compiling import numba_inside
+from percuss.compiling import Kernel, numba_inside
 from percuss.step.linked import EXAMPLES
 
-Kernel = Callable[..., Any]
 _FORMATS = {
     ("double", 8): "d",
     ("float", 4): "f",

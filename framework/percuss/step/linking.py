@@ -24,9 +24,8 @@ import numpy as np
 from percuss.compiler import machine_code
 from percuss.compiler.fingerprint import layout
 from percuss.compiler.machine_code import CannotLink
-from percuss.compiling import compiler
+from percuss.compiling import Kernel, compiler
 
-Kernel = Callable[..., Any]
 # The values that data may contain, in tuples; a subclass may mean more than its numbers, as a masked array does.
 ARRAYS = frozenset({np.ndarray, np.recarray, np.memmap})
 NUMBERS = (bool, int, float, complex, np.bool, np.integer, np.float32, np.float64, np.complex64, np.complex128)

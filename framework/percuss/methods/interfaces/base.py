@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -25,8 +25,8 @@ class Unit:
 
     unit: str
 
-    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> Entries:
-        schema: Entries = handler(core_schema)
+    def __get_pydantic_json_schema__(self, core_schema: object, handler: Callable[[object], Entries]) -> Entries:
+        schema = handler(core_schema)
         schema["x-unit"] = self.unit
         return schema
 
@@ -35,8 +35,8 @@ class Unit:
 class AllowInf:
     """Mark of a numerical option that may be infinite; all others must be finite, and ``nan`` is always refused."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Entries:
-        schema: Entries = handler(source)
+    def __get_pydantic_core_schema__(self, source: object, handler: Callable[[object], Entries]) -> Entries:
+        schema = handler(source)
         schema["allow_inf_nan"] = True
         return schema
 
@@ -47,8 +47,8 @@ class Doc:
 
     text: str
 
-    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> Entries:
-        schema: Entries = handler(core_schema)
+    def __get_pydantic_json_schema__(self, core_schema: object, handler: Callable[[object], Entries]) -> Entries:
+        schema = handler(core_schema)
         schema["description"] = self.text
         return schema
 
@@ -98,7 +98,7 @@ class DataFile:
     faults: Mapping[int, str] = field(default_factory=dict)
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Entries:
+    def __get_pydantic_core_schema__(cls, source: object, handler: Any) -> Entries:
         # The input has a path, and the context of the validation finds the file.
         return {
             "type": "function-after",
@@ -206,7 +206,7 @@ class Component(ABC):
     expected_failures: ClassVar[Mapping[str, str]] = {}
     contract_version: ClassVar[int | None] = None
 
-    def __init_subclass__(cls, *, contract: str = "", **kwargs: Any) -> None:
+    def __init_subclass__(cls, *, contract: str = "", **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
         if contract:
             cls.family = contract
