@@ -9,6 +9,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 
 Records: TypeAlias = "np.recarray[Any, np.dtype[np.record]]"  # its fields are attributes, as those of each record
+Row: TypeAlias = np.record  # one of them
 
 
 def empty_records(count: int, kind: np.dtype[np.void]) -> Records:

@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from percuss.compiler.record_arrays import Records
+
 # How a closed contact stores energy at half steps. BY_END: the force follows from the gap at the end of the step, and
 # the contact is a spring whose energy is the mean of those at both ends of the step. BY_CURRENT: the force follows from
 # the current gap, and the energy is that of a stiffness and an inertia between two steps. BY_PART: a part of the step
@@ -94,6 +96,6 @@ class Points(NamedTuple):
     law: Any  # (P,) LAW
     state: Any  # (P,) STATE
     sums: Any  # (P,) SUMS
-    contacts: Any  # CONTACT
-    entries: Any  # ENTRY
-    others: Any  # OTHER
+    contacts: Records  # CONTACT
+    entries: Records  # ENTRY
+    others: Records  # OTHER

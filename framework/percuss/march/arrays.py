@@ -34,7 +34,7 @@ from percuss.step.records import BOUNDARY_DOF, CONSTRAINT, NODAL_FORCE, NOW, SHA
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
     from percuss.march.model import Model
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Array, Floats
 
 # The optional parts of a step, in the order in which they act at one place.
 PARTS: tuple[type[Part[Any]], ...] = (
@@ -242,7 +242,7 @@ class Arrays:
                 yield Action(BULK, bulk.advance_block, data, filled, name=name)
             yield Action(STRAIN_ENERGY, bulk.add_strain_energy, data, filled, name=name)
 
-    def changing_arrays(self) -> list[Any]:
+    def changing_arrays(self) -> list[Array]:
         """Return the arrays that a step changes, always in the same order, without displacements and velocities."""
         step, loads = self.step, self.step.loads
         own = [

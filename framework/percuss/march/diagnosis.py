@@ -24,7 +24,7 @@ from percuss.step.law_kernels import multipliers
 if TYPE_CHECKING:
     from percuss.march.arrays import Arrays
     from percuss.march.model import Model
-    from percuss.methods.interfaces import Floats, Trial
+    from percuss.methods.interfaces import Array, Floats, Trial
     from percuss.step.actions import Action
 
 
@@ -38,7 +38,7 @@ class Marching(Protocol):
     def use(self, how: Kernels, actions: Sequence[Action]) -> None:
         """Let the steps of this stretch perform some actions."""
 
-    def changing_arrays(self) -> list[Any]:
+    def changing_arrays(self) -> list[Array]:
         """Return the arrays that a step changes."""
 
     def advance(self, amplitudes: Any, first: int, count: int) -> int:

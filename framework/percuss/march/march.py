@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.compiler.record_arrays import copied_records
+from percuss.compiler.record_arrays import Records, copied_records
 from percuss.compiler.specialise import compile_error
 from percuss.compiling import compile_seconds
 from percuss.errors import PercussError
@@ -33,7 +33,7 @@ from percuss.step.record import Record
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Array, Floats
     from percuss.step.actions import Action
 
 CHUNK_SECONDS = 0.5
@@ -54,9 +54,9 @@ class Outcome:
     time: Floats
     record: Record
     histories: dict[str, Floats]  # what the parts of the step have recorded
-    law: Any  # percuss.contact.points.LAW
-    sums: Any  # percuss.contact.points.SUMS, over the steps before t_N
-    contacts: Any  # percuss.contact.points.CONTACT, over the steps before t_N
+    law: Records  # percuss.contact.points.LAW
+    sums: Records  # percuss.contact.points.SUMS, over the steps before t_N
+    contacts: Records  # percuss.contact.points.CONTACT, over the steps before t_N
     starting_velocity: Floats  # at -dt/2
     kinetic_before: float  # kinetic energy at -dt/2
     totals: SimpleNamespace  # `March.totals`, before the trial step
@@ -389,7 +389,7 @@ class March:
     def totals(self) -> SimpleNamespace:
         """The sums over all steps so far, `percuss.step.records.TOTAL`, as numbers by name."""
         totals = self.arrays.step.totals
-        return SimpleNamespace(**dict(zip(totals.dtype.names, totals.item(), strict=True)))
+        return SimpleNamespace(**dict(zip(totals.dtype.names or (), totals.item(), strict=True)))
 
     # -- checks ------------------------------------------------------------------------------------------
 
@@ -402,7 +402,7 @@ class March:
         finite = kinetic + energy_put_in + total.step_energy < LARGEST_ENERGY
         return bool(finite and (self._marginal or kinetic <= allowed))
 
-    def changing_arrays(self) -> list[Any]:
+    def changing_arrays(self) -> list[Array]:
         """Return the arrays that a step changes, always in the same order."""
         return [*self.stepper.changing_arrays(), *self.arrays.changing_arrays()]
 

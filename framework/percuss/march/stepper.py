@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Array, Floats
     from percuss.step.build import Kernels
     from percuss.step.part import Part
     from percuss.step.record import Record
@@ -38,7 +38,7 @@ class Stepper(Protocol):
     def set_step(self, step: Step, parts: Sequence[Part[Any]], kernels: Kernels, midpoint: float) -> None:
         """Use the arrays and actions of the next stretch of the run."""
 
-    def changing_arrays(self) -> list[Any]:
+    def changing_arrays(self) -> list[Array]:
         """Return the arrays that a step changes, except those of `percuss.march.arrays.Arrays`."""
 
     def start(self) -> None:

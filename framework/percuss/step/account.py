@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.compiler.record_arrays import Records, Row
 from percuss.contact.points import BY_CURRENT, BY_END, NEVER, NOTHING, Points
+from percuss.methods.interfaces import Floats
 from percuss.step.actions import BEFORE_ACCOUNT, perform
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ ROUNDING = float(np.finfo(np.float64).eps)
 NOISE = 1e-8
 
 
-def account(step: Step, work: float, n: int, u: Any, v: Any) -> bool:
+def account(step: Step, work: float, n: int, u: Floats, v: Floats) -> bool:
     """Add up the work and the contact energy of step n, and return whether the step is sound.
 
     Contact work far above the energy put in means an unstable step; a contact work of nan fails the comparison too.
@@ -45,7 +47,7 @@ def account(step: Step, work: float, n: int, u: Any, v: Any) -> bool:
     return total.contact_work <= limit  # type: ignore[no-any-return]
 
 
-def add_up_contacts(points: Points, boundary: Any, total: Any, n: int, dt: float) -> None:
+def add_up_contacts(points: Points, boundary: Records, total: Row, n: int, dt: float) -> None:
     """Add up work, stored energy, impulses and overlaps of the contacts in a step."""
     for i in range(points.law.size):
         law, state, sums = points.law[i], points.state[i], points.sums[i]
@@ -95,7 +97,7 @@ def join_points(points: Points) -> None:
             contact.pressing = 1
 
 
-def rate_and_reach(points: Points, law: Any, boundary: Any, dt: float) -> tuple[float, float]:
+def rate_and_reach(points: Points, law: Row, boundary: Records, dt: float) -> tuple[float, float]:
     """Return the gap rate of a point after the step, and a bound of the displacements of its nodes."""
     rate = 0.0
     reach = 0.0
@@ -106,7 +108,7 @@ def rate_and_reach(points: Points, law: Any, boundary: Any, dt: float) -> tuple[
     return rate, reach
 
 
-def takes_part(law: Any, state: Any, sums: Any) -> bool:
+def takes_part(law: Row, state: Row, sums: Row) -> bool:
     """Return whether a contact may do work or store energy in a step.
 
     Without a force in this step and the one before, it may still store energy if its gap is closed, or if other
@@ -116,7 +118,7 @@ def takes_part(law: Any, state: Any, sums: Any) -> bool:
     return state.multiplier != 0.0 or sums.active == 1 or may_store  # type: ignore[no-any-return]
 
 
-def stored_energy(law: Any, state: Any, stores: int, gap: float, rate: float, dt: float) -> float:
+def stored_energy(law: Row, state: Row, stores: int, gap: float, rate: float, dt: float) -> float:
     """Return the energy that a closed contact stores at n + 1/2.
 
     Parameters
@@ -143,7 +145,7 @@ def stored_energy(law: Any, state: Any, stores: int, gap: float, rate: float, dt
     return 0.0
 
 
-def rounding_energy(law: Any, state: Any, rate: float, reach: float, dt: float) -> float:
+def rounding_energy(law: Row, state: Row, rate: float, reach: float, dt: float) -> float:
     """Return a bound on the change of a point's energy by round-off in a step, over the rounding unit.
 
     Displacements up to `reach` have a relative error of one unit. The contact force does work on the error of the gap,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from percuss.compiling import Kernel
+from percuss.methods.interfaces import Floats
 
 # The places of a step in their order, then those of a stage of a multi-stage scheme.
 PLACES = range(20)
@@ -73,7 +74,7 @@ class Action:
     order: int = 0
 
 
-def perform(actions: Any, place: int, n: int, u: Any, v: Any, a: Any) -> None:
+def perform(actions: Any, place: int, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Perform the actions of one place, in plain Python (a slot in compiled code)."""
     for kernel, data in actions[place]:
         kernel(data, n, u, v, a)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from percuss.compiler.marks import called
+from percuss.compiler.record_arrays import Records
 from percuss.mesh.block import Block
 from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.materials import MaterialPoints
@@ -31,7 +32,7 @@ class Bulk(NamedTuple):
     accelerations: Floats  # (bodies * dim,) of each body by loads in the present step
     acceleration: Floats  # (dim,) work space
     momentum: Floats  # (bodies * dim,) of each body at n + 1/2, empty where no load acts on whole bodies
-    totals: Any  # percuss.step.records.TOTAL
+    totals: Records  # percuss.step.records.TOTAL
     dim: int
     dt: float
     lag: float  # time by which velocities lag behind displacements
@@ -244,7 +245,7 @@ class Masses(NamedTuple):
     """Nodal masses, and where the kinetic energy goes."""
 
     mass: Floats  # (nodes * dim,)
-    totals: Any  # percuss.step.records.TOTAL
+    totals: Records  # percuss.step.records.TOTAL
 
 
 def add_kinetic_energy(data: Masses, n: int, u: Floats, v: Floats, a: Floats) -> None:

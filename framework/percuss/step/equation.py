@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from percuss.compiler.record_arrays import Records, Row
 from percuss.contact.points import FROM_LINE, FROM_PART, Points
+from percuss.methods.interfaces import Floats
 from percuss.step.actions import LAWS, perform
 
 TOLERANCE = 1e-14
@@ -22,7 +24,7 @@ SWEEPS_BETWEEN_LAWS = 1000
 TOLERANCE_BETWEEN_LAWS = 1e-13  # of the largest multiplier
 
 
-def see(points: Points, boundary: Any, dt: float) -> None:
+def see(points: Points, boundary: Records, dt: float) -> None:
     """Compute gap and gap rate of each point, the current values and those predicted without contact."""
     for i in range(points.law.size):
         law = points.law[i]
@@ -44,7 +46,7 @@ def see(points: Points, boundary: Any, dt: float) -> None:
         state.predicted_rate = predicted_rate
 
 
-def find_multipliers(points: Points, now: Any, actions: Any, n: int, u: Any, v: Any) -> bool:
+def find_multipliers(points: Points, now: Row, actions: Any, n: int, u: Floats, v: Floats) -> bool:
     """Find the multipliers of all points in a step or stage; return whether the solution converged.
 
     Laws with a kernel set theirs first, one law after the other; the contact equation is then solved with these forces.
@@ -115,17 +117,17 @@ def sweep_points(points: Points, span: float, source: int) -> bool:
     return False
 
 
-def shown_gap(law: Any, state: Any) -> float:
+def shown_gap(law: Row, state: Row) -> float:
     """Return the gap that the law of a point uses, current or predicted."""
     return state.predicted_gap if law.sees_predicted_gap == 1 else state.gap  # type: ignore[no-any-return]
 
 
-def is_active(law: Any, state: Any) -> bool:
+def is_active(law: Row, state: Row) -> bool:
     """Return whether the law of a point is active at the gap that it uses."""
     return law.always == 1 or (law.always == 0 and shown_gap(law, state) < 0.0)
 
 
-def right_side(law: Any, state: Any, span: float) -> float:
+def right_side(law: Row, state: Row, span: float) -> float:
     """Return gamma of a point: minus its law's weights times the gap, gap rate and gap acceleration that it uses."""
     rate = state.predicted_rate if law.sees_predicted_rate == 1 else state.rate
     gamma = -law.weight_gap * shown_gap(law, state) - law.weight_rate * rate
@@ -134,7 +136,7 @@ def right_side(law: Any, state: Any, span: float) -> float:
     return gamma  # type: ignore[no-any-return]
 
 
-def push(points: Points, boundary: Any, dt: float) -> None:
+def push(points: Points, boundary: Records, dt: float) -> None:
     """Add the velocity change dt M^-1 N lambda by the contact forces."""
     for i in range(points.law.size):
         law, multiplier = points.law[i], points.state[i].multiplier

@@ -170,7 +170,7 @@ def constant_accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Flo
     a[:] = system[0]
 
 
-def no_internal_forces(system: Any, stage: int, u: Floats, f: Floats) -> None:
+def no_internal_forces(system: object, stage: int, u: Floats, f: Floats) -> None:
     """Set `f` to zero: the internal forces of points that nothing holds together."""
     f[:] = 0.0
 
@@ -199,11 +199,11 @@ def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
     """
     stages_used = []
 
-    def accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+    def accelerations(system: object, stage: int, u: Floats, v: Floats, a: Floats) -> None:
         stages_used.append(stage)
         constant_accelerations(system, stage, u, v, a)
 
-    def internal(system: Any, stage: int, u: Floats, f: Floats) -> None:
+    def internal(system: object, stage: int, u: Floats, f: Floats) -> None:
         stages_used.append(stage)
         no_internal_forces(system, stage, u, f)
 

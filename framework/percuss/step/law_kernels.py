@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.compiler.record_arrays import Records
 from percuss.contact.points import STATE, Points
 from percuss.methods.interfaces import Trial
 from percuss.step.actions import LAWS, Action
@@ -25,9 +26,9 @@ class KernelLaw(NamedTuple):
     first: int  # number of its first point
     pushed: int  # 1 if its kernel uses the coupling and other laws act on its ends
     first_other: Integers  # (its points + 1,) index of the first entry of S of each point
-    others: Any  # percuss.contact.points.OTHER
-    states: Any  # percuss.contact.points.STATE, of all points
-    now: Any  # percuss.step.records.NOW
+    others: Records  # percuss.contact.points.OTHER
+    states: Records  # percuss.contact.points.STATE, of all points
+    now: Records  # percuss.step.records.NOW
 
 
 def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from percuss.compiler.record_arrays import Records, Row
+
 if TYPE_CHECKING:
     from percuss.step.records import Loads
 
 
-def push_by_loads(loads: Loads, boundary: Any, now: Any) -> None:
+def push_by_loads(loads: Loads, boundary: Records, now: Row) -> None:
     """Add the velocity change by forces on single nodes."""
     for i in range(boundary.size):
         boundary[i].load = 0.0
@@ -22,7 +24,7 @@ def push_by_loads(loads: Loads, boundary: Any, now: Any) -> None:
             q.new_v += scale * loads.axes[nodal_force.axis + d]
 
 
-def hold(loads: Loads, boundary: Any, total: Any, now: Any) -> float:
+def hold(loads: Loads, boundary: Records, total: Row, now: Row) -> float:
     """Set the velocities prescribed by supports and drives, add up their reactions and return the work of these.
 
     Contact forces are not known yet; `react_to_contact` adds the reactions to them.
@@ -45,7 +47,7 @@ def hold(loads: Loads, boundary: Any, total: Any, now: Any) -> float:
     return 0.5 * now.dt * work  # type: ignore[no-any-return]
 
 
-def react_to_contact(loads: Loads, states: Any, boundary: Any, now: Any) -> float:
+def react_to_contact(loads: Loads, states: Records, boundary: Records, now: Row) -> float:
     """Add the reactions of supports and drives to the contact forces on their nodes; return their work."""
     work = 0.0
     for i in range(loads.shares.size):
@@ -60,7 +62,7 @@ def react_to_contact(loads: Loads, states: Any, boundary: Any, now: Any) -> floa
     return 0.5 * now.dt * work  # type: ignore[no-any-return]
 
 
-def work_along(forces: Any, loads: Loads, boundary: Any, now: Any) -> float:
+def work_along(forces: Any, loads: Loads, boundary: Records, now: Row) -> float:
     """Return the work of forces on single nodes, which is force times (u_{n+1} - u_{n-1}) / 2.
 
     `forces` are the records of forces that have a place, an axis and a column of the amplitudes.
@@ -74,7 +76,7 @@ def work_along(forces: Any, loads: Loads, boundary: Any, now: Any) -> float:
     return 0.5 * now.dt * work  # type: ignore[no-any-return]
 
 
-def work_on_bodies(loads: Loads, boundary: Any, now: Any) -> float:
+def work_on_bodies(loads: Loads, boundary: Records, now: Row) -> float:
     """Return the work of loads on whole bodies, and update the momenta of the bodies."""
     if loads.momentum.size == 0:
         return 0.0

@@ -7,8 +7,9 @@ contact laws, and the optional parts of a step, are actions at its places (`perc
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from percuss.compiler.record_arrays import Records
 from percuss.step.account import account
 from percuss.step.actions import (
     AFTER_CONTACT,
@@ -81,7 +82,7 @@ def make_step(step: Step, n: int, u: Floats, v: Floats) -> bool:
     return account(step, work + total.work_of_parts, n, u, v) and sound and now.solved == 1
 
 
-def keep(boundary: Any, u: Floats, v: Floats) -> None:
+def keep(boundary: Records, u: Floats, v: Floats) -> None:
     """Keep displacement and velocity of the boundary degrees of freedom before the step, as `old_u` and `old_v`."""
     for i in range(boundary.size):
         q = boundary[i]
@@ -89,7 +90,7 @@ def keep(boundary: Any, u: Floats, v: Floats) -> None:
         q.old_v = v[q.dof]
 
 
-def take(boundary: Any, v: Floats) -> None:
+def take(boundary: Records, v: Floats) -> None:
     """Take the velocities of the boundary degrees of freedom after the bulk update."""
     for i in range(boundary.size):
         q = boundary[i]
@@ -98,7 +99,7 @@ def take(boundary: Any, v: Floats) -> None:
         q.new_v = q.bulk_v
 
 
-def put_back(boundary: Any, u: Floats, v: Floats, dt: float) -> None:
+def put_back(boundary: Records, u: Floats, v: Floats, dt: float) -> None:
     """Write the corrected velocities to the global array, and the displacements u_{n+1} = u_n + dt v_{n+1/2}."""
     for i in range(boundary.size):
         q = boundary[i]

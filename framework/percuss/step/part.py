@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Generic, Self, TypeVar
 
 if TYPE_CHECKING:
     from percuss.contact.contact_rows import Side
     from percuss.contact.model_arrays import ModelArrays
     from percuss.contact.state_variables import StateVariables
-    from percuss.methods.interfaces import Floats, Integers
+    from percuss.methods.interfaces import Array, Floats, Integers
     from percuss.step.actions import Action
     from percuss.step.record import Record
     from percuss.step.records import Step
@@ -93,7 +93,7 @@ class Part(Generic[Data]):
         """Return an action of the bodies as it is with this part, None if the part acts in its place."""
         return action
 
-    def changing_arrays(self) -> list[Any]:
+    def changing_arrays(self) -> list[Array]:
         """Return the arrays that a step changes, without those of the step itself."""
         return []
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.compiler.record_arrays import Records
 from percuss.contact.points import Points
 
 if TYPE_CHECKING:
@@ -90,9 +91,9 @@ TOTAL = np.dtype(
 class Loads(NamedTuple):
     """Supports, drives and loads on nodes and bodies, and their amplitudes in the present step."""
 
-    constraints: Any  # CONSTRAINT
-    shares: Any  # SHARE
-    nodal_forces: Any  # NODAL_FORCE
+    constraints: Records  # CONSTRAINT
+    shares: Records  # SHARE
+    nodal_forces: Records  # NODAL_FORCE
     axes: Floats  # directions of the constraints, then the nodal forces at amplitude 1, then directions of followers
     amplitudes: Floats  # (columns,) of the forces, the prescribed velocities, then the acceleration of each body
     accelerations: Floats  # (bodies * dim,) the last of these
@@ -103,9 +104,9 @@ class Loads(NamedTuple):
 class Step(NamedTuple):
     """What the steps of one stretch of a run work on; another stretch has other supports, drives or laws."""
 
-    boundary: Any  # BOUNDARY_DOF
+    boundary: Records  # BOUNDARY_DOF
     points: Points
     loads: Loads
-    totals: Any  # TOTAL
-    now: Any  # NOW
+    totals: Records  # TOTAL
+    now: Records  # NOW
     actions: Any  # of each place, as `percuss.step.actions.perform` performs them

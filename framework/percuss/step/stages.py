@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.compiler.marks import called
+from percuss.compiler.record_arrays import Records, Row
 from percuss.methods.slots import accelerations
 from percuss.step.account import account
 from percuss.step.actions import (
@@ -47,7 +48,7 @@ class System(NamedTuple):
     step: Step  # with all constraints of the model, active or not
     mass: Floats  # (nodes * dim,) nodal masses
     inverse_mass: Floats  # (nodes * dim,)
-    body_forces: Any  # BODY_FORCE
+    body_forces: Records  # BODY_FORCE
     body_force_axes: Floats  # accelerations of the bodies at amplitude 1
     active_constraints: Integers  # (constraints,) 1 if the constraint is active, else 0
     responses: Floats  # (stages, points) w of each point
@@ -67,7 +68,7 @@ class StageAmplitudes(NamedTuple):
 
 
 @called
-def take_step(numbers: Any, system: System, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
+def take_step(numbers: object, system: System, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
     """Make one step of the integrator (slot for its kernel)."""
     raise NotImplementedError
 
@@ -146,7 +147,7 @@ def internal_accelerations(system: System, stage: int, u: Floats, f: Floats) -> 
 
 
 @called
-def component_along(constraint: Any, boundary: Any, axes: Floats, values: Floats, dim: int) -> float:
+def component_along(constraint: Row, boundary: Records, axes: Floats, values: Floats, dim: int) -> float:
     """Return the component of a nodal quantity along a constraint."""
     total = 0.0
     for d in range(dim):
@@ -155,7 +156,7 @@ def component_along(constraint: Any, boundary: Any, axes: Floats, values: Floats
 
 
 @called
-def add_along(constraint: Any, boundary: Any, axes: Floats, values: Floats, increment: float, dim: int) -> None:
+def add_along(constraint: Row, boundary: Records, axes: Floats, values: Floats, increment: float, dim: int) -> None:
     """Add an increment along a constraint to a nodal quantity."""
     for d in range(dim):
         values[boundary[constraint.place + d].dof] += increment * axes[constraint.axis + d]
@@ -301,7 +302,7 @@ def prepare_step(system: System, amplitudes: StageAmplitudes, s: int, n: int, u:
 
 
 @called
-def momentum(system: System, body_force: Any, v: Floats) -> float:
+def momentum(system: System, body_force: Row, v: Floats) -> float:
     """Return the scalar product of a body force's acceleration at amplitude 1 and the momentum of its nodes."""
     total = 0.0
     dim = system.step.now[0].dim

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.compiler.marks import fused
-from percuss.compiler.record_arrays import record_array
+from percuss.compiler.record_arrays import Records, record_array
 from percuss.methods.blame import is_third_party
 
 if TYPE_CHECKING:
@@ -40,8 +40,8 @@ UNIFORM_BAR = np.dtype(
 class UniformRows(NamedTuple):
     """All bodies of a model that has nothing but bars of equal elements."""
 
-    bars: Any  # UNIFORM_BAR
-    totals: Any  # percuss.step.records.TOTAL
+    bars: Records  # UNIFORM_BAR
+    totals: Records  # percuss.step.records.TOTAL
     dt: float
 
 

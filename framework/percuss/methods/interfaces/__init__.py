@@ -13,6 +13,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from percuss.methods.interfaces.base import (
     NAME_PATTERN,
     AllowInf,
+    Array,
     Component,
     DataFile,
     Doc,

@@ -15,6 +15,7 @@ from percuss.jsonable import Data, Entries
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Array = NDArray[Any]  # of numbers or records of any kind
 
 NAME_PATTERN = re.compile(r"[A-Za-z][\w-]*")
 

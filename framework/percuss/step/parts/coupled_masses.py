@@ -8,11 +8,11 @@ are left as they are. What acts on an end moves the nodes beside it too: `carry_
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.record_arrays import record_array
+from percuss.compiler.record_arrays import Records, record_array
 from percuss.mesh.coupled_masses import arrays_for_the_loop
 from percuss.step.actions import (
     AFTER_FORCES,
@@ -51,9 +51,9 @@ class Coupling(NamedTuple):
     before: Floats  # (nodes * dim,) displacements before the step
     change: Floats  # (nodes * dim,) change of the velocities that nodal masses alone would give
     mass: Floats  # (nodes * dim,) nodal masses
-    neighbours: Any  # NEIGHBOUR
-    boundary: Any  # percuss.step.records.BOUNDARY_DOF
-    totals: Any  # percuss.step.records.TOTAL
+    neighbours: Records  # NEIGHBOUR
+    boundary: Records  # percuss.step.records.BOUNDARY_DOF
+    totals: Records  # percuss.step.records.TOTAL
     dim: int
     dt: float
     sums_work: bool  # whether the internal work is summed up

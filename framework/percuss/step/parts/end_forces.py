@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.record_arrays import record_array
+from percuss.compiler.record_arrays import Records, Row, record_array
 from percuss.contact.bound_law import OF_END_FORCE
 from percuss.contact.contact_rows import Side
 from percuss.contact.points import BY_CURRENT, BY_PART, NEVER, NOTHING, Points
@@ -63,11 +63,11 @@ END_FORCE_ENTRY = np.dtype(
 class EndForces(NamedTuple):
     """All contact points whose law sees or pushes more than the gap."""
 
-    of_points: Any  # END_FORCE
-    rows: Any  # END_FORCE_ENTRY
+    of_points: Records  # END_FORCE
+    rows: Records  # END_FORCE_ENTRY
     points: Points
-    boundary: Any  # percuss.step.records.BOUNDARY_DOF
-    totals: Any  # percuss.step.records.TOTAL
+    boundary: Records  # percuss.step.records.BOUNDARY_DOF
+    totals: Records  # percuss.step.records.TOTAL
     dt: float
 
 
@@ -81,8 +81,8 @@ class EndForcesOfLaws(Part[EndForces]):
         if not found:
             return None
         step, law = setting.step, setting.step.points.law
-        records: list[tuple[Any, ...]] = []
-        entries: list[tuple[Any, ...]] = []
+        records: list[tuple[object, ...]] = []
+        entries: list[tuple[object, ...]] = []
         for number, point in enumerate(setting.order):
             if point not in found:
                 continue
@@ -136,7 +136,7 @@ def soften_end_elements(data: EndForces, n: int, u: Floats, v: Floats, a: Floats
                 boundary[rows[k].place].new_v += data.dt * rows[k].response * force
 
 
-def softening(law: Any, e: Any) -> float:
+def softening(law: Row, e: Row) -> float:
     """Return the factor of Sigma Sigma^T that a point takes from the stiffness; 0 while its law does not act."""
     return 0.0 if law.always == NEVER else e.softens
 

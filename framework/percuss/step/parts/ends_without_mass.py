@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.record_arrays import record_array
+from percuss.compiler.record_arrays import Records, record_array
 from percuss.contact.contact_rows import law_records
 from percuss.contact.points import BY_CURRENT, BY_END, FROM_PART, NOTHING, Points
 from percuss.errors import Problem, RefusedPair
@@ -43,12 +43,12 @@ END_WITHOUT_MASS = np.dtype(
 class Balance(NamedTuple):
     """All ends without mass, and the multipliers that they know already."""
 
-    ends: Any  # END_WITHOUT_MASS
+    ends: Records  # END_WITHOUT_MASS
     coming: Floats  # (P,) multiplier of the next step of each point
     points: Points
-    boundary: Any  # percuss.step.records.BOUNDARY_DOF
-    totals: Any  # percuss.step.records.TOTAL
-    now: Any  # percuss.step.records.NOW
+    boundary: Records  # percuss.step.records.BOUNDARY_DOF
+    totals: Records  # percuss.step.records.TOTAL
+    now: Records  # percuss.step.records.NOW
 
 
 class EndsWithoutMass(Part[Balance]):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.record_arrays import record_array
+from percuss.compiler.record_arrays import Records, Row, record_array
 from percuss.methods.slots import follow
 from percuss.step.actions import AFTER_STEP, BEFORE_SUPPORTS, LOADS_OF_A_STAGE, Action
 from percuss.step.loads import work_along
@@ -42,11 +42,11 @@ ROUND_OFF = 1e-15
 class Following(NamedTuple):
     """All loads of a run that follow the motion of an end."""
 
-    followers: Any  # FOLLOWER
-    boundary: Any  # percuss.step.records.BOUNDARY_DOF
+    followers: Records  # FOLLOWER
+    boundary: Records  # percuss.step.records.BOUNDARY_DOF
     loads: Loads
-    totals: Any  # percuss.step.records.TOTAL
-    now: Any  # percuss.step.records.NOW
+    totals: Records  # percuss.step.records.TOTAL
+    now: Records  # percuss.step.records.NOW
     velocities: Floats  # (stages,) c, as in `percuss.methods.interfaces.Stages`
 
 
@@ -55,7 +55,7 @@ class FollowingLoad(NamedTuple):
 
     numbers: tuple[float, ...]
     followers: Any  # FOLLOWER, a single record
-    now: Any  # percuss.step.records.NOW
+    now: Records  # percuss.step.records.NOW
 
 
 class Followers(Part[Following]):
@@ -191,14 +191,14 @@ def find_force(load: FollowingLoad, n: int, u: Floats, v: Floats, a: Floats) -> 
     follower.force = force_of(load.numbers, clock, follower)
 
 
-def residual(numbers: Any, clock: float, follower: Any, force: float) -> float:
+def residual(numbers: object, clock: float, follower: Row, force: float) -> float:
     """Return the force of the kernel at the velocity that `force` causes, minus `force`."""
     velocity = follower.velocity + follower.response * force
     wanted: float = follower.share * follow(numbers, clock, follower.displacement, velocity) - force
     return wanted
 
 
-def force_of(numbers: Any, clock: float, follower: Any) -> float:
+def force_of(numbers: object, clock: float, follower: Row) -> float:
     """Return the force that is that of the kernel at the velocity that the force itself causes; nan if none is found.
 
     A force that does not grow with the velocity lies between zero and that of the velocity without it, so that

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
+from percuss.compiler.record_arrays import Records
 from percuss.step.actions import AFTER_STEP, Action
 from percuss.step.bulk import Bulk, add_internal_work, advance_block, power
 from percuss.step.part import Part, Setting
@@ -20,9 +21,9 @@ if TYPE_CHECKING:
 class OnBoundary(NamedTuple):
     """What the work of the internal forces on the boundary is computed from."""
 
-    boundary: Any  # percuss.step.records.BOUNDARY_DOF
+    boundary: Records  # percuss.step.records.BOUNDARY_DOF
     accelerations: Floats  # (bodies * dim,) by loads on whole bodies
-    totals: Any  # percuss.step.records.TOTAL
+    totals: Records  # percuss.step.records.TOTAL
     dt: float
 
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from percuss.compiler.marks import called
+from percuss.compiler.record_arrays import Records
 from percuss.step.actions import AFTER_STRAIN_ENERGY, BEFORE_STRAIN_ENERGY, SNAPSHOT, Action
 from percuss.step.bulk import (
     Bulk,
@@ -36,8 +37,8 @@ class Ahead(NamedTuple):
     of_field: Integers  # of each recorded degree of freedom, 1 on the boundary
     field: Floats  # recorded displacements, `percuss.step.record.Record.field`
     field_dof: Integers
-    boundary: Any  # percuss.step.records.BOUNDARY_DOF
-    now: Any  # percuss.step.records.NOW
+    boundary: Records  # percuss.step.records.BOUNDARY_DOF
+    now: Records  # percuss.step.records.NOW
 
 
 class OfBlock(NamedTuple):

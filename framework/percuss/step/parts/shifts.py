@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
+from percuss.compiler.record_arrays import Records
 from percuss.contact.points import Points
 from percuss.step.actions import AFTER_CONTACT, AFTER_STEP, AFTER_STRAIN_ENERGY, BEFORE_STRAIN_ENERGY, Action
 from percuss.step.part import Part, Setting
@@ -24,10 +25,10 @@ class Shifting(NamedTuple):
     before: Floats  # the same after the step before
     speed: Floats  # work space: velocity of each boundary degree of freedom
     points: Points
-    boundary: Any  # percuss.step.records.BOUNDARY_DOF
+    boundary: Records  # percuss.step.records.BOUNDARY_DOF
     loads: Loads
-    totals: Any  # percuss.step.records.TOTAL
-    now: Any  # percuss.step.records.NOW
+    totals: Records  # percuss.step.records.TOTAL
+    now: Records  # percuss.step.records.NOW
     sums_work: bool  # whether the internal work is summed up
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
+from percuss.compiler.record_arrays import Records
 from percuss.step.actions import AFTER_STEP, BEFORE_ACCOUNT, RECORD, SNAPSHOT, STRAIN_ENERGY, Action
 from percuss.step.part import Part, Setting
 
@@ -27,8 +28,8 @@ class Remembered(NamedTuple):
     of_laws: Floats  # (R, variables of the laws) recorded
     of_elements: Floats  # (F, variables of the recorded elements)
     recorded: Integers  # indices of the latter
-    totals: Any  # percuss.step.records.TOTAL
-    now: Any  # percuss.step.records.NOW
+    totals: Records  # percuss.step.records.TOTAL
+    now: Records  # percuss.step.records.NOW
 
 
 class StateVariablesKept(Part[Remembered]):
