@@ -12,12 +12,13 @@ import json
 import os
 import socket
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
 from percuss.errors import InputError, Problem, wrong_input
+from percuss.jsonable import Data
 
 WAIT_SECONDS = 0.02  # between two attempts to get a lock
 
@@ -31,7 +32,7 @@ class BusyError(InputError):
         Description of that process, from the lock file; empty if it cannot be read.
     """
 
-    def __init__(self, path: Path, holder: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, holder: Data) -> None:
         self.holder = dict(holder)
         writer = f"process {holder.get('process', 'unknown')} on {holder.get('machine', 'an unknown machine')}"
         since = f", since {holder['since']}" if "since" in holder else ""
@@ -54,7 +55,7 @@ class NotWritableError(InputError):
 
 
 @contextmanager
-def locked(path: Path, about: Mapping[str, Any]) -> Iterator[None]:
+def locked(path: Path, about: Data) -> Iterator[None]:
     """Hold the lock on a file.
 
     Parameters

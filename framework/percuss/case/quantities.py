@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from percuss.files import PACKAGE
+from percuss.jsonable import Data, Entries
 
 
 def percent(value: float | None, digits: int = 3) -> str:
@@ -88,7 +89,7 @@ class Quantity:
         """Whether the number compares the run with the exact solution of its case."""
         return self.path.startswith("exact.")
 
-    def of_contact(self, contact: Mapping[str, Any]) -> Any:
+    def of_contact(self, contact: Data) -> Any:
         """Return the number from the entry of one contact in a summary; None if the entry lacks it."""
         return next(values_at(contact, self.path.partition("*.")[2]), None)
 
@@ -174,7 +175,7 @@ def values_at(entry: Any, path: str) -> Iterator[Any]:
             yield from values_at(entry.get(name), rest) if rest else [entry.get(name)]
 
 
-def name_schema(labels: Mapping[str, str]) -> dict[str, Any]:
+def name_schema(labels: Mapping[str, str]) -> Entries:
     """Return the JSON schema of a name of a quantity, or of a dotted path into the summary of a run.
 
     Parameters

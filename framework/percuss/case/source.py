@@ -17,6 +17,7 @@ from percuss.case.hints import file_advice
 from percuss.case.yaml_text import MAX_DEPTH, KeyPath, Mark, Mistake, NotPlainError, compose, dotted, flow
 from percuss.errors import InputError, Problem, shortened, wrong_input
 from percuss.files import found_instead, is_folder
+from percuss.jsonable import Data
 
 EXCERPT_WIDTH = 120
 MAX_BYTES = 10_000_000  # of a file
@@ -152,7 +153,7 @@ class Source:
         return Source(name, text, data, marks, aliases, folder=folder)
 
     @staticmethod
-    def of(mapping: Mapping[str, Any], folder: Path = Path()) -> Source:
+    def of(mapping: Data, folder: Path = Path()) -> Source:
         """Return a mapping given in Python as a source; lists become tuples.
 
         Raises

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import yaml
 
+from percuss.jsonable import Entries
 from percuss.methods.interfaces import NAME_PATTERN
 
 KeyPath = tuple[str | int, ...]
@@ -243,8 +244,8 @@ class _Document:
         """Return the place of the node, or of the alias in its stead."""
         return next(self.alias_positions) if id(node) in self.nodes else _position(node)
 
-    def mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
-        data: dict[str, Any] = {}
+    def mapping(self, node: yaml.MappingNode, path: KeyPath) -> Entries:
+        data: Entries = {}
         lines: dict[str, int] = {}
         for key_node, value_node in node.value:
             position = self.place(key_node)

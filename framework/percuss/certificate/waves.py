@@ -17,6 +17,7 @@ from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import unlike_plain_bars
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.errors import InputError, PercussError, Problem, suggestion
+from percuss.jsonable import Entries
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -52,7 +53,7 @@ class Waves:
     formula: Any
     reason: str
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Entries]:
         """Return one dictionary for each frequency, with moduli and the phase of the transmission."""
         return [
             {

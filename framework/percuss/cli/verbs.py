@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from percuss.case.arguments import expect_files, expect_suffix, wrong_argument
 from percuss.case.case import Case, expect_case
 from percuss.files import expect_writable
+from percuss.jsonable import Entries
 from percuss.methods.registry import Registry
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ def plugins(name: str = "", files: Sequence[str | Path] = ()) -> Explanation:
     return component.Explanation(text, {"components": [component.component_data(registry, *key) for key in keys]})
 
 
-def schema(*, study: bool = False, files: Sequence[str | Path] = ()) -> dict[str, Any]:
+def schema(*, study: bool = False, files: Sequence[str | Path] = ()) -> Entries:
     """Return the JSON schema of a case, with which an editor completes and checks it.
 
     Parameters

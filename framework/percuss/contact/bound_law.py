@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from percuss.jsonable import Entries
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LinearLaw
 from percuss.methods.kernel_trial import kernel_of, try_kernel
@@ -147,7 +148,7 @@ def broadcast(linear_law: LinearLaw, points: ContactPoints, law: ContactLaw) -> 
     if not finite.all():
         raise breach(law, "bind", f"LinearLaw.{COEFFICIENTS[int(np.argmin(finite))]} is not finite")
     values.flags.writeable = False
-    coefficients: dict[str, Any] = dict(zip(COEFFICIENTS, values, strict=True))
+    coefficients: Entries = dict(zip(COEFFICIENTS, values, strict=True))
     if (coefficients["sigma"] < 0).any():
         raise breach(law, "bind", "LinearLaw.sigma is negative, expected a compliance of at least 0")
     for field, allowed in (

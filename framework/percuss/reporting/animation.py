@@ -12,6 +12,7 @@ from percuss.case.arguments import expect_suffix
 from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.errors import InputError, PercussError, Problem
 from percuss.files import replacing
+from percuss.jsonable import Entries
 from percuss.reporting.figures import (
     ALARM,
     COLOURS,
@@ -165,7 +166,7 @@ def _stress_lines(axes: Axes, result: Result) -> Callable[[int], None]:
 def _force_lines(axes: Axes, result: Result) -> Any:
     """Draw the forces of the first contacts over time, and return the line that marks a moment."""
     names = result.coordinates["contact"][:OVERLAY]
-    entries: dict[str, Any] = {}
+    entries: Entries = {}
     for k, name in enumerate(names):
         force = thinned(result.arrays["time"], result.arrays["contact_force"][:, k])
         (entries[name],) = axes.plot(*force, color=COLOURS[k], linestyle=DASHES[k])

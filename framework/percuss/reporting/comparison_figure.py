@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss.case.quantities import QUANTITIES, with_unit
+from percuss.jsonable import Data, Entries
 from percuss.reporting.figures import (
     ALARM,
     COLOURS,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from percuss.results.result import Result
 
 
-def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+def comparison_figure(rows: Sequence[Data]) -> Figure:
     """Return a figure of the contact forces of several runs of one case, overlaid or, for more than six, in panels.
 
     Parameters
@@ -62,7 +63,7 @@ def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
         elif apart:
             _small_panels(list(panels), runs)
         else:
-            entries: dict[str, Any] = {}
+            entries: Entries = {}
             for axes, name in zip(panels, names or [""], strict=False):
                 entries |= _overlay_runs(axes, runs, name, alone=len(names) < 2)
             if entries:
@@ -76,12 +77,12 @@ def _run_label(label: str, result: Result) -> str:
     return label if result.status == "done" else f"{label}: {result.status} at {number(stopped_at(result))}"
 
 
-def _overlay_runs(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, alone: bool) -> dict[str, Any]:
+def _overlay_runs(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, alone: bool) -> Entries:
     """Draw the force of one contact in every run, and return the legend entries.
 
     Later runs have thinner lines, so that equal forces can be seen below each other.
     """
-    entries: dict[str, Any] = {}
+    entries: Entries = {}
     for k, (label, result) in enumerate(runs):
         if name not in result.coordinates["contact"]:
             continue
@@ -127,7 +128,7 @@ def _mark_stop(axes: Axes, result: Result) -> None:
 
 def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) -> None:
     """Draw a small panel for each run, with the other runs behind it in grey."""
-    entries: dict[str, Any] = {}
+    entries: Entries = {}
     for k, (axes, (label, result)) in enumerate(zip(panels, runs, strict=False)):
         for _, other in runs:
             for force in other.arrays["contact_force"].T:

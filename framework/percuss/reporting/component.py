@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from percuss import version
 from percuss.case.json_schema import schema_of
@@ -17,6 +17,7 @@ from percuss.case.options import Option, options_of
 from percuss.case.type_words import describe, fact
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, printable, suggestion
+from percuss.jsonable import Entries
 from percuss.methods.admission import OLDEST, OLDEST_OF
 from percuss.methods.interfaces import FAMILIES, AllowInf, Component
 
@@ -42,7 +43,7 @@ class Explanation:
     """The text that explains a case, a component or a registry, and the same as plain data; it shows as its text."""
 
     text: str
-    data: dict[str, Any]
+    data: Entries
 
     def __repr__(self) -> str:
         return printable(self.text)
@@ -92,7 +93,7 @@ def components_named(registry: Registry, name: str, place: str) -> list[tuple[st
     return keys
 
 
-def component_data(registry: Registry, family: str, name: str) -> dict[str, Any]:
+def component_data(registry: Registry, family: str, name: str) -> Entries:
     """Return the full description of a component in the types of JSON."""
     from percuss.jsonable import plain
 
@@ -115,7 +116,7 @@ def component_data(registry: Registry, family: str, name: str) -> dict[str, Any]
     )
 
 
-def _origin(registry: Registry, family: str, name: str) -> dict[str, Any]:
+def _origin(registry: Registry, family: str, name: str) -> Entries:
     """Return what a component is in one line, and where it comes from."""
     component, source = registry.get(family, name), registry.sources[family, name]
     return {
@@ -130,7 +131,7 @@ def _origin(registry: Registry, family: str, name: str) -> dict[str, Any]:
     }
 
 
-def _option(option: Option) -> dict[str, Any]:
+def _option(option: Option) -> Entries:
     """Return an option in the types of JSON, with the expected values in words."""
     infinite = ", may be .inf" if fact(option.annotation, AllowInf) is not None else ""
     return {
@@ -143,7 +144,7 @@ def _option(option: Option) -> dict[str, Any]:
     }
 
 
-def _facts(component: type[Component]) -> dict[str, Any]:
+def _facts(component: type[Component]) -> Entries:
     """Return the class facts that the family's contract names and the component declares or inherits, by name."""
     names = [*FAMILIES[component.family].__annotations__, *Component.__annotations__]
     values = {name: getattr(component, name) for name in names if name not in ELSEWHERE and hasattr(component, name)}
@@ -234,7 +235,7 @@ def _region(component: type[Component]) -> str:
     return "" if getattr(component, "everywhere", False) else ', "on": short.left'
 
 
-def registry_data(registry: Registry) -> dict[str, Any]:
+def registry_data(registry: Registry) -> Entries:
     """Return all components and all plug-ins that are not usable, in the types of JSON."""
     return {
         "percuss": version.__version__,

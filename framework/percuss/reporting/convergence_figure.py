@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from percuss.case.quantities import QUANTITIES, TRUE_ERRORS
+from percuss.jsonable import Data, Entries
 from percuss.reporting.figures import SOFT, legend_below, new_figure, percent_axis, tick_text, write_reason
 from percuss.reporting.study_charts import line_style
 from percuss.reporting.study_figures import marked_line
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
+def convergence_figure(fitted: list[Entries], title: str) -> Figure:
     """Return a figure of errors over mesh refinement on logarithmic axes, with a panel per error and a line per fit."""
     subject = "errors against the exact solution; the order is the slope of a line through all points"
     with new_figure(12.8, 9.0, title, [subject]) as figure:
@@ -34,7 +35,7 @@ def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, fitted: Sequence[Mapping[str, Any]], styles: Sequence[Mapping[str, Any]], name: str) -> None:
+def _panel(axes: Axes, fitted: Sequence[Data], styles: Sequence[Data], name: str) -> None:
     """Draw one error of all fits, with the observed orders and a triangle of a slope near that of the best line."""
     axes.set_ylabel(QUANTITIES[name].label)
     drawn: list[float] = []
@@ -73,6 +74,6 @@ def _triangle(axes: Axes, points: Sequence[tuple[float, float]], order: float) -
         axes.annotate(text, place, off, textcoords="offset points", ha=across, va=up, size=9, color=SOFT)
 
 
-def _label(fit: Mapping[str, Any]) -> str:
+def _label(fit: Data) -> str:
     """Return the label of a line: the pair of methods, and other varied values."""
     return label_of(fit["integrator"], fit["contact"], {path: value for path, value in fit.items() if "." in path})

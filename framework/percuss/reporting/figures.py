@@ -7,7 +7,7 @@ import math
 import os
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +18,7 @@ import numpy as np
 from percuss.case.arguments import expect_suffix
 from percuss.errors import PercussError, printable
 from percuss.files import PACKAGE, replacing
+from percuss.jsonable import Data, Entries
 from percuss.results.ledger import open_accounts
 
 if TYPE_CHECKING:
@@ -172,7 +173,7 @@ def write_reason(axes: Axes, text: str) -> None:
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=SOFT, parse_math=False)
 
 
-def legend(axes: Axes, entries: Mapping[str, Any], *, room: int = 76, up: float = 1.0) -> None:
+def legend(axes: Axes, entries: Data, *, room: int = 76, up: float = 1.0) -> None:
     """Put a legend above a panel, where it hides no data, in as many columns as `room` letters allow.
 
     The labels are texts of the user and are never read as mathematical text.
@@ -185,7 +186,7 @@ def legend(axes: Axes, entries: Mapping[str, Any], *, room: int = 76, up: float 
     _add_legend(axes, entries, loc="lower left", bbox_to_anchor=(0, up), ncols=len(columns), borderaxespad=0.2)
 
 
-def legend_below(figure: Figure, entries: dict[str, Any], *, beside: bool = False) -> None:
+def legend_below(figure: Figure, entries: Entries, *, beside: bool = False) -> None:
     """Put one legend below or beside all panels; names are texts of the user and never read as mathematical text."""
     if not entries:
         return
@@ -195,7 +196,7 @@ def legend_below(figure: Figure, entries: dict[str, Any], *, beside: bool = Fals
     _add_legend(figure, entries, loc=place, ncols=columns, fontsize=8.5 if beside else None)
 
 
-def _add_legend(owner: Any, entries: Mapping[str, Any], **options: Any) -> None:
+def _add_legend(owner: Any, entries: Data, **options: Any) -> None:
     """Add a legend to a panel or a figure."""
     # The space keeps matplotlib from dropping a label that begins with an underscore.
     box = owner.legend(list(entries.values()), [f" {one_line(label)}" for label in entries], **options)
@@ -297,7 +298,7 @@ def check_suffix(path: str | os.PathLike[str]) -> None:
 
 def picture(figure: Figure, kind: str) -> bytes:
     """Return a figure as the bytes of a png, svg or pdf file; the same figure gives the same bytes."""
-    stamps: dict[str, dict[str, Any]] = {
+    stamps: dict[str, Entries] = {
         "png": {"Software": None},
         "svg": {"Date": None, "Creator": "percuss"},
         "pdf": {"CreationDate": None, "Creator": "percuss", "Producer": None},
@@ -356,7 +357,7 @@ def hatch_after_stop(axes: Axes, result: Result, until: float, *, word: bool = T
     middle = 0.5 * (stopped + until)
     anchor = (0.5, middle) if upwards else (middle, 0.5)
     frame = axes.get_yaxis_transform() if upwards else axes.get_xaxis_transform()
-    style: dict[str, Any] = {"rotation": 0 if upwards else 90, "ha": "center", "va": "center", "color": ALARM}
+    style: Entries = {"rotation": 0 if upwards else 90, "ha": "center", "va": "center", "color": ALARM}
     axes.text(*anchor, f"{result.status}: not computed", transform=frame, bbox=PAPER, **style)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.case.quantities import QUANTITIES, with_unit
+from percuss.jsonable import Entries
 from percuss.reporting.figures import (
     COLOURS,
     FAINT,
@@ -97,7 +98,7 @@ def forces(panels: Sequence[Axes], result: Result) -> None:
         write_reason(panels[0], "This case has no contact.")
         return
     label = "computed" if "resolved" in result.provenance else "exact"
-    entries: dict[str, Any] = {}
+    entries: Entries = {}
     for k, (axes, name) in enumerate(zip(panels, names, strict=False)):
         (entries[label],) = axes.plot(*thinned(time, result.arrays["contact_force"][:, k]), color=COLOURS[0])
         axes.set_ylabel(with_unit(QUANTITIES["contact_force"].label, "force", result.units), parse_math=False)
@@ -107,9 +108,9 @@ def forces(panels: Sequence[Axes], result: Result) -> None:
     legend(panels[0], entries, room=max(30, 74 - len(names[0])))
 
 
-def draw_references(axes: Axes, result: Result, names: Sequence[str]) -> dict[str, Any]:
+def draw_references(axes: Axes, result: Result, names: Sequence[str]) -> Entries:
     """Draw the exact histories and the expected values of contacts, and return their legend entries."""
-    entries: dict[str, Any] = {}
+    entries: Entries = {}
     exact = getattr(result, "exact_histories", None) or {}
     for name in names:
         if name in exact:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.case.quantities import with_unit
+from percuss.jsonable import Data, Entries
 from percuss.reporting.figures import INK, hatch_after_stop, legend, powers, stopped_at, write_reason
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ class _Strip(NamedTuple):
     ends: Any
 
 
-def strips_of(fields: Mapping[str, Any], ends: Mapping[str, Any]) -> tuple[dict[str, _Strip], str]:
+def strips_of(fields: Data, ends: Data) -> tuple[dict[str, _Strip], str]:
     """Return the strip of each body on one common axis, and the label of that axis.
 
     Bodies on one straight line keep their positions along it. Others are laid one after another by their lengths.
@@ -85,7 +86,7 @@ def space_time(axes: Axes, result: Result, until: float) -> None:
     limit = limit if limit > 1e-3 * largest else largest or 1.0
     step = time[1] - time[0] if time.size > 1 else result.summary.get("dt") or until
     rows = np.concatenate([time - 0.5 * step, [time[-1] + 0.5 * step]]).clip(0, max(stopped_at(result), step))
-    style: dict[str, Any] = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit, "rasterized": True}
+    style: Entries = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit, "rasterized": True}
     for strip in strips.values():
         mesh = axes.pcolormesh(strip.edges, rows, np.ma.masked_invalid(stress[:, strip.columns]), **style)
         axes.vlines(strip.edges[[0, -1]], 0, rows[-1], colors="#8a8a8a", linewidth=0.6, zorder=2.5)
@@ -118,7 +119,7 @@ def body_names(axes: Axes, strips: Mapping[str, _Strip]) -> float:
     for name in list(strips)[:: -(-len(strips) // 30)]:
         words = name if len(name) <= 16 or not upright else f"{name[:15]}…"
         anchor = (float(strips[name].edges[[0, -1]].mean()), 1.01)
-        style: dict[str, Any] = {"rotation": turn, "size": 9, "ha": "center", "va": "bottom"}
+        style: Entries = {"rotation": turn, "size": 9, "ha": "center", "va": "bottom"}
         axes.text(*anchor, words, transform=frame, parse_math=False, **style)
         longest = max(longest, len(words))
     return 1.02 + 0.0155 * longest if upright else 1.045

@@ -10,6 +10,7 @@ import numpy as np
 
 from percuss.case.quantities import QUANTITIES
 from percuss.certificate.maps import STEP
+from percuss.jsonable import Entries
 from percuss.reporting.figures import (
     COLOURS,
     DASHES,
@@ -37,7 +38,7 @@ WORDS = {
 }
 
 
-def stability_figure(rows: list[dict[str, Any]], vary: Axis, curves: Axis, title: str, methods: str) -> Figure:
+def stability_figure(rows: list[Entries], vary: Axis, curves: Axis, title: str, methods: str) -> Figure:
     """Return a figure of critical Courant numbers over one varied value as curves, or over two as maps.
 
     Parameters
@@ -60,7 +61,7 @@ def stability_figure(rows: list[dict[str, Any]], vary: Axis, curves: Axis, title
     return figure
 
 
-def _notes_on_omissions(rows: list[dict[str, Any]], vary: Axis, curves: Axis) -> list[str]:
+def _notes_on_omissions(rows: list[Entries], vary: Axis, curves: Axis) -> list[str]:
     """Return notes on parts that are not drawn: points without a number, curves without a map, and further criteria."""
     quantity = _quantity(rows, vary)
     without_number = [row for row in rows if row.get(quantity) is None]
@@ -77,7 +78,7 @@ def _notes_on_omissions(rows: list[dict[str, Any]], vary: Axis, curves: Axis) ->
     return words
 
 
-def _draw_curves(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves: Axis) -> None:
+def _draw_curves(figure: Figure, rows: list[Entries], vary: Axis, curves: Axis) -> None:
     axes = figure.subplots()
     path = next(iter(vary))
     criteria = list(dict.fromkeys(row["by"] for row in rows))
@@ -103,7 +104,7 @@ def _draw_curves(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves:
     axes.legend(fontsize=9, loc="best", ncols=len(criteria))
 
 
-def _draw_maps(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves: Axis) -> None:
+def _draw_maps(figure: Figure, rows: list[Entries], vary: Axis, curves: Axis) -> None:
     first, second = vary
     drawn = dict(list(_by_curve(rows, curves).items())[:MOST_MAPS])
     quantity = _quantity(rows, vary)
@@ -144,16 +145,16 @@ def _draw_maps(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves: A
     figure.colorbar(mesh, ax=list(panels), extend="max" if boundary else "neither", label=WORDS[quantity])
 
 
-def _quantity(rows: list[dict[str, Any]], vary: Axis) -> str:
+def _quantity(rows: list[Entries], vary: Axis) -> str:
     """Return the key of the drawn quantity: the critical Courant number; theta or margin where the step is varied."""
     if not set(STEP) & set(vary):
         return "courant_critical"
     return "theta" if any(row.get("theta") is not None for row in rows) else "margin"
 
 
-def _by_curve(rows: list[dict[str, Any]], curves: Axis) -> dict[str, list[dict[str, Any]]]:
+def _by_curve(rows: list[Entries], curves: Axis) -> dict[str, list[Entries]]:
     """Return the rows of each curve, by its label."""
-    out: dict[str, list[dict[str, Any]]] = {}
+    out: dict[str, list[Entries]] = {}
     for row in rows:
         label = ", ".join(f"{path.rsplit('.', 1)[-1]} = {number(row[path])}" for path in curves)
         out.setdefault(label, []).append(row)
@@ -185,7 +186,7 @@ def waves_figure(waves: Waves, title: str, methods: str) -> Figure:
         phase.plot(x, np.angle(waves.transmitted), color=COLOURS[0], linewidth=2.2)
         if waves.formula is not None:
             thin = slice(None, None, max(1, x.size // 40))
-            style: dict[str, Any] = {"color": INK, "fillstyle": "none", "linestyle": "none", "marker": "o"}
+            style: Entries = {"color": INK, "fillstyle": "none", "linestyle": "none", "marker": "o"}
             size.plot(x[thin], np.abs(waves.formula)[thin], markersize=5, label="transmitted, by formula", **style)
             phase.plot(x[thin], np.angle(waves.formula)[thin], markersize=5, **style)
         else:

@@ -15,6 +15,7 @@ import numpy as np
 
 from percuss.case.quantities import ranking
 from percuss.case.yaml_text import flow
+from percuss.jsonable import Entries
 from percuss.reporting import study_data
 from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES
 from percuss.reporting.study_data import ColumnRoles, StudyLike
@@ -55,12 +56,12 @@ class Snapshot:
     """A study with its table read once: a study reads and parses all its rows whenever its table is asked for."""
 
     title: str
-    spec: dict[str, Any]
-    provenance: dict[str, Any]
+    spec: Entries
+    provenance: Entries
     table: Any
     columns: dict[str, str]
     registry: Any
-    histories: Callable[[Any], dict[str, Any] | None]
+    histories: Callable[[Any], Entries | None]
     files: list[Any]
     row_commands: tuple[list[Any], list[int | None]]
     with_histories: set[str]
@@ -225,7 +226,7 @@ def place_aside(turn: int, count: int) -> float:
     return SPREAD * (turn - (count - 1) / 2) / max(count, 1)
 
 
-def work_lines(rows: Any, cost: str, error: str) -> tuple[Any, dict[str, Any]]:
+def work_lines(rows: Any, cost: str, error: str) -> tuple[Any, Entries]:
     """Return the Pareto fronts of error over cost of some runs, costs and errors as arrays (2, n).
 
     Parameters
@@ -267,7 +268,7 @@ class ProfileChart:
 
     label: str
     end: float
-    lines: dict[str, Any]
+    lines: Entries
     note: str
     empty: str
 

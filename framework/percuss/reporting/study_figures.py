@@ -15,6 +15,7 @@ import numpy as np
 from percuss.case.quantities import STUDY_PANELS
 from percuss.errors import InputError, Problem
 from percuss.files import is_file
+from percuss.jsonable import Entries
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.figures import (
     SOFT,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    Drawing: TypeAlias = Callable[[Axes], dict[str, Any]]  # It draws a panel and returns the legend's entries by pair.
+    Drawing: TypeAlias = Callable[[Axes], Entries]  # It draws a panel and returns the legend's entries by pair.
 
 MARKERS = {"circle": "o", "square": "s", "triangle": "^", "diamond": "D"}
 KINDS = (".svg", ".pdf")
@@ -112,7 +113,7 @@ def _panels(
     down = -(-max(len(panels), 1) // across)
     with new_figure(12.8, 1.3 + high * down, title, notes) as figure:
         grid = list(figure.subplots(down, across, squeeze=False).flat)
-        entries: dict[str, Any] = {}
+        entries: Entries = {}
         for axes, (heading, draw) in zip(grid, panels.items(), strict=False):
             entries |= draw(axes)
             axes.set_title(one_line(heading), loc="left", size=11, parse_math=False)
@@ -124,7 +125,7 @@ def _panels(
     return figure
 
 
-def _by_case(rows: Any) -> dict[str, Any]:
+def _by_case(rows: Any) -> Entries:
     """Return the rows of each case."""
     cases = np.array(study_data.texts(rows["case"]), dtype=object)
     return {case: rows[cases == case] for case in dict.fromkeys(cases.tolist())}
@@ -140,7 +141,7 @@ def best_figure(title: str, table: Any, charts: Charts, name: str) -> Figure:
     return _panels(title, notes, panels, "There is no run.", 0.8 + 0.26 * most, 1)
 
 
-def _best_panel(axes: Axes, charts: Charts, name: str, of_case: dict[str, Cell]) -> dict[str, Any]:
+def _best_panel(axes: Axes, charts: Charts, name: str, of_case: dict[str, Cell]) -> Entries:
     """Draw the best and the median of each pair of one case, and write their values beside them."""
     ranked = sorted(of_case, key=lambda pair: (not of_case[pair].measured, of_case[pair].best))[:MOST_RANKED]
     edge = charts.axes[name].edge
@@ -186,14 +187,14 @@ def work_figure(title: str, done: Any, charts: Charts, cost: str, error: str) ->
     return figure
 
 
-def _work_panel(axes: Axes, charts: Charts, cost: str, error: str, rows: Any) -> dict[str, Any]:
+def _work_panel(axes: Axes, charts: Charts, cost: str, error: str, rows: Any) -> Entries:
     """Draw the runs of one case and their Pareto fronts, and return the legend's entries."""
     x, y = study_data.numbers(rows[cost]), study_data.numbers(rows[error])
     pairs, edge = np.array(study_data.methods(rows)), charts.axes[error].edge
     best, lines = study_charts.work_lines(rows, cost, error)
-    broad: dict[str, Any] = {"color": "#9a9a9a", "alpha": 0.35, "linewidth": 7, "solid_capstyle": "round"}
+    broad: Entries = {"color": "#9a9a9a", "alpha": 0.35, "linewidth": 7, "solid_capstyle": "round"}
     axes.plot(best[0], np.maximum(best[1], edge), zorder=1, **broad)
-    entries: dict[str, Any] = {}
+    entries: Entries = {}
     for pair, style in charts.styles.items():
         if pair not in lines:
             continue
@@ -206,7 +207,7 @@ def _work_panel(axes: Axes, charts: Charts, cost: str, error: str, rows: Any) ->
     return entries
 
 
-def _name_points(axes: Axes, points: dict[str, Any], charts: Charts, pixels: float) -> None:
+def _name_points(axes: Axes, points: Entries, charts: Charts, pixels: float) -> None:
     """Write names beside points, from below, each above the one before; a pixel is `pixels` points of print."""
     last = -np.inf
     middle = axes.transAxes.transform((0.5, 0.5))[0]
@@ -249,7 +250,7 @@ def varied_figure(title: str, table: Any, charts: Charts, path: str, statistic: 
     return _panels(title, notes, panels, "Nothing was measured.")
 
 
-def _varied_panel(charts: Charts, made: Any, path: str, name: str, statistic: str, axes: Axes) -> dict[str, Any]:
+def _varied_panel(charts: Charts, made: Any, path: str, name: str, statistic: str, axes: Axes) -> Entries:
     """Draw one measure over one varied value, which is a number or a word; return the legend's entries."""
     across, up = charts.axes[path], charts.axes[name]
     row = 1 if statistic == "best" and name in charts.ranked else 3
@@ -257,7 +258,7 @@ def _varied_panel(charts: Charts, made: Any, path: str, name: str, statistic: st
     seen = [pair for pair in charts.styles if pair in bands]
     pairs, places = np.array(study_data.methods(made)), _places(made[path], across)
     measured = np.maximum(study_data.numbers(made[name].where(made["status"] == "done")), up.edge)
-    entries: dict[str, Any] = {}
+    entries: Entries = {}
     for turn, pair in enumerate(seen):
         style, band = charts.styles[pair], bands[pair][:, bands[pair][5] > 0]
         low, high, line = (np.maximum(band[k], up.edge) for k in (2, 4, row))
@@ -272,7 +273,7 @@ def _varied_panel(charts: Charts, made: Any, path: str, name: str, statistic: st
         marked = marked_line(style) | ({"linestyle": "none"} if across.words else {})
         entries[pair] = axes.plot(band[0] + aside, line, markersize=5, **marked)[0]
         partly = band[5] < band[6]
-        ring: dict[str, Any] = {"color": style.colour, "fillstyle": "none", "markersize": 10, "zorder": 4}
+        ring: Entries = {"color": style.colour, "fillstyle": "none", "markersize": 10, "zorder": 4}
         axes.plot(band[0, partly] + aside, line[partly], "o", **ring)
     _set_axis(axes, "x", across)
     _set_axis(axes, "y", up)
@@ -289,7 +290,7 @@ def _places(column: Any, across: Axis) -> Any:
 def profile_figure(title: str, profile: ProfileChart, charts: Charts) -> Figure:
     """Return a figure of the performance profiles of the pairs of methods by one measure."""
 
-    def draw(axes: Axes) -> dict[str, Any]:
+    def draw(axes: Axes) -> Entries:
         entries = {}
         for pair, (factors, shares) in profile.lines.items():
             style = {**marked_line(charts.styles[pair]), "marker": ""}
@@ -302,7 +303,7 @@ def profile_figure(title: str, profile: ProfileChart, charts: Charts) -> Figure:
     return _panels(title, notes, {} if profile.empty else {"": draw}, profile.empty, 4.8)
 
 
-def marked_line(style: LineStyle) -> dict[str, Any]:
+def marked_line(style: LineStyle) -> Entries:
     """Return matplotlib's options for a line with marks in the style of a pair of methods."""
     return {
         "color": style.colour,
@@ -312,7 +313,7 @@ def marked_line(style: LineStyle) -> dict[str, Any]:
     }
 
 
-def _mark(style: LineStyle) -> dict[str, Any]:
+def _mark(style: LineStyle) -> Entries:
     """Return matplotlib's options for the mark of a pair of methods."""
     shape = MARKERS[style.mark.removeprefix("open ")]
     return {"marker": shape, "markerfacecolor": "white" if style.mark.startswith("open") else style.colour}

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.files import PACKAGE, expect_no_input, replacing
-from percuss.jsonable import plain
+from percuss.jsonable import Entries, plain
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.component import docs
 from percuss.reporting.figures import one_line
@@ -108,7 +108,7 @@ def report_html(study: StudyLike, beside: str = "", statistic: str = "best") -> 
 # ----------------------------------------------------------------------------------------------------- data
 
 
-def payload(study: StudyLike, roles: ColumnRoles, charts: Charts) -> dict[str, Any]:
+def payload(study: StudyLike, roles: ColumnRoles, charts: Charts) -> Entries:
     """Return the data that the page's scripts draw, in the types of JSON; arrays of numbers are base64 texts."""
     carried = study_data.carried(study.table, roles)
     sampled = len(study.table) > study_data.MOST_ROWS
@@ -142,10 +142,10 @@ def payload(study: StudyLike, roles: ColumnRoles, charts: Charts) -> dict[str, A
     }
 
 
-def _packed_column(table: Any, kept: Any, name: str, roles: ColumnRoles, charts: Charts) -> dict[str, Any]:
+def _packed_column(table: Any, kept: Any, name: str, roles: ColumnRoles, charts: Charts) -> Entries:
     """Return one column of the kept rows, with what its axis and its bins are over all rows."""
     role = "varied" if name in roles.varied else "measure" if name in roles.measures else "about"
-    column: dict[str, Any] = {"name": name, "role": role, "label": roles.measures.get(name, name)}
+    column: Entries = {"name": name, "role": role, "label": roles.measures.get(name, name)}
     values = study_data.numbers(table[name]) if role != "about" else None
     if name in charts.axes:
         axis = charts.axes[name]
@@ -172,7 +172,7 @@ def _packed_column(table: Any, kept: Any, name: str, roles: ColumnRoles, charts:
     return column | {"kind": "text", "levels": levels, "data": study_data.packed(code_of_row, "<u2")}
 
 
-def _packed_commands(study: StudyLike, kept: Any) -> dict[str, Any] | None:
+def _packed_commands(study: StudyLike, kept: Any) -> Entries | None:
     """Return the templates of the commands of the kept rows, and the template of each row; None without commands."""
     templates, index_of_row = getattr(study, "row_commands", ([], []))
     if not templates or len(index_of_row) != len(study.table):
@@ -188,7 +188,7 @@ def _packed_commands(study: StudyLike, kept: Any) -> dict[str, Any] | None:
     return {"templates": pieces, "data": study_data.packed(index_of_row, "<u2")}
 
 
-def _packed_profiles(table: Any, roles: ColumnRoles, charts: Charts) -> dict[str, Any]:
+def _packed_profiles(table: Any, roles: ColumnRoles, charts: Charts) -> Entries:
     """Return the performance profiles by the best and by the median of each measure that ranks runs."""
     problem_set = study_data.problems(table, roles.varied)
     out = {}
@@ -199,7 +199,7 @@ def _packed_profiles(table: Any, roles: ColumnRoles, charts: Charts) -> dict[str
     return out
 
 
-def _script_json(data: dict[str, Any]) -> str:
+def _script_json(data: Entries) -> str:
     """Return JSON for a script element, with all characters escaped by which a text could end the element."""
     text = json.dumps(plain(data), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     marks = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
@@ -217,7 +217,7 @@ def _answer_html(sentences: list[str], charts: Charts) -> str:
     return "".join(f"<li>{bold.sub(lambda name: f'<b>{name[0]}</b>', line)}</li>" for line in lines)
 
 
-def _question_html(study: StudyLike, data: dict[str, Any]) -> str:
+def _question_html(study: StudyLike, data: Entries) -> str:
     question = study.spec.get("question")
     question_html = f'<p class="question">{escape(str(question))}</p>' if question else ""
     counts = study.table["status"].replace(study_data.WAITING, "still to be made").value_counts()
@@ -231,7 +231,7 @@ def _question_html(study: StudyLike, data: dict[str, Any]) -> str:
     return f'{question_html}<p class="counts">{"  ·  ".join(words)}  ·  <strong>{", ".join(status_counts)}</strong></p>'
 
 
-def _sampling_notice(data: dict[str, Any], beside: str) -> str:
+def _sampling_notice(data: Entries, beside: str) -> str:
     if data["seed"] is None:
         return ""
     where = f" The file <code>{escape(beside)}</code> beside this page has every row." if beside else ""
@@ -394,13 +394,13 @@ def _files_html(study: StudyLike) -> str:
     )
 
 
-def _provenance_html(provenance: dict[str, Any]) -> str:
+def _provenance_html(provenance: Entries) -> str:
     """Return the provenance as HTML without the command, which is shown elsewhere, and without a single session."""
     left_out = {"command", "sessions"} if len(provenance.get("sessions") or []) < 2 else {"command"}
     return f"<pre>{escape(_yaml({key: value for key, value in provenance.items() if key not in left_out}))}</pre>"
 
 
-def _yaml(data: dict[str, Any]) -> str:
+def _yaml(data: Entries) -> str:
     import yaml
 
     return yaml.safe_dump(plain(data), sort_keys=False, allow_unicode=True, width=100, default_flow_style=None)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import statistics
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import METRICS, of_column, percent, ranking
 from percuss.certificate.cures import capitalised
+from percuss.jsonable import Data
 from percuss.results.ledger import open_accounts
 from percuss.results.true_error import largest_error
 from percuss.studies.columns import metric
@@ -133,7 +134,7 @@ def comparison_verdict(title: str, runs: Sequence[Run]) -> Iterator[str]:
     return rows_verdict(rows, list(METRICS))
 
 
-def rows_verdict(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> Iterator[str]:
+def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
     """Yield the best run of each case, and how many runs failed and why.
 
     Parameters
@@ -166,7 +167,7 @@ def is_same(error: Any, least: float) -> Any:
     return error - least <= SAME * abs(least)
 
 
-def best_words(case: str, best: Sequence[Mapping[str, Any]], error: str, count: int, median: float) -> str:
+def best_words(case: str, best: Sequence[Data], error: str, count: int, median: float) -> str:
     """Return the sentence on the smallest error of a case.
 
     Parameters
@@ -210,7 +211,7 @@ def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:
         yield f"and {len(by_reason) - MOST_REASONS} other reasons: see the reason of each run in --json"
 
 
-def run_words(row: Mapping[str, Any]) -> str:
+def run_words(row: Data) -> str:
     """Return the methods and the varied values of a run of a study in one line."""
     keys = list(row)
     varied = {path: row[path] for path in keys[3 : keys.index("status")]}

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from percuss.errors import InputError, PercussError, RunError
+from percuss.jsonable import Entries
 from percuss.results.differences import Change, Difference, changes, differences
 from percuss.results.exact_only import run_exact
 from percuss.results.provenance import case_inside
@@ -44,7 +44,7 @@ class Rerun:
         """Whether all bits agree."""
         return not self.differences and not self.error
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Entries:
         """Return the comparison as plain data for JSON."""
         return {
             "result": self.path,

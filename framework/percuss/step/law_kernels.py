@@ -9,6 +9,7 @@ import numpy as np
 
 from percuss.compiler.record_arrays import Records
 from percuss.contact.points import STATE, Points
+from percuss.jsonable import Entries
 from percuss.methods.interfaces import Trial
 from percuss.step.actions import LAWS, Action
 
@@ -118,10 +119,8 @@ def _trial(points: Points, first: int, stop: int, *, coupled: bool) -> tuple[Tri
             else:
                 pushed = 1
         starts.append(len(neighbours))
-    views: dict[str, Any] = {
-        name: points.state[name][first:stop] for name in Trial._fields if name in (STATE.names or ())
-    }
-    rows: dict[str, Any] = {
+    views: Entries = {name: points.state[name][first:stop] for name in Trial._fields if name in (STATE.names or ())}
+    rows: Entries = {
         "delassus": points.law["delassus"][first:stop],
         "first_neighbour": np.array(starts, dtype=np.int64),
         "neighbour": np.array(neighbours, dtype=np.int64),
@@ -130,5 +129,5 @@ def _trial(points: Points, first: int, stop: int, *, coupled: bool) -> tuple[Tri
     for array in (*views.values(), *rows.values()):
         array.flags.writeable = False
     nothing = np.zeros((stop - first, 0))
-    of_step: dict[str, Any] = dict.fromkeys(("dt", "time", "gap_response", "rate_response"), 0.0)
+    of_step: Entries = dict.fromkeys(("dt", "time", "gap_response", "rate_response"), 0.0)
     return Trial(**views, **rows, **of_step, before=nothing, after=nothing, shift=np.zeros(0)), pushed

@@ -10,6 +10,7 @@ from typing import Any
 
 from percuss.case.case import Case
 from percuss.compiling import NOTICES
+from percuss.jsonable import Entries
 from percuss.results.ledger import open_accounts
 from percuss.results.result import Result
 from percuss.results.true_error import largest_error
@@ -67,7 +68,7 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
     finer |= {"time.step": 0.5 * case.time.step} if case.time.step is not None else {}
     finer |= {"time.steps": 2 * case.time.steps} if case.time.steps is not None else {}
     names = case.registry.names("contacts") if case.contacts else ()
-    laws: dict[str, Any] = {name: case.registry.get("contacts", name) for name in names}
+    laws: Entries = {name: case.registry.get("contacts", name) for name in names}
     own = {contact.law.name for contact in case.contacts.values()}
     tried = {
         name: {f"method.contact.{key}": value for key, value in {"name": name, **required_options(law)}.items()}

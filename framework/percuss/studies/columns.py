@@ -9,6 +9,7 @@ from typing import Any
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
 from percuss.case.specs import MeasureSection
 from percuss.errors import nearest, suggestion
+from percuss.jsonable import Data
 from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
 from percuss.results.result import Result
@@ -54,7 +55,7 @@ class Column:
         except CannotMeasure:
             return None
 
-    def unknown_to(self, summary: Mapping[str, Any]) -> tuple[str, str] | None:
+    def unknown_to(self, summary: Data) -> tuple[str, str] | None:
         """Return the beginning of the dotted path that a summary lacks and the advice, or None if the path is in it.
 
         The beginning is empty if the path ends at a group of entries, not at a number.

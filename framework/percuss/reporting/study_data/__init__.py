@@ -2,6 +2,7 @@
 
 # ruff: noqa: F403  The package offers the public names of its modules.
 
+from percuss.jsonable import Data
 from percuss.reporting.study_data.answer_sentences import *
 from percuss.reporting.study_data.axis_bins import *
 from percuss.reporting.study_data.carried_rows import *

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from percuss.jsonable import Entries
 from percuss.reporting.study_data.values import WAITING, methods, numbers, texts
 
 
@@ -61,12 +62,12 @@ def cells(table: Any, name: str) -> dict[str, dict[str, Cell]]:
     return out
 
 
-def lost(table: Any) -> list[dict[str, Any]]:
+def lost(table: Any) -> list[Entries]:
     """Return the reasons why runs are not done, most frequent first; reasons that differ by numbers alone are one."""
     rows = table[~table["status"].isin(["done", WAITING])]
     pairs = methods(rows)
     sources, reasons, status = (texts(rows[name]) for name in ("said_by", "reason", "status"))
-    groups: dict[Any, dict[str, Any]] = {}
+    groups: dict[Any, Entries] = {}
     for entry in zip(status, pairs, sources, reasons, strict=True):
         kind = (*entry[:3], re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", entry[3]))
         group = groups.setdefault(kind, dict(zip(("status", "method", "said_by", "reason"), entry, strict=True)))

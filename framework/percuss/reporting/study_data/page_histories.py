@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from percuss.jsonable import Entries
 from percuss.reporting.figures import thinned
 from percuss.reporting.study_data.roles import StudyLike
 from percuss.reporting.study_data.values import methods, numbers, texts
@@ -28,7 +29,7 @@ def packed(values: Any, kind: str = "<f4") -> str:
         return base64.b64encode(np.asarray(values, dtype=float).astype(kind).tobytes()).decode("ascii")
 
 
-def kept_histories(study: StudyLike, table: Any, ranked: Sequence[str]) -> dict[int, dict[str, Any]]:
+def kept_histories(study: StudyLike, table: Any, ranked: Sequence[str]) -> dict[int, Entries]:
     """Return thinned histories by row number, for as many of the rows as a page can carry.
 
     The rows are taken from each pair of methods in each case in turn, by the first of the `ranked` measures: what a
@@ -41,7 +42,7 @@ def kept_histories(study: StudyLike, table: Any, ranked: Sequence[str]) -> dict[
         if key in kept:
             turns.setdefault((case, method), []).append(row)
     queues = [np.array(rows)[np.argsort(errors[rows], kind="stable")].tolist() for rows in turns.values()]
-    out: dict[int, dict[str, Any]] = {}
+    out: dict[int, Entries] = {}
     letters = 0
     for row in (row for turn in itertools.zip_longest(*queues) for row in turn if row is not None):
         history = study.histories(table["key"].iloc[row])
@@ -54,7 +55,7 @@ def kept_histories(study: StudyLike, table: Any, ranked: Sequence[str]) -> dict[
     return dict(sorted(out.items()))
 
 
-def _packed_history(history: dict[str, Any]) -> dict[str, Any]:
+def _packed_history(history: Entries) -> Entries:
     time = np.asarray(history["time"], dtype=float)
 
     def lines(name: str) -> list[list[str]]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from percuss.jsonable import Entries
 from percuss.reporting.study_data.roles import references
 from percuss.reporting.study_data.values import STATISTICS, WAITING, methods, numbers, texts
 
@@ -67,7 +68,7 @@ class Profile:
 
     counted: int
     unknown: int
-    ratios: dict[str, Any]
+    ratios: Entries
 
 
 def profile(table: Any, name: str, problem_set: Problems, statistic: str = "best") -> Profile:

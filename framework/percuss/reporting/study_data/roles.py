@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from percuss.case.quantities import QUANTITIES, of_column
+from percuss.jsonable import Entries
 from percuss.reporting.study_data.values import methods, numbers, texts
 from percuss.studies.tasks import TIED
 
@@ -35,11 +36,11 @@ class StudyLike(Protocol):
         """Title of the study in one line."""
 
     @property
-    def spec(self) -> dict[str, Any]:
+    def spec(self) -> Entries:
         """The study file as plain data."""
 
     @property
-    def provenance(self) -> dict[str, Any]:
+    def provenance(self) -> Entries:
         """Versions, machine, plug-ins and the command that made the study."""
 
     @property
@@ -50,7 +51,7 @@ class StudyLike(Protocol):
     def with_histories(self) -> set[str]:
         """Keys of the runs whose histories are kept."""
 
-    def histories(self, key: Any) -> dict[str, Any] | None:
+    def histories(self, key: Any) -> Entries | None:
         """Return the histories of a run, or None if they were not kept.
 
         The keys are ``time``, ``contact_force``, ``contact_force_exact`` and ``contact`` (names).
