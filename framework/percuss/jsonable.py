@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
-import numpy as np
-
 Data: TypeAlias = Mapping[str, Any]  # plain data by key: a case, a summary, the options of a method, a row of a table
 Entries: TypeAlias = dict[str, Any]  # the same while it is put together
 _PLAIN = frozenset({str, int, bool, type(None)})
@@ -36,7 +34,7 @@ def plain(value: Any) -> Any:
         }
     if isinstance(value, (list, tuple)):
         return [item if type(item) in _PLAIN else plain(item) for item in value]
-    if isinstance(value, (np.ndarray, np.generic)):
+    if hasattr(value, "tolist"):  # a number or an array of numpy
         return plain(value.tolist())
     if isinstance(value, float):  # of a class derived from it
         value = float(value) if math.isfinite(value) else None

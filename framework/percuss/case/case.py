@@ -18,6 +18,7 @@ from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem
 from percuss.files import is_file
 from percuss.garbage import collection_paused
+from percuss.jsonable import Data
 from percuss.methods.registry import Registry
 
 
@@ -44,7 +45,7 @@ class Case(CaseSection):
     """
 
     dimension: int
-    data: Mapping[str, Any] = field(repr=False)
+    data: Data = field(repr=False)
     notes: tuple[str, ...]
     registry: Registry = field(repr=False)
     origin: Source = field(repr=False)
@@ -93,7 +94,7 @@ class Case(CaseSection):
         paths = (self.origin.folder / value for value in values if isinstance(value, str))
         return [("data file", path) for path in paths if is_file(path)]
 
-    def with_overrides(self, overrides: Mapping[str, Any]) -> Case:
+    def with_overrides(self, overrides: Data) -> Case:
         """Return the case with values replaced as by ``--set``, checked like any other case.
 
         Parameters
@@ -121,8 +122,8 @@ class Case(CaseSection):
 
 
 def load(
-    source: str | Path | Mapping[str, Any] | Source,
-    overrides: Mapping[str, Any] | None = None,
+    source: str | Path | Data | Source,
+    overrides: Data | None = None,
     *,
     registry: Registry | None = None,
     plugins: Sequence[str | Path] = (),
@@ -160,7 +161,7 @@ def load(
 @collection_paused()
 def _load(
     source: Source,
-    overrides: Mapping[str, Any],
+    overrides: Data,
     registry: Registry | None,
     plugins: tuple[Path, ...],
     notes: tuple[str, ...],

@@ -13,6 +13,7 @@ from percuss.case.specs import Address, CaseSection, Expectation, MeasureSection
 from percuss.case.validation import Mistake, Reader
 from percuss.case.yaml_text import KeyPath, dotted
 from percuss.errors import suggestion
+from percuss.jsonable import Data
 
 ROUND_OFF = 1e-9  # relative, of the end of a run that is computed from its steps
 
@@ -110,14 +111,14 @@ class CrossChecks:
         self.dimension = self._common_dimension()
         self._check_expectations()
 
-    def _parts(self, section: str) -> Iterator[tuple[str, KeyPath, Mapping[str, Any], Any]]:
+    def _parts(self, section: str) -> Iterator[tuple[str, KeyPath, Data, Any]]:
         """Yield name, path, data and checked instance, or None, of each mapping in a section of named parts."""
         entries = self.reader.source.get((section,), {})
         for name, given in entries.items() if isinstance(entries, Mapping) else ():
             if isinstance(given, Mapping):
                 yield name, (section, name), given, self.reader.part((section, name))
 
-    def _component_key(self, family: str, given: Mapping[str, Any]) -> str:
+    def _component_key(self, family: str, given: Data) -> str:
         """Return the key of a mapping that is the name of a component, or an empty text."""
         names = self.reader.registry.names(family)
         return next((key for key in given if key in names), "")

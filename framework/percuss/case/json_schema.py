@@ -15,13 +15,14 @@ from percuss.case.options import options_of
 from percuss.case.specs import CaseSection
 from percuss.case.type_words import fact
 from percuss.case.validation import NO_KEY, Keyed, Named, adapter
+from percuss.jsonable import Entries
 from percuss.methods.interfaces import Component
 from percuss.methods.registry import Registry
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-def case_schema(registry: Registry) -> dict[str, Any]:
+def case_schema(registry: Registry) -> Entries:
     """Return the JSON schema (draft 2020-12) of a case.
 
     Parameters
@@ -38,7 +39,7 @@ def case_schema(registry: Registry) -> dict[str, Any]:
     return {**about, **schema_of(CaseSection, registry)}
 
 
-def schema_of(cls: type, registry: Registry | None = None) -> dict[str, Any]:
+def schema_of(cls: type, registry: Registry | None = None) -> Entries:
     """Return the JSON schema of a dataclass's options: types, bounds, units, descriptions and defaults.
 
     Parameters
@@ -56,9 +57,7 @@ def schema_of(cls: type, registry: Registry | None = None) -> dict[str, Any]:
     return adapter(cls).json_schema(schema_generator=Generator)
 
 
-def component_schema(
-    components: Mapping[str, type[Component]], *, default: str = "", complete: bool = True
-) -> dict[str, Any]:
+def component_schema(components: Mapping[str, type[Component]], *, default: str = "", complete: bool = True) -> Entries:
     """Return the schema of ``NAME`` or ``{name: NAME, option: ...}``.
 
     The name decides by ``if`` and ``then`` which options there are, so that an editor offers these alone and a mistake
@@ -95,7 +94,7 @@ def component_schema(
     )
 
 
-def name_or(names: dict[str, Any], mapping: dict[str, Any]) -> dict[str, Any]:
+def name_or(names: Entries, mapping: Entries) -> Entries:
     """Return the schema of an entry that is a name or a mapping.
 
     A mapping passes ``anyOf`` whatever is in it, so that its mistakes are reported by ``then``, at their own places.
@@ -103,7 +102,7 @@ def name_or(names: dict[str, Any], mapping: dict[str, Any]) -> dict[str, Any]:
     return {"anyOf": [names, {"type": "object"}], "if": {"type": "object"}, "then": mapping}
 
 
-def _names_of(components: Mapping[str, type[Component]]) -> dict[str, Any]:
+def _names_of(components: Mapping[str, type[Component]]) -> Entries:
     return {"enum": list(components), "enumDescriptions": [cls.summary for cls in components.values()]}
 
 
@@ -116,14 +115,14 @@ class _Generator(GenerateJsonSchema):
         """Return False, as the keys themselves are the titles."""
         return False
 
-    def dict_schema(self, schema: Any) -> dict[str, Any]:
+    def dict_schema(self, schema: Any) -> Entries:
         """Return the schema of parts by name."""
         out = super().dict_schema(schema)
         for pattern, values in out.pop("patternProperties", {}).items():
             out |= {"propertyNames": {"pattern": pattern}, "additionalProperties": values}
         return out
 
-    def typed_dict_schema(self, schema: Any) -> dict[str, Any]:
+    def typed_dict_schema(self, schema: Any) -> Entries:
         """Return the schema of the options of a dataclass."""
         cls = schema["metadata"]["percuss"]
         out = super().typed_dict_schema(schema)
@@ -152,19 +151,19 @@ class _Generator(GenerateJsonSchema):
             out["allOf"] = [{"oneOf": [{"required": [key]} for key in group]} for group in groups]
         return out
 
-    def function_plain_schema(self, schema: Any) -> dict[str, Any]:
+    def function_plain_schema(self, schema: Any) -> Entries:
         """Return the schema of a component."""
         mark = schema["metadata"]["percuss"]
         return self._named(mark) if isinstance(mark, Named) else self._keyed(mark)
 
-    def _components(self, family: str) -> dict[str, Any]:
+    def _components(self, family: str) -> Entries:
         return {name: self.registry.get(family, name) for name in self.registry.names(family)} if self.registry else {}
 
-    def _named(self, named: Named) -> dict[str, Any]:
+    def _named(self, named: Named) -> Entries:
         """Return the schema of ``NAME`` or ``{name: NAME, option: ...}``."""
         return component_schema(self._components(named.family), default=named.default)
 
-    def _keyed(self, keyed: Keyed) -> dict[str, Any]:
+    def _keyed(self, keyed: Keyed) -> Entries:
         """Return the schemas of the values of each key that is the name of a shape or load."""
         properties = {}
         for name, cls in self._components(keyed.family).items():

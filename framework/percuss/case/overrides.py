@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Mapping, Set
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +18,7 @@ from percuss.jsonable import Data
 from percuss.methods.registry import Registry
 
 
-def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> tuple[Source, list[str]]:
+def apply(source: Source, overrides: Data, registry: Registry) -> tuple[Source, list[str]]:
     """Return the source with values replaced, and notes on the options of components that were exchanged.
 
     An option that the new component has too is kept if both components state the same unit for it, else dropped; either
@@ -57,25 +57,23 @@ def with_plugins(source: Source, overrides: Data) -> tuple[Source, Data]:
     return source, others
 
 
-def as_given_by(option: str, paths: Iterable[str], error: InputError) -> InputError:
-    """Return an error in which mistakes in values at some dotted paths name the option that gave these values.
+def as_given_by(given: Mapping[str, str], error: InputError) -> InputError:
+    """Return an error in which mistakes in overrides have the place from which these came.
 
     Parameters
     ----------
-    option
-        The option, as ``--vary``.
-    paths
-        The paths.
+    given
+        Beginning of the place of each value, by the path that it is set at, as ``--vary refine=``.
     error
         The error, which names ``--set``.
     """
-    beginnings = tuple(f"--set {path}=" for path in paths)
-    return InputError(
-        replace(problem, place=option + problem.place.removeprefix("--set"))
-        if problem.place.startswith(beginnings)
-        else problem
-        for problem in error.problems
-    )
+
+    def placed(problem: Problem) -> Problem:
+        path = next((path for path in given if problem.place.startswith(f"--set {path}=")), None)
+        value = problem.place.removeprefix(f"--set {path}=")
+        return problem if path is None else replace(problem, place=f"{given[path]}{value}")
+
+    return InputError(map(placed, error.problems))
 
 
 @functools.lru_cache(maxsize=1024)  # a study asks for the same few paths in each of its runs

@@ -24,6 +24,7 @@ from percuss.case.source import Source
 from percuss.case.type_words import Expects, advice_for, describe, fact, found, item_type
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem, suggestion
+from percuss.jsonable import Data
 from percuss.methods.blame import SINGULAR, is_third_party, said_by
 from percuss.methods.interfaces import AllowInf, Component, DataFile, Gt, OptionError
 from percuss.methods.process_guard import process_as_before
@@ -160,7 +161,7 @@ def _value_mistake(option: Option, value: Any, path: KeyPath, detail: Any) -> Mi
     return Mistake(at, f"{message}, found {found(value)}", advice_for(annotation, value))
 
 
-def _mapping_mistakes(cls: Any, given: Mapping[str, Any], details: list[Any], context: Context) -> Iterator[Mistake]:
+def _mapping_mistakes(cls: Any, given: Data, details: list[Any], context: Context) -> Iterator[Mistake]:
     """Yield the mistakes of a mapping: unknown keys, missing keys and wrong values."""
     options, keyed = options_of(cls), _keyed(cls)
     kind = f"the {SINGULAR.get(cls.family, cls.family)} {cls.name}" if issubclass(cls, Component) else cls.kind
@@ -394,7 +395,7 @@ class Keyed:
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         return core_schema.with_info_plain_validator_function(self.component, metadata={"percuss": self})
 
-    def component(self, given: Mapping[str, Any], info: Any) -> Component:
+    def component(self, given: Data, info: Any) -> Component:
         """Return the component of a mapping from those entries whose keys are names of components."""
         keys = list(given)
         if not keys:

@@ -96,7 +96,8 @@ def stability(
         if progress is not None:
             progress(done + 1, len(combinations))
     if len(errors) == len(combinations):
-        raise as_given_by("--vary", vary or {}, as_given_by("--curves", curves or {}, errors[0]))
+        options = (("--vary", vary or {}), ("--curves", curves or {}))
+        raise as_given_by({path: f"{option} {path}=" for option, paths in options for path in paths}, errors[0])
     return rows
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from percuss.certificate import cause
 from percuss.certificate.verdict import Certificate
 from percuss.compiling import Stopwatch
 from percuss.garbage import collection_paused
-from percuss.jsonable import plain
+from percuss.jsonable import Entries, plain
 from percuss.march.implicit import NOT_COMPILED
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.march.model import Model
@@ -149,7 +148,7 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     return warnings
 
 
-def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Exact | None, ExactEntries]:
+def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact | None, ExactEntries]:
     """Return the exact solution of a case and the true errors of its run; add the exact histories to `arrays`.
 
     Returns
@@ -226,7 +225,7 @@ def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:
     return {"contact_state": states, **({"contact_dissipation": dissipated} if known else {})}
 
 
-def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
+def _fields(march: March, outcome: Outcome) -> Entries:
     record, model, dim = outcome.record, march.model, march.dim
     if record.field_every == 0:
         return {}

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from percuss.case.quantities import QUANTITIES, unit_name
+from percuss.jsonable import Data, Entries
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,10 +47,10 @@ def definition_attributes(source: Source, units: Mapping[str, str]) -> dict[str,
 
 
 def histories_dataset(
-    arrays: Mapping[str, Any],
+    arrays: Data,
     coordinates: Mapping[str, list[str]],
     described: Mapping[str, Mapping[str, str]],
-    attributes: Mapping[str, Any],
+    attributes: Data,
 ) -> xr.Dataset:
     """Return histories as a dataset.
 
@@ -77,7 +78,7 @@ def histories_dataset(
     return xr.Dataset(data, coords={**times, **axes, "component": component}, attrs=dict(attributes))
 
 
-def fields_dataset(field_arrays: Mapping[str, Any], units: Mapping[str, str]) -> xr.Dataset:
+def fields_dataset(field_arrays: Data, units: Mapping[str, str]) -> xr.Dataset:
     """Return the stress along the bodies over time, (time, element), as a dataset; empty if none was recorded."""
     import xarray as xr
 
@@ -93,14 +94,12 @@ def fields_dataset(field_arrays: Mapping[str, Any], units: Mapping[str, str]) ->
     )
 
 
-def plain_arrays(
-    histories: xr.Dataset, fields: xr.Dataset | None
-) -> tuple[dict[str, Any], dict[str, list[str]], dict[str, Any]]:
+def plain_arrays(histories: xr.Dataset, fields: xr.Dataset | None) -> tuple[Entries, dict[str, list[str]], Entries]:
     """Return histories, names along the axes, and fields of datasets as the plain values they were made from."""
     arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
     arrays |= {name: histories[name].to_numpy() for name in _TIMES if name in histories.coords}
     coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in ("contact", "probe")}
-    field_arrays: dict[str, Any] = {}
+    field_arrays: Entries = {}
     if fields is not None:
         field_arrays = {name: fields[name].to_numpy() for name in ("time", "stress", "position")}
         field_arrays["body"] = [str(name) for name in fields["body"].to_numpy()]

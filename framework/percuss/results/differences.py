@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from percuss.case.quantities import QUANTITIES
+from percuss.jsonable import Data, Entries
 from percuss.results.result import Result
 
 # Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
@@ -74,18 +75,16 @@ def differences(then: Result, now: Result) -> list[Difference]:
     return [*histories, *numbers]
 
 
-def _compared(summary: Mapping[str, Any]) -> dict[str, Any]:
+def _compared(summary: Data) -> Entries:
     return {name: value for name, value in summary.items() if name not in _NOT_COMPARED}
 
 
-def _fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
+def _fields(arrays: Data) -> Entries:
     names = {"time": "time of the fields", "stress": "stress", "position": "position of the fields"}
     return {words: arrays[name] for name, words in names.items() if name in arrays}
 
 
-def _of_arrays(
-    then: Mapping[str, Any], now: Mapping[str, Any], coordinates: Mapping[str, list[str]]
-) -> Iterator[Difference]:
+def _of_arrays(then: Data, now: Data, coordinates: Mapping[str, list[str]]) -> Iterator[Difference]:
     for name in dict.fromkeys([*then, *now]):
         before, after = then.get(name), now.get(name)
         if before is None or after is None or np.shape(before) != np.shape(after):
@@ -151,7 +150,7 @@ def _of_numbers(then: Any, now: Any, path: str) -> Iterator[Difference]:
         yield Difference(path, then, now, largest=largest, relative=relative)
 
 
-def changes(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[Change]:
+def changes(then: Data, now: Data) -> list[Change]:
     """Return what has changed between the provenances of two results: versions, settings, sources, plug-ins, machine.
 
     What one of them does not know, such as the instructions of the processor where nothing was compiled, is no change.
@@ -188,7 +187,7 @@ def _without_common_words(text: str, other: str) -> str:
     return " ".join(sorted({*text.split()} - {*other.split()}))
 
 
-def _plugin_words(origin: Mapping[str, Any] | None) -> str | None:
+def _plugin_words(origin: Data | None) -> str | None:
     """Return version and digest of a plug-in; its place is no change."""
     if origin is None:
         return None

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from percuss.contact.contact_points import TOUCHING
+from percuss.jsonable import Entries
 from percuss.march.march import March, Outcome
 from percuss.march.model import Model
 from percuss.march.recording import probe_nodes
@@ -96,7 +97,7 @@ def expected_meetings(model: Model) -> list[str]:
     return sentences
 
 
-def encounters(march: March, outcome: Outcome, arrays: dict[str, Any]) -> list[str]:
+def encounters(march: March, outcome: Outcome, arrays: Entries) -> list[str]:
     """Return notes on bodies that passed through each other, and on contacts that pressed beside their ends.
 
     They are seen where the motion of the ends is recorded, and at the end of the run.
@@ -127,7 +128,7 @@ def encounters(march: March, outcome: Outcome, arrays: dict[str, Any]) -> list[s
     return notes
 
 
-def _relative(march: March, outcome: Outcome, arrays: dict[str, Any], first: int, second: int) -> Floats:
+def _relative(march: March, outcome: Outcome, arrays: Entries, first: int, second: int) -> Floats:
     """Return the displacement of one node relative to another where it is known, (times, dim)."""
     probes = probe_nodes(march.model)
     if first in probes and second in probes:

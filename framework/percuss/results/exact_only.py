@@ -14,7 +14,7 @@ from percuss.blas import one_blas_thread
 from percuss.case.case import Case
 from percuss.errors import wrong_input
 from percuss.heartbeat import progress
-from percuss.jsonable import plain
+from percuss.jsonable import Data, Entries, plain
 from percuss.march.model import Model
 from percuss.march.recording import refuse_large
 from percuss.methods.interfaces import Exact
@@ -31,9 +31,7 @@ FEWER = "the histories have fewer samples than usual, as so many waves or bars m
 FIELD_POINTS = 200  # points of the stress field per bar
 
 
-def load_for_exact(
-    path: str | Path, overrides: Mapping[str, Any] | None = None, *, plugins: Sequence[str | Path] = ()
-) -> Case:
+def load_for_exact(path: str | Path, overrides: Data | None = None, *, plugins: Sequence[str | Path] = ()) -> Case:
     """Return a case whose file may leave out the elements and the time step; see `percuss.load`."""
     from percuss.case.case import load, registry_of
     from percuss.case.source import Source
@@ -98,7 +96,7 @@ def _sample_count(model: Model, solution: Exact) -> int:
     return int(min(max(affordable, FEWEST_SAMPLES), SAMPLES))
 
 
-def _histories(model: Model, solution: Exact, names: list[str]) -> dict[str, Any]:
+def _histories(model: Model, solution: Exact, names: list[str]) -> Entries:
     """Return samples of the exact solution.
 
     Names are those of the histories of a run, so that both are drawn and compared alike.
@@ -135,7 +133,7 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> dict[str, Any
     }
 
 
-def _contact(solution: Exact, name: str) -> dict[str, Any]:
+def _contact(solution: Exact, name: str) -> Entries:
     contact, closed = solution.contacts[name], solution.contacts[name].closed
     return {
         "impulse": float(contact.impulse(np.array(solution.reached))),
@@ -147,7 +145,7 @@ def _contact(solution: Exact, name: str) -> dict[str, Any]:
     }
 
 
-def _energy(solution: Exact, arrays: dict[str, Any]) -> dict[str, Any]:
+def _energy(solution: Exact, arrays: Entries) -> Entries:
     total = arrays["kinetic_energy"] + arrays["elastic_energy"]
     return {
         "initial": float(total[0]),
@@ -158,7 +156,7 @@ def _energy(solution: Exact, arrays: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _momentum(model: Model, solution: Exact) -> dict[str, Any]:
+def _momentum(model: Model, solution: Exact) -> Entries:
     """Return the momentum along the axis of the first body, the impulse of external forces, and the balance error."""
     axis = next(iter(model.bodies.values())).mesh.direction
     before, after = solution.momentum(0.0), solution.momentum(solution.reached)
@@ -187,7 +185,7 @@ def _momentum_scale(model: Model, solution: Exact) -> float:
     return max(moving, pressing)
 
 
-def _field(model: Model, solution: Exact) -> dict[str, Any]:
+def _field(model: Model, solution: Exact) -> Entries:
     """Return the stress field at the times of the snapshots that a run would take."""
     snapshots = model.case.record.fields
     if not snapshots:

@@ -11,7 +11,7 @@ import datetime as dt
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from typing import Any
 from percuss.case.case import Case, load
 from percuss.case.source import Source
 from percuss.errors import InputError, PluginError, Problem, refuse_if_any, wrong_input
-from percuss.jsonable import as_lists, plain
+from percuss.jsonable import Data, Entries, as_lists, plain
 from percuss.march.model import Model
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
@@ -58,7 +58,7 @@ def _instructions() -> tuple[str, str]:
 _settings, _own_digest = cache(numeric_settings), cache(own_digest)
 
 
-def machine() -> dict[str, Any]:
+def machine() -> Entries:
     """Return versions, settings, the digest of percuss, machine and current time for the provenance of a result.
 
     The processor for which numba compiles is named once this process has loaded the compiler's library.
@@ -80,7 +80,7 @@ def machine() -> dict[str, Any]:
     }
 
 
-def resolved_methods(model: Model) -> Mapping[str, Any]:
+def resolved_methods(model: Model) -> Data:
     """Return the methods of a model with their resolved parameters and the time step, for the provenance."""
     method = model.case.method
     return {
@@ -118,7 +118,7 @@ def components_used(case: Case, *, methods: bool = True, solution: str | None = 
     return sorted(used | ({("solutions", solution)} if solution else set()))
 
 
-def origins(case: Case, components: Iterable[tuple[str, str]]) -> dict[str, Any]:
+def origins(case: Case, components: Iterable[tuple[str, str]]) -> Entries:
     """Return where the components of a case and its data files come from.
 
     Parameters
@@ -146,7 +146,7 @@ def origins(case: Case, components: Iterable[tuple[str, str]]) -> dict[str, Any]
     }
 
 
-def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: Any) -> dict[str, Any]:
+def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: Any) -> Entries:
     """Return the provenance of a result of a model that depends on some components, with what else was found.
 
     A picture of the result needs two entries. ``geometry``: first and last node of each body, (2, dim), and body and
@@ -185,7 +185,7 @@ def _origin(source: Provenance) -> dict[str, str | None]:
 
 
 @cache
-def _content(file: SingleFile) -> dict[str, Any]:
+def _content(file: SingleFile) -> Entries:
     """Return the digest of a single-file plug-in, and the texts of it and of its data files."""
     texts = {}
     for name, content in file.files.items():
@@ -194,7 +194,7 @@ def _content(file: SingleFile) -> dict[str, Any]:
     return {"digest": file.digest, "texts": texts}
 
 
-def case_inside(provenance: Mapping[str, Any], *, plugins: Sequence[Path] = (), name: str = "the result") -> Case:
+def case_inside(provenance: Data, *, plugins: Sequence[Path] = (), name: str = "the result") -> Case:
     """Return the case inside a result.
 
     The texts of its data files are taken from the result. Code is not: a single-file plug-in is one of `plugins`, or
@@ -225,7 +225,7 @@ def case_inside(provenance: Mapping[str, Any], *, plugins: Sequence[Path] = (), 
     return load(source, registry=registry)
 
 
-def _files_at_their_place(provenance: Mapping[str, Any], plugins: Sequence[Path], name: str) -> list[Path]:
+def _files_at_their_place(provenance: Data, plugins: Sequence[Path], name: str) -> list[Path]:
     """Return the single-file plug-ins of a result that stand where they stood, for what `plugins` do not register."""
     registered = Registry.load(plugins).components
     problems: list[Problem] = []
@@ -246,7 +246,7 @@ def _files_at_their_place(provenance: Mapping[str, Any], plugins: Sequence[Path]
     return list(files)
 
 
-def _why_not_the_same(file: str, kept: Mapping[str, Any]) -> str:
+def _why_not_the_same(file: str, kept: Data) -> str:
     """Return why the file at a path is not the single-file plug-in of a result; empty if it is."""
     try:
         present = SingleFile.read(Path(file))

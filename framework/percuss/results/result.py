@@ -7,6 +7,7 @@ import os
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from percuss.jsonable import Entries
 from percuss.methods.interfaces import Exact, Floats
 from percuss.results.datasets import Source, definition_attributes, fields_dataset, histories_dataset, plain_arrays
 from percuss.results.netcdf import FORMAT, read, write
@@ -44,9 +45,9 @@ class Result:
         self,
         arrays: dict[str, Floats],
         coordinates: dict[str, list[str]],
-        field_arrays: dict[str, Any],
+        field_arrays: Entries,
         summary: Summary,
-        provenance: dict[str, Any],
+        provenance: Entries,
         solution: Exact | None = None,
     ) -> None:
         self.arrays = arrays

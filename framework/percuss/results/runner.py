@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
 from contextlib import nullcontext
 from functools import partial
 from typing import Any
@@ -17,6 +16,7 @@ from percuss.compiling import Stopwatch
 from percuss.errors import RunError
 from percuss.heartbeat import heard_by
 from percuss.interrupt import interruptible
+from percuss.jsonable import Data
 from percuss.march.march import March, Outcome, Progress
 from percuss.march.model import Model
 from percuss.march.recording import recordable
@@ -38,7 +38,7 @@ MARCH_LOCK = threading.Lock()  # a process times one march at a time
 
 def run(
     case: Case,
-    overrides: Mapping[str, Any] | None = None,
+    overrides: Data | None = None,
     *,
     compiled: bool = True,
     nudge: bool = False,
@@ -104,7 +104,7 @@ def examined_run(case: Case, *, compiled: bool = True, with_critical_step: bool 
     return _run(case, Stopwatch(), compiled=compiled, with_critical_step=with_critical_step)
 
 
-def run_again(case: Case, summary: Mapping[str, Any]) -> Result:
+def run_again(case: Case, summary: Data) -> Result:
     """Run the case of an earlier run again, in the way of that run.
 
     Parameters

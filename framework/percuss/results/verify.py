@@ -13,6 +13,7 @@ from percuss.case.case import Case, expect_case
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE
 from percuss.case.specs import Address, Expectation, MeasureSection
 from percuss.errors import PercussError
+from percuss.jsonable import Entries
 from percuss.methods.interfaces import Floats
 from percuss.results.result import Result
 from percuss.results.runner import run
@@ -61,7 +62,7 @@ def measure(result: Result, wanted: Expectation | MeasureSection) -> float:
         if definition.unit == "force":  # each force acts over a whole step
             return float(values[inside & (time < time[-1])].sum() * (time[1] - time[0])) if time.size > 1 else 0.0
         return float(np.trapezoid(values[inside], time[inside]))
-    reduce: dict[str, Any] = {"mean": np.mean, "max": np.max, "min": np.min}
+    reduce: Entries = {"mean": np.mean, "max": np.max, "min": np.min}
     return float(reduce[statistic](values[inside]))
 
 
@@ -133,7 +134,7 @@ class Check:
         measured = self.why or f"{self.measured:.6g}"
         return f"<{'passed' if self.passed else 'failed'}: {describe(self.expectation)} {measured}, {expected}>"
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Entries:
         """Return the check as plain data for JSON."""
         expectation = self.expectation
         return {

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, zip_longest
 from typing import Any, Literal, get_args, get_origin
 
 from percuss.case.options import Option, options_of
 from percuss.case.type_words import bounds, branches
+from percuss.jsonable import Data, Entries
 from percuss.methods.interfaces import Component, Integrator, Stages
 from percuss.methods.registry import Registry
 
@@ -35,8 +36,8 @@ class Candidate:
 
     integrator: str
     contact: str
-    integrator_options: Mapping[str, Any] = field(default_factory=dict)
-    contact_options: Mapping[str, Any] = field(default_factory=dict)
+    integrator_options: Data = field(default_factory=dict)
+    contact_options: Data = field(default_factory=dict)
     courant: float = FIRST_COURANT
     refine: float = 1
 
@@ -51,7 +52,7 @@ class Candidate:
         return json.dumps(self.changes, sort_keys=True)
 
     @property
-    def changes(self) -> dict[str, Any]:
+    def changes(self) -> Entries:
         """The values that make a case the one of this candidate, by path."""
         return {
             "method.integrator": {"name": self.integrator, **self.integrator_options},
@@ -102,7 +103,7 @@ def defaults(integrators: list[str], contacts: list[str], registry: Registry) ->
     ]
 
 
-def required_options(component: type[Component]) -> dict[str, Any]:
+def required_options(component: type[Component]) -> Entries:
     """Return the options of a method that have no default, as its first example has them."""
     example = component.examples[0] if component.examples else {}
     return {key: example[key] for key, option in options_of(component).items() if option.required and key in example}
@@ -156,7 +157,7 @@ def neighbours(candidate: Candidate, registry: Registry) -> list[Candidate]:
         for option in filter(_is_open, options_of(component).values()):
             value = given.get(option.key, option.default)
             others = dict.fromkeys(one for one in _beside(option, value) if one != value)
-            changed: list[dict[str, Any]] = [{attribute: {**given, option.key: other}} for other in others]
+            changed: list[Entries] = [{attribute: {**given, option.key: other}} for other in others]
             options.append([replace(candidate, **change) for change in changed])
     lower, higher = (bisect(COURANT_NUMBERS, candidate.courant) for bisect in (bisect_left, bisect_right))
     courants = [*COURANT_NUMBERS[max(lower - 1, 0) : lower], *COURANT_NUMBERS[higher : higher + 2]]

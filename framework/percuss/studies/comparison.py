@@ -14,6 +14,7 @@ from percuss.case.case import Case, expect_case
 from percuss.case.overrides import as_given_by
 from percuss.case.quantities import METRICS, TRUE_ERRORS
 from percuss.errors import InputError, PercussError
+from percuss.jsonable import Entries
 from percuss.studies.columns import metric
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import Run, perform
@@ -107,13 +108,8 @@ def _perform(case: Case, task: Task, vary: Mapping[str, Sequence[Any]]) -> tuple
     run, error = perform(case, task)
     if error is None:
         return run, None
-    told = as_given_by("--vary", vary, error)
-    for option in ("integrator", "contact"):
-        if f"method.{option}.name" not in vary:
-            named = f"--set method.{option}.name="
-            told = InputError(
-                replace(problem, place=problem.place.replace(named, f"--{option} ", 1)) for problem in told.problems
-            )
+    given = {f"method.{option}.name": f"--{option} " for option in ("integrator", "contact")}
+    told = as_given_by({**given, **{path: f"--vary {path}=" for path in vary}}, error)
     return replace(run, reason=str(told)), told
 
 
@@ -145,7 +141,7 @@ def own_laws(case: Case) -> list[str]:
     return [name for name, contact in case.contacts.items() if contact.own_law]
 
 
-def metrics(run: Run) -> dict[str, Any]:
+def metrics(run: Run) -> Entries:
     """Return the numbers of a run by which runs are compared; empty if there is no result."""
     if run.result is None:
         return {}
@@ -157,7 +153,7 @@ REFINED = "refine"
 ROUND_OFF = 1e-12  # smaller errors are not discretisation errors
 
 
-def orders(runs: list[Run]) -> list[dict[str, Any]]:
+def orders(runs: list[Run]) -> list[Entries]:
     """Return the observed order of each error for each method, fitted over the values of ``refine``.
 
     Parameters
@@ -174,7 +170,7 @@ def orders(runs: list[Run]) -> list[dict[str, Any]]:
     orders_by_method = []
     runs_by_method = _runs_by_method(runs)
     for key, series in runs_by_method.items() if any(len(series) > 1 for series in runs_by_method.values()) else ():
-        fitted: dict[str, Any] = {"integrator": key[0], "contact": key[1], **dict(key[2])}
+        fitted: Entries = {"integrator": key[0], "contact": key[1], **dict(key[2])}
         fitted["refine"] = [run.varied[REFINED] for run in series]
         for name in TRUE_ERRORS:
             errors = [metrics(run).get(name) for run in series]

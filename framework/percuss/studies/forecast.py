@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
+from percuss.jsonable import Data, Entries
 from percuss.studies.perform import WAITING, foreseen, perform_timed
 from percuss.studies.spec import read_study
 from percuss.studies.study import planned
@@ -17,12 +17,12 @@ MARCHES = 2  # that a study makes of a run at least, to time it
 
 
 def forecast(
-    path: str | Path | Mapping[str, Any],
+    path: str | Path | Data,
     plugins: Sequence[str | Path] = (),
     progress: Callable[[int, int], None] | None = None,
     *,
     workers: int = 1,
-) -> dict[str, Any]:
+) -> Entries:
     """Return what is known of a study before its first run; one run, the cheapest, is made to time it.
 
     Parameters
@@ -55,7 +55,7 @@ def forecast(
     jobs = planned(spec)[0]
     tasks = [job.task for job in jobs[:: math.ceil(len(jobs) / MOST_EXAMINED)]]
     varied = dict.fromkeys(name for task in tasks for name in task.varied)
-    rows: list[dict[str, Any]] = []
+    rows: list[Entries] = []
     for task in tasks:
         run, node_steps = foreseen(spec.cases[task.case], task)
         names = {"case": task.case, "integrator": task.integrator, "contact": task.contact}

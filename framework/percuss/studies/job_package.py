@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from percuss.case import overrides
 from percuss.case.case import Case, load
@@ -24,7 +24,7 @@ from percuss.case.source import Source
 from percuss.compiling import LOCK as ONE_AT_A_TIME
 from percuss.errors import PercussError, PluginError
 from percuss.heartbeat import beat
-from percuss.jsonable import Data
+from percuss.jsonable import Data, Entries
 from percuss.methods.blame import plugin_faults
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
@@ -40,7 +40,7 @@ LONGEST = 1.0  # seconds after which a worker returns the runs it has made
 SILENT = ("title", "source", "expect", "plugins")  # entries of a case that change no number of its run
 
 
-def run_data(data: Data) -> dict[str, Any]:
+def run_data(data: Data) -> Entries:
     """Return the entries of a case that change its run."""
     return {name: value for name, value in data.items() if name not in SILENT}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -17,6 +17,7 @@ from percuss.case.quantities import MEASURABLE, METRICS, name_schema
 from percuss.case.specs import MeasureSection
 from percuss.case.type_words import Expects
 from percuss.case.validation import EmptyIfAbsent, Section
+from percuss.jsonable import Data, Entries
 from percuss.methods.interfaces import Doc, Ge, Gt, Le, Unit
 from percuss.methods.registry import Registry
 
@@ -105,7 +106,7 @@ class Condition(Section):
     op: Annotated[Literal["<", "<=", ">", ">=", "==", "!="], Doc("how the value is compared")]
     value: Annotated[float | str | bool, Doc("with what")]
 
-    def holds(self, row: Mapping[str, Any]) -> bool:
+    def holds(self, row: Data) -> bool:
         """Return whether the row fulfils the condition; a row without the path does."""
         if self.path not in row:
             return True
@@ -153,16 +154,14 @@ class StudySection(Section):
     keep: Annotated[KeepSection, Expects("a mapping"), EmptyIfAbsent(), Doc("what is kept of each run beside its row")]
     title: Annotated[str, Doc("title of the study in one line")] = ""
     question: Annotated[str, Doc("what it is to answer")] = ""
-    set: Annotated[dict[str, Any], PATHS, Doc("values replaced in every case, by dotted path")] = field(
-        default_factory=dict
-    )
+    set: Annotated[Entries, PATHS, Doc("values replaced in every case, by dotted path")] = field(default_factory=dict)
     vary: Annotated[
-        dict[str, Any],
+        Entries,
         PATHS,
         Doc("values by dotted path, every combination: a list, or 0:1:11 or 0.01:100:log:30"),
     ] = field(default_factory=dict)
     paired: Annotated[
-        tuple[Annotated[dict[str, Any], PATHS], ...],
+        tuple[Annotated[Entries, PATHS], ...],
         Expects("a list of mappings", "Begin with a dash."),
         Doc("list of mappings of paths to values that go together"),
     ] = ()
@@ -194,7 +193,7 @@ class StudySection(Section):
     ) = None
 
 
-def study_schema(registry: Registry) -> dict[str, Any]:
+def study_schema(registry: Registry) -> Entries:
     """Return the JSON schema (draft 2020-12) of a study.
 
     Parameters

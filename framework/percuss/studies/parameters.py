@@ -17,6 +17,7 @@ import numpy as np
 from percuss.case.csv_file import NOT_FINITE, NUMBER
 from percuss.case.options import LARGEST_NUMBER
 from percuss.errors import InputError, shortened, wrong_input
+from percuss.jsonable import Data, Entries
 from percuss.studies.layout import SampleSection
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,4000}")
@@ -95,7 +96,7 @@ def _grammar_error(place: str, message: str) -> InputError:
 
 
 def number_of_combinations(
-    varied: Mapping[str, Sequence[Any]], paired: Sequence[Mapping[str, Any]] = (), sample: SampleSection | None = None
+    varied: Mapping[str, Sequence[Any]], paired: Sequence[Data] = (), sample: SampleSection | None = None
 ) -> int:
     """Return the number of points that `combinations` makes, without making them."""
     drawn = sample.count if sample is not None else 1
@@ -103,8 +104,8 @@ def number_of_combinations(
 
 
 def combinations(
-    varied: Mapping[str, Sequence[Any]], paired: Sequence[Mapping[str, Any]] = (), sample: SampleSection | None = None
-) -> list[dict[str, Any]]:
+    varied: Mapping[str, Sequence[Any]], paired: Sequence[Data] = (), sample: SampleSection | None = None
+) -> list[Entries]:
     """Return all combinations of the varied values, each with every paired point and every drawn point.
 
     Raises
@@ -116,7 +117,7 @@ def combinations(
     if (count := number_of_combinations(varied, paired, sample)) > MOST:
         raise _grammar_error("--vary", f"expected at most {MOST} combinations of values, found {count}")
     grid = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
-    drawn: Sequence[Mapping[str, Any]] = sample.points() if sample is not None else [{}]
+    drawn: Sequence[Data] = sample.points() if sample is not None else [{}]
     return [
         {**grid_point, **paired_point, **drawn_point}
         for grid_point in grid

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from percuss.case.case import Case
-from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError, TooLargeError
+from percuss.errors import InputError, PercussError, RefusedPair, RunError, TooLargeError
+from percuss.jsonable import Data, Entries
 from percuss.march.march import Progress
 from percuss.march.recording import recordable
 from percuss.methods.blame import described, line_in_plugin, plugin_faults
@@ -51,7 +52,7 @@ class Run:
 
     integrator: str
     contact: str
-    varied: Mapping[str, Any]
+    varied: Data
     status: str
     reason: str = ""
     said_by: str = ""
@@ -63,7 +64,7 @@ class Run:
         """The pair of methods and the varied values, in one line."""
         return label_of(self.integrator, self.contact, self.varied)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Entries:
         """Return the run as plain data for JSON."""
         return {
             "integrator": self.integrator,
@@ -76,7 +77,7 @@ class Run:
         }
 
 
-def label_of(integrator: str, contact: str, varied: Mapping[str, Any]) -> str:
+def label_of(integrator: str, contact: str, varied: Data) -> str:
     """Return a pair of methods and the varied values that it has, in one line."""
     given = {path.split(".")[-1]: value for path, value in varied.items() if value is not None}
     values = (f"{name}={value:.6g}" if isinstance(value, float) else f"{name}={value}" for name, value in given.items())
@@ -133,28 +134,21 @@ def foreseen(case: Case, task: Task) -> tuple[Run, int]:
     return _perform(case, task, examined)[0], node_steps[-1]
 
 
-def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
-    case: Case, task: Task, make: Callable[[Case], Result | None]
-) -> tuple[Run, InputError | None]:
-    names = task.integrator, task.contact, task.varied
+def _perform(case: Case, task: Task, make: Callable[[Case], Result | None]) -> tuple[Run, InputError | None]:
+    names, unread = (task.integrator, task.contact, task.varied), True
     try:
         with plugin_faults():
             changed = case.with_overrides(task.changes) if task.changes else case
-    except InputError as error:
-        return Run(*names, "failed", str(error), unread=True), error
-    except PluginError as error:
-        return Run(*names, *failure_status(error, case.registry)), None
-    try:
-        with plugin_faults():
+            unread = False
             result = make(tied_twin(changed) if task.tied else changed)
-    except RefusedPair as error:
-        return Run(*names, "refused", error.reason, error.said_by), None
-    except _NoTwin as error:
-        return Run(*names, "refused", str(error), TIED), None
+    except (RefusedPair, _NoTwin) as error:
+        said = (error.reason, error.said_by) if isinstance(error, RefusedPair) else (str(error), TIED)
+        return Run(*names, "refused", *said), None
     except RunError as error:
         return Run(*names, "unstable", str(error), result=error.result), None
     except InputError as error:
-        return Run(*names, LOST if isinstance(error, TooLargeError) else "failed", str(error)), error
+        lost = isinstance(error, TooLargeError) and not unread
+        return Run(*names, LOST if lost else "failed", str(error), unread=unread), error
     except Exception as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
         return Run(*names, *failure_status(error, case.registry)), None
     if result is None:
@@ -193,11 +187,11 @@ def tying_law(registry: Registry) -> type[ContactLaw]:
     PercussError
         If there is none.
     """
-    laws: list[Any] = [registry.get("contacts", name) for name in registry.names("contacts")]
-    tying_laws = [law for law in laws if law.tied_during]
-    if not tying_laws:
-        raise _NoTwin("no contact law is registered that ties its contacts during intervals of time")
-    return tying_laws[0]  # type: ignore[no-any-return]
+    for name in registry.names("contacts"):
+        law: Any = registry.get("contacts", name)
+        if law.tied_during:
+            return law  # type: ignore[no-any-return]
+    raise _NoTwin("no contact law is registered that ties its contacts during intervals of time")
 
 
 def tied_twin(case: Case) -> Case:

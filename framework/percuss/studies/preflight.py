@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 from percuss.case.case import Case
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, Problem, refuse_if_any
-from percuss.jsonable import Data
+from percuss.jsonable import Data, Entries
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import perform
 from percuss.studies.spec import StudySpec, mistake_in_study
@@ -51,7 +50,7 @@ def _wrong_methods(spec: StudySpec) -> Iterator[Problem]:
         for i, (label, method) in enumerate(listed.items()):
             if not isinstance(method, Mapping) or path in first:
                 continue
-            changes: dict[str, Any] = {family: {label: method}}
+            changes: Entries = {family: {label: method}}
             for problem in _wrong_everywhere(dataclasses.replace(spec, **changes), first):
                 if problem.place.startswith(f"--set {path}="):
                     inside = problem.path.removeprefix(path).split(".")[1:]
@@ -60,13 +59,13 @@ def _wrong_methods(spec: StudySpec) -> Iterator[Problem]:
                     yield spec.source.problem(at, problem.message, problem.advice, key=unknown)
 
 
-def _first_point(spec: StudySpec) -> dict[str, Any]:
+def _first_point(spec: StudySpec) -> Entries:
     """Return a point of the study without making the others."""
     sample = dataclasses.replace(spec.sample, count=1) if spec.sample is not None else None
     return combinations({path: values[:1] for path, values in spec.vary.items()}, spec.paired[:1], sample)[0]
 
 
-def _points_to_try(spec: StudySpec, first: Data) -> Iterator[tuple[Mapping[str, KeyPath], dict[str, Any]]]:
+def _points_to_try(spec: StudySpec, first: Data) -> Iterator[tuple[Mapping[str, KeyPath], Entries]]:
     """Yield a point for each value to try, with the place of each of its values that the study writes out.
 
     All other values are those of the first point.

@@ -25,8 +25,18 @@ import numpy as np
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, load
 from percuss.case.quantities import METRICS
-from percuss.errors import InputError, PercussError, PluginError, Problem, RefusedPair, shortened, suggestion
+from percuss.errors import (
+    InputError,
+    PercussError,
+    PluginError,
+    Problem,
+    RefusedPair,
+    refuse_if_any,
+    shortened,
+    suggestion,
+)
 from percuss.files import expect_no_input, expect_writable
+from percuss.jsonable import Data, Entries
 from percuss.march.model import Model
 from percuss.methods.blame import plugin_faults
 from percuss.methods.interfaces import ContactLaw, Implicit
@@ -117,7 +127,7 @@ class Tried:
         """Whether it meets all bounds."""
         return self.excess <= 1.0
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Entries:
         """Return the run as plain data for JSON."""
         names = ("status", "reason", "stable", "error", "energy", "seconds", "evaluations", "cost", "excess", "key")
         return {**self.candidate.changes, **{name: getattr(self, name) for name in names}, "meets": self.meets}
@@ -172,10 +182,10 @@ class Recommendation:
     estimated: bool
     study: Study
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> Entries:
         """Return the answer as plain data for JSON, with the command of each run that it names."""
 
-        def told(one: Tried | None) -> dict[str, Any] | None:
+        def told(one: Tried | None) -> Entries | None:
             return None if one is None else {**one.as_dict(), "command": self.study.command(one.key)}
 
         return {
@@ -294,8 +304,7 @@ def _check(bounds: Bounds, runs: int, seed: int) -> None:
         problems.append(Problem("--runs", "", f"expected a number of at least {FEWEST_RUNS}, found {runs}"))
     if seed < 0:
         problems.append(Problem("--seed", "", f"expected a whole number of at least 0, found {seed}"))
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
 
 
 def _methods(registry: Registry, integrators: Sequence[str], contacts: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -307,21 +316,20 @@ def _methods(registry: Registry, integrators: Sequence[str], contacts: Sequence[
         If one is not registered, or needs a quantity that belongs to the case.
     """
     expect_methods(registry, integrators, contacts)
-    problems = []
-    open_to_search: dict[str, list[str]] = {}
-    for option, family, names in (("integrator", "integrators", integrators), ("contact", "contacts", contacts)):
-        methods: dict[str, Any] = {name: registry.get(family, name) for name in names or registry.names(family)}
+    problems, chosen = [], []
+    for option, names in (("integrator", integrators), ("contact", contacts)):
+        family = f"{option}s"
+        methods = {name: registry.get(family, name) for name in names or registry.names(family)}
         needed = {name: quantities for name, method in methods.items() if (quantities := needed_quantities(method))}
         problems += [
             Problem(f"--{option}", "", f"'{name}' needs a value of {' and '.join(needed[name])}, which no search knows")
             for name in names
             if name in needed
         ]
-        left_out = [name for name, method in methods.items() if not names and _is_reference(method)]
-        open_to_search[family] = [name for name in methods if name not in needed and name not in left_out]
-    if problems:
-        raise InputError(problems)
-    return open_to_search["integrators"], open_to_search["contacts"]
+        contenders = {name: method for name, method in methods.items() if name not in needed}
+        chosen.append([name for name, method in contenders.items() if names or not _is_reference(method)])
+    refuse_if_any(problems)
+    return chosen[0], chosen[1]
 
 
 def _is_reference(method: Any) -> bool:
@@ -331,15 +339,14 @@ def _is_reference(method: Any) -> bool:
     return isinstance(method(**required_options(method)).bind(1.0), Implicit)
 
 
-def _fixed(case: Case) -> dict[str, Any]:
+def _fixed(case: Case) -> Entries:
     """Return what all candidates have in common, by path: the end of the run, and one contact law for all contacts."""
     end = case.time.end
     if end is None:
         model = Model(case)
         end = model.steps * model.dt
-    fixed: dict[str, Any] = {"time.step": None, "time.steps": None, "time.end": end, "record.every": 1}
-    own = (name for name, contact in case.contacts.items() if contact.own_law)
-    return fixed | {"record.fields": 0} | {f"contacts.{name}.method": None for name in own}
+    fixed = {"time.step": None, "time.steps": None, "time.end": end, "record.every": 1, "record.fields": 0}
+    return fixed | {f"contacts.{name}.method": None for name, contact in case.contacts.items() if contact.own_law}
 
 
 @dataclass
@@ -354,7 +361,7 @@ class _Bench:
     workers: int | None
     plugins: Sequence[str | Path]
     progress: Progress | None
-    rows: dict[str, dict[str, Any]] = field(default_factory=dict)
+    rows: dict[str, Entries] = field(default_factory=dict)
     candidates: dict[str, Candidate] = field(default_factory=dict)
     refused: dict[tuple[str, str], str] = field(default_factory=dict)
     made: Study | None = None
@@ -365,7 +372,7 @@ class _Bench:
     def __post_init__(self) -> None:
         self.reason: PercussError = InputError([])
         self.fixed = _fixed(self.case)
-        self.usual: dict[str, Any] = {}  # methods that fit, to count nodes and steps with
+        self.usual: Entries = {}  # methods that fit, to count nodes and steps with
         self.node_steps = functools.cache(self._node_steps)
         self.stages = functools.cache(self._stages)
 
@@ -388,7 +395,7 @@ class _Bench:
             return math.inf
         return float(model.steps * len(model.nodes))
 
-    def _model(self, changes: Mapping[str, Any]) -> Model:
+    def _model(self, changes: Data) -> Model:
         return Model(self.case.with_overrides({**self.fixed, **changes}))
 
     def _stages(self, name: str, options: str) -> int:
@@ -457,7 +464,7 @@ class _Bench:
         """Return the runs, judged by the bounds."""
         return [self._judged(self.rows[key], candidate) for key, candidate in self.candidates.items()]
 
-    def _judged(self, row: Mapping[str, Any], candidate: Candidate) -> Tried:
+    def _judged(self, row: Data, candidate: Candidate) -> Tried:
         ran = row["status"] == "done" and row["seconds"] is not None
         done = ran and row[STABLE] != "no"  # a case may ask that a run goes on though it is known to be unstable
         kept = row["energy_kept"]
@@ -472,7 +479,7 @@ class _Bench:
         numbers = error, energy, seconds, count, excess
         return Tried(candidate, row["status"], row["reason"], stable, *numbers, row["key"])
 
-    def _error(self, candidate: Candidate, row: Mapping[str, Any]) -> float | None:
+    def _error(self, candidate: Candidate, row: Data) -> float | None:
         """Return the true error of a run, or what a mesh twice as fine changes where errors are estimated."""
         if not self.estimated:
             value = row[self.bounds.measure]
@@ -511,21 +518,13 @@ def _answer(bench: _Bench, methods: tuple[list[str], list[str]], random: np.rand
     cost, _ = search.best()
     centre = best or nearest
     around = [not search.left(line, cost) for line in search.around(centre.candidate)] if centre is not None else []
-    return Recommendation(
-        bench.bounds,
-        best,
-        _cheapest(one for one in tried if best is not None and one.candidate.pair != best.candidate.pair),
-        nearest,
-        front(known),
-        tried,
-        bench.refused,
-        sum(around),
-        len(around) - sum(around),
-        len(of_pair) - len({one.candidate.pair for one in tried}),
-        sum(bool(search.left(line, cost)) for line in search.lines.values()),
-        bench.estimated,
-        bench.made,
-    )
+    second = _cheapest(one for one in tried if best is not None and one.candidate.pair != best.candidate.pair)
+    neighbours_of_best = sum(around), len(around) - sum(around)
+    untried = len(of_pair) - len({one.candidate.pair for one in tried})
+    left = sum(bool(search.left(line, cost)) for line in search.lines.values())
+    numbers = *neighbours_of_best, untried, left
+    runs = best, second, nearest, front(known), tried
+    return Recommendation(bench.bounds, *runs, bench.refused, *numbers, bench.estimated, bench.made)
 
 
 def _cheapest(runs: Iterable[Tried]) -> Tried | None:

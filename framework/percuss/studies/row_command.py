@@ -19,12 +19,12 @@ from percuss.case.case import Case, load
 from percuss.case.source import Source
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, PercussError
-from percuss.jsonable import Data
+from percuss.jsonable import Data, Entries
 from percuss.studies.job_package import run_data
 from percuss.studies.tasks import Task
 
 # Texts, and between them places of numbers: the varied path, and whether its value is a whole number.
-Template = list[str | dict[str, Any]]
+Template = list[str | Entries]
 
 LARGEST_EXACT = 2**53  # Above it not every whole number is a double, as which the page of a study holds it.
 
@@ -192,7 +192,7 @@ def _as_text(value: Any) -> str | None:
     return None
 
 
-def _changed(source: Source, changes: Data, case: Case) -> dict[str, Any] | None:
+def _changed(source: Source, changes: Data, case: Case) -> Entries | None:
     """Return the entries of a source with changes that change its run, or None if they cannot be made."""
     try:
         return run_data(overriding.apply(*overriding.with_plugins(source, changes), case.registry)[0].data)
@@ -207,7 +207,7 @@ def _identity(data: Data | None) -> dict[str, str] | None:
 
 def _differences(before: Data, after: Data) -> dict[str, str | None]:
     """Return texts by path, two levels deep, that make the data `after` of the data `before`."""
-    changed: dict[str, Any] = {}
+    changed: Entries = {}
     for name, value in after.items():
         old = before.get(name)
         if name in before and _is_same(old, value):

@@ -18,7 +18,7 @@ from percuss.case.type_words import found
 from percuss.case.validation import Mistake, Reader
 from percuss.case.yaml_text import KeyPath, flow
 from percuss.errors import InputError, Problem, suggestion
-from percuss.jsonable import Data
+from percuss.jsonable import Data, Entries
 from percuss.methods.blame import SINGULAR
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
@@ -62,10 +62,10 @@ class StudySpec:
 
     name: str
     cases: dict[str, Case]
-    integrators: dict[str, Any]
-    contacts: dict[str, Any]
+    integrators: Entries
+    contacts: Entries
     vary: dict[str, list[Any]]
-    paired: list[dict[str, Any]]
+    paired: list[Entries]
     sample: SampleSection | None
     rows: RowSettings
     where: tuple[Condition, ...]
@@ -228,11 +228,11 @@ class _StudyReader:
                     self.reader.problems.append(((1, 0, 0), problem))
             return None
 
-    def methods(self, family: str, registries: list[Registry]) -> dict[str, Any]:
+    def methods(self, family: str, registries: list[Registry]) -> Entries:
         """Return label and value of each named method; at least one case must have it."""
         path, given, kind = ("methods", family), self.items("methods", family), SINGULAR[family]
         known_names = sorted({name for registry in registries for name in registry.names(family)})
-        out: dict[str, Any] = {}
+        out: Entries = {}
         names = [method_name(method) for method in given]
         for i, method in enumerate(given):
             at = (*path, i, "name") if isinstance(method, Mapping) else (*path, i)
@@ -262,7 +262,7 @@ class _StudyReader:
             self.reader.wrong(at, f"expected a list of values, found {found(given)}", advice)
         return out
 
-    def paired(self) -> list[dict[str, Any]]:
+    def paired(self) -> list[Entries]:
         """Return the points whose values go together."""
         points = [(i, dict(point)) for i, point in enumerate(self.items("paired")) if isinstance(point, Mapping)]
         for i, point in points[1:]:

@@ -22,6 +22,7 @@ from typing import Any
 from percuss.case.hints import file_advice
 from percuss.errors import InputError, UnwrittenError, shortened, wrong_input
 from percuss.files import is_file, is_folder, place_whole
+from percuss.jsonable import Data, Entries
 from percuss.methods.source_digest import content_digest
 from percuss.studies.perform import LOST, WAITING
 from percuss.studies.stored_run import Record, unpacked
@@ -205,9 +206,9 @@ class Store:
 
     def begin(
         self,
-        facts: Mapping[str, Any],
-        provenance: Mapping[str, Any],
-        plan: Iterable[tuple[str, Mapping[str, Any]]],
+        facts: Data,
+        provenance: Data,
+        plan: Iterable[tuple[str, Data]],
         files: Iterable[StudyFile] = (),
     ) -> None:
         """Store facts, files and provenance of this session, and the plan: key and names of every row.
@@ -255,12 +256,12 @@ class Store:
         with self._open() as db:
             return [self._read(db, name) for name in names]
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Entries:
         """Return the facts that `begin` stored."""
         (facts,) = self.tables("facts")
         return {name: json.loads(value) for name, value in facts}
 
-    def runs(self) -> list[tuple[dict[str, Any], Record]]:
+    def runs(self) -> list[tuple[Entries, Record]]:
         """Return names and run of each row of the plan, in order."""
         plan, runs = self.tables("plan", "runs")
         made = {row[0]: _record(row) for row in runs}
@@ -276,7 +277,7 @@ class Store:
         (plan,) = self.tables("plan")
         return {key for _, key, _ in plan}
 
-    def histories(self, key: str) -> dict[str, Any] | None:
+    def histories(self, key: str) -> Entries | None:
         """Return the stored arrays of a run, or None if there are none."""
         with self._open() as db:
             digest = next((digest for stored, *_, digest in self._read(db, "runs") if stored == key), None)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from percuss.jsonable import Entries
 from percuss.methods.registry import Registry
 from percuss.results.result import Result
 from percuss.studies.columns import RowSettings
@@ -50,7 +50,7 @@ class Record:
     said_by: str = ""
     fragile: bool | None = None
     seconds: float | None = None
-    measures: dict[str, Any] | None = None
+    measures: Entries | None = None
     histories: bytes = b""
     wall: float | None = None
     compiling: float | None = None
@@ -117,7 +117,7 @@ def _packed(result: Result, points: int) -> bytes:
     return out.getvalue()
 
 
-def unpacked(packed: bytes) -> dict[str, Any]:
+def unpacked(packed: bytes) -> Entries:
     """Return the arrays of stored histories: ``time``, ``contact``, ``contact_force``, ``contact_force_exact``."""
     with np.load(io.BytesIO(packed), allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}

@@ -14,13 +14,12 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from percuss.case.arguments import expect_files, expect_mapping_or_path
 from percuss.errors import InputError, wrong_input
 from percuss.filelock import BusyError, NotWritableError, locked
 from percuss.files import expect_no_input, expect_place, expect_writable
-from percuss.jsonable import Data
+from percuss.jsonable import Data, Entries
 from percuss.methods.source_digest import content_digest
 from percuss.results.provenance import machine
 from percuss.studies.dispatch import Progress, local_workers, make, row_counter, summaries_of
@@ -197,7 +196,7 @@ def _begin(
 @contextmanager
 def claimed(
     out: str | os.PathLike[str] | None, given: str | Path | Data, spec: StudySpec, keys: set[str]
-) -> Iterator[tuple[Path, dict[str, Any]]]:
+) -> Iterator[tuple[Path, Entries]]:
     """Lock the file of a study against all other processes, after a check that it holds no other study.
 
     Raises
@@ -238,7 +237,7 @@ def _default_files(given: str | Path | Data, name: str) -> list[Path]:
     return [second] if second.exists() else [first, second]
 
 
-def _identity(given: str | Path | Data, spec: StudySpec, out: Path) -> dict[str, Any]:
+def _identity(given: str | Path | Data, spec: StudySpec, out: Path) -> Entries:
     """Return the identity of a study: path of its file, absolute and relative to `out`, title and cases.
 
     A study remains the same if its plan changes, and if it moves together with its rows.

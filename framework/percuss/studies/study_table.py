@@ -6,11 +6,12 @@ import json
 import os
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from percuss.case.arguments import expect_suffix
 from percuss.errors import wrong_input
 from percuss.files import replacing
+from percuss.jsonable import Entries
 from percuss.studies.perform import LOST, WAITING
 from percuss.studies.row_command import Template, command_of
 from percuss.studies.store import Store
@@ -41,7 +42,7 @@ class Study:
         self._store = Store(self.path)
 
     @property
-    def spec(self) -> dict[str, Any]:
+    def spec(self) -> Entries:
         """The study file as plain data."""
         return self._store.facts().get("spec") or {}
 
@@ -51,7 +52,7 @@ class Study:
         return {**(self._store.facts().get("columns") or {}), "seconds": SECONDS}
 
     @property
-    def provenance(self) -> dict[str, Any]:
+    def provenance(self) -> Entries:
         """Versions, machine and plug-ins of the last session that ran the study; ``sessions`` has them all.
 
         ``processors`` is the number of rows made on each model of processor.
@@ -116,7 +117,7 @@ class Study:
                 table[name] = table[name].astype(float)
         return table
 
-    def as_records(self) -> list[dict[str, Any]]:
+    def as_records(self) -> list[Entries]:
         """Return the rows of `table` as plain mappings, all with the same keys."""
         rows, columns = self._store.runs(), [name for name in self.columns if name != "seconds"]
         varied = dict.fromkeys(path for names, _ in rows for path in names["varied"])
@@ -148,7 +149,7 @@ class Study:
         (runs,) = self._store.tables("runs")
         return {key for key, *_, digest in runs if digest is not None}
 
-    def histories(self, key: str) -> dict[str, Any] | None:
+    def histories(self, key: str) -> Entries | None:
         """Return the histories of a run that are kept (`keep`), or None if there are none.
 
         Returns

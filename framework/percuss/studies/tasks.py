@@ -9,7 +9,7 @@ from typing import Any
 
 from percuss.case.case import Case
 from percuss.case.options import options_of
-from percuss.jsonable import Data
+from percuss.jsonable import Data, Entries
 
 TIED = "tied"  # name of a tied twin in place of that of a contact law
 
@@ -124,7 +124,7 @@ def _without_law(points: Sequence[Data]) -> list[Data]:
     return list({repr(sorted(point.items())): point for point in remaining}.values())
 
 
-def _method_change(path: str, value: Any) -> dict[str, Any]:
+def _method_change(path: str, value: Any) -> Entries:
     if value is None:
         return {}
     return {f"{path}.name": value} if isinstance(value, str) else {path: value}

@@ -17,7 +17,7 @@ import tempfile
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as first_of
 from pathlib import Path
@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 from percuss.blas import ONE_THREAD
 from percuss.errors import RunError
 from percuss.heartbeat import Watch, beat
+from percuss.jsonable import Data
 from percuss.methods.blame import third_party_files
 from percuss.methods.process_guard import (
     STANDSTILL,
@@ -239,9 +240,9 @@ class LocalWorkers:
             else:
                 yield worker, worker.given.popleft(), said
 
-    def rehearse(self, steps: Sequence[Task], stop: threading.Event) -> list[Mapping[str, Any]]:
+    def rehearse(self, steps: Sequence[Task], stop: threading.Event) -> list[Data]:
         """Make runs of one step, one after the other; return the summaries of those that succeed."""
-        summaries: list[Mapping[str, Any]] = []
+        summaries: list[Data] = []
         for step in steps:
             if not self._workers:
                 self._workers.append(_Worker(self._bench, self._stalled_after))
