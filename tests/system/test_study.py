@@ -19,7 +19,8 @@ import places
 from command_line import percuss_command
 from percuss.errors import InputError
 from percuss.methods.registry import Registry
-from percuss.reporting.tell_study import tell_study
+from percuss.reporting.tables import show
+from percuss.reporting.tell_study import study_lines
 from percuss.studies import forecast, parameters
 from percuss.studies import workers as local_workers
 from percuss.studies.layout import RangeSection, SampleSection, study_schema
@@ -740,7 +741,7 @@ def test_a_measure_of_a_time_that_some_runs_do_not_reach_is_told(tmp_path, capsy
     assert made.table["mean"].notna().all()
     assert made.table.later.isna().tolist() == [True, False]
     assert made.table["last"].isna().all()
-    tell_study(made)
+    show(study_lines(made))
     told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("no value")]
     assert told == [
         "no value of later in 1 of 2 done: mean of contact_force of tip from 0.05 to 6",

@@ -11,7 +11,8 @@ import places
 from percuss.march.model import Model
 from percuss.methods.interfaces import ExactContact
 from percuss.reporting import run_figure
-from percuss.reporting.terminal import tell_result
+from percuss.reporting.tables import show
+from percuss.reporting.terminal import result_lines
 from percuss.results import runner, true_error
 from percuss.results.exact import exact_solution
 from percuss.results.exact_only import run_exact
@@ -296,7 +297,7 @@ def test_an_exact_solution_that_ends_early_says_where_and_why(short_of_breath, c
     assert result.end == result.solution.reached == result.summary["exact_covered"]["until"]
     assert result.arrays["time"][-1] == result.end
     reason = result.summary["exact_reason"]
-    tell_result(result)
+    show(result_lines(result))
     assert f"exact solution: {reason}" in " ".join(capsys.readouterr().out.split())
     words = " ".join(text.get_text() for text in run_figure.figure_of(result).findobj(Text))
     assert f"INTERRUPTED at time {result.end:.4g}" in words
@@ -328,7 +329,7 @@ def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path
     (check,) = verify(case, result)
     assert not check.passed
     assert check.why == f"no true error is known of this run: {result.summary['exact_reason']}"
-    tell_result(result)
+    show(result_lines(result))
     told = capsys.readouterr().out
     assert "true error" not in told
     assert f"error of tip up to {result.summary['exact_covered']['until']:.6g}, where the exact solution ends:" in told

@@ -548,7 +548,7 @@ def test_a_notebook_shows_table_and_picture(good):
     assert "bipenalty" in cells[cells.index("methods") + 1]
     assert f"{good.summary['steps']} steps" in cells[cells.index("steps") + 1]
     assert percent(good.summary["energy"]["ledger_error"], 2) in cells[cells.index("energy") + 1]
-    assert percent(good.summary["momentum"]["error"], 2) in cells[cells.index("momentum") + 1]
+    assert percent(good.summary["momentum"]["error"], 2) in cells[cells.index("momentum and impulses") + 1]
     error = good.summary["exact"]["contacts"]["tip"]["force_error_l1"]
     assert cells[:2] == ["true error", f"the contact force is off by {percent(error, 2)}"]
     start = cells.index("tip")

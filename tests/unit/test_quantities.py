@@ -25,7 +25,8 @@ from percuss.case.quantities import (
     with_unit,
 )
 from percuss.reporting.run_figure import figure_of
-from percuss.reporting.terminal import tell_result
+from percuss.reporting.tables import show
+from percuss.reporting.terminal import result_lines
 from percuss.studies.columns import metric
 from percuss.testing.draws import POWERS, unit_factor
 from strategies import hunek
@@ -182,7 +183,7 @@ def test_named_units_stand_in_results_figures_and_tables(tmp_path, capsys):
         "gap": "mm",
         "velocity": "length/time",
     }
-    tell_result(again)
+    show(result_lines(again))
     assert "peak force [kN]" in capsys.readouterr().out
     pytest.importorskip("matplotlib")
     figure = figure_of(again)

@@ -2,14 +2,16 @@
 
 import io
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from percuss.cli.common import FIRST_LINE, progress_bar
-from percuss.reporting import tell_study, terminal
-from percuss.reporting.tables import Column, print_table
+from percuss.reporting import terminal
+from percuss.reporting.tables import Column, Table, show
+from percuss.reporting.tell_study import study_lines
 from percuss.studies.perform import Run
 
 LONG = "integrator-with-a-name-that-someone-liked"
@@ -55,14 +57,16 @@ def comparison(monkeypatch):
     monkeypatch.setattr(terminal, "metrics", lambda _: numbers)
     varied = {"method.contact.beta_s": 1.2345678e-05, "bodies.short.bar.elements": 12345}
     runs = [Run(LONG, "bipenalty", varied, "done") for _ in range(3)]
-    terminal.tell_rows("A long title " * 9, runs)
+    return terminal.comparison_lines("A long title " * 9, runs)
 
 
 def contacts(monkeypatch):
     contact = dict.fromkeys(terminal.CONTACT_NUMBERS, -1.23456789e-05)
     monkeypatch.setattr(type(next(iter(terminal.CONTACT_NUMBERS.values()))), "of_contact", lambda *_: -1.23456789e-05)
-    laws = {"tip": "bipenalty (beta_s 0.25, ratio 1)"}
-    terminal._print_contacts(terminal.console_of_output(), {"tip": contact}, laws, {"tip": 0.000123}, {})
+    law = {"law": "bipenalty", "beta_s": 0.25, "ratio": 1.0}
+    resolved = {"contacts": {"tip": law}, "headline": {"tip": ["beta_s", "ratio"]}}
+    result = SimpleNamespace(summary={"contacts": {"tip": contact}}, provenance={"resolved": resolved}, units={})
+    return [Table(terminal.contact_columns(result, 3))]
 
 
 def stability(monkeypatch, **options):
@@ -74,17 +78,17 @@ def stability(monkeypatch, **options):
         for n in range(200)
         for by in ("closed-form", "pencil", "black-box")
     ]  # fmt: skip
-    terminal.tell_stability("A case", rows, **options)
+    return terminal.stability_lines("A case", rows, **options)
 
 
 TABLES = {
     "compare": comparison,
     "run": contacts,
     "stability": stability,
-    "waves": lambda _: terminal.tell_waves("A case", Waves()),
-    "study of one case": lambda _: tell_study.tell_study(Study(["hunek"])),
-    "study of cases": lambda _: tell_study.tell_study(Study(["hunek", "a-case-with-a-long-name"])),
-    "orders": lambda _: terminal.tell_orders(
+    "waves": lambda _: terminal.waves_lines("A case", Waves()),
+    "study of one case": lambda _: study_lines(Study(["hunek"])),
+    "study of cases": lambda _: study_lines(Study(["hunek", "a-case-with-a-long-name"])),
+    "orders": lambda _: terminal.order_lines(
         [
             {"integrator": LONG, "contact": "bipenalty", "refine": [1, 2, 4, 8], "bodies.short.bar.elements": 12345}
             | {f"{name}_order": -1.2345678 for name in terminal.TRUE_ERRORS}
@@ -102,9 +106,7 @@ def told(monkeypatch):
         console = Console(
             file=out, width=width or 100_000, force_terminal=bool(width), color_system=None, highlight=False
         )
-        for module in (terminal, tell_study):
-            monkeypatch.setattr(module, "console_of_output", lambda: console)
-        TABLES[name](monkeypatch, **options)
+        show(TABLES[name](monkeypatch, **options), console)
         return out.getvalue()
 
     return tell
@@ -153,7 +155,7 @@ def test_a_table_of_columns_of_equal_weight_goes_on_below_itself(told):
 def test_a_table_that_fits_nowhere_is_told_row_by_row():
     out = io.StringIO()
     console = Console(file=out, width=12, force_terminal=True, color_system=None)
-    print_table(console, [Column("a quantity", ["0.123456789"]), Column("another", ["-1.5e-10"])], "title")
+    show([Table([Column("a quantity", ["0.123456789"]), Column("another", ["-1.5e-10"])], "title")], console)
     assert "a quantity: 0.123456789\nanother: -1.5e-10\n" in out.getvalue()
 
 
@@ -172,7 +174,7 @@ def test_many_critical_courant_numbers_are_summed_up(told):
 
 def test_one_critical_courant_number_ends_the_table_in_words(capsys):
     row = {"by": "pencil", "courant_critical": 0.5, "reason": ""}
-    terminal.tell_stability("A case", [row])
+    show(terminal.stability_lines("A case", [row]))
     assert capsys.readouterr().out.splitlines()[-1] == "pencil: C critical = 0.5"
 
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from percuss.case.case import Case
+    from percuss.reporting.tables import Piece
 
 
 def option(usage: str, words: str) -> Any:
@@ -108,8 +109,63 @@ class _Compilations:
         print(COMPILING, file=sys.stderr, flush=True)
 
 
+class Answer:
+    """What a command prints and writes: where a file cannot be written, the rest is printed all the same.
+
+    Attributes
+    ----------
+    as_json
+        Whether standard output holds one JSON object; the rest then goes to standard error.
+    unwritten
+        One sentence for each file that could not be written.
+    exit_code
+        Exit code of the command, if all its files could be written.
+    """
+
+    def __init__(self, *, as_json: bool) -> None:
+        self.as_json = as_json
+        self.unwritten: list[str] = []
+        self.exit_code = 0
+
+    def write(self, path: Path | None, writer: Callable[..., object], *arguments: Any) -> None:
+        """Call a function that writes a file, if the path of the file is given."""
+        try:
+            if path is not None:
+                writer(*arguments)
+        except UnwrittenError as error:
+            self.unwritten.append(str(error))
+
+    def draw(self, path: Path | None, figure: Callable[..., Figure], *arguments: Any) -> None:
+        """Write the figure that a function returns, if the path of its file is given."""
+        from percuss.reporting.figures import write
+
+        if path is not None:
+            self.write(path, write, path, figure(*arguments))
+
+    def show(self, data: dict[str, Any], pieces: Iterable[Piece]) -> None:
+        """Print the data as JSON, or what tells the same to a reader."""
+        if self.as_json:
+            print_json(data)
+        else:
+            from percuss.reporting.tables import show
+
+            show(pieces)
+
+    def conclude(self, lines: Iterable[str]) -> None:
+        """Print the verdict at the end of a command, on standard error if standard output holds JSON."""
+        for line in lines:
+            print(printable(line), file=sys.stderr if self.as_json else sys.stdout, flush=True)
+
+    def finish(self) -> None:
+        """Report the files that could not be written, after all else, and end a command that has failed."""
+        for error in self.unwritten:
+            tell(f"error: {error}")
+        if code := 2 if self.unwritten else self.exit_code:
+            raise typer.Exit(code)
+
+
 @contextmanager
-def reporting(as_json: bool) -> Iterator[None]:
+def reporting(as_json: bool) -> Iterator[Answer]:
     """Turn errors into a message and an exit code, and show a spinner while the time loop is compiled.
 
     Only errors that percuss raises on purpose, errors in plug-ins and lack of memory are treated so. Numbers that
@@ -117,6 +173,7 @@ def reporting(as_json: bool) -> Iterator[None]:
     """
     import numpy as np
 
+    answer = Answer(as_json=as_json)
     try:
         with (
             plugin_faults(),
@@ -126,7 +183,8 @@ def reporting(as_json: bool) -> Iterator[None]:
             _standstill_told(),
             _compiling_shown(),
         ):
-            yield
+            yield answer
+            answer.finish()
     except (PercussError, MemoryError) as error:
         if isinstance(error, MemoryError):
             size = described(error).partition(": ")[2] or "of no known size"
@@ -263,39 +321,6 @@ def duration(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
-class Outputs:
-    """Files that a command writes beside what it prints: where one cannot be written, the rest is printed all the same.
-
-    Attributes
-    ----------
-    errors
-        One sentence for each file that could not be written.
-    """
-
-    def __init__(self) -> None:
-        self.errors: list[str] = []
-
-    def write(self, writer: Callable[..., object], *arguments: Any) -> None:
-        """Call a function that writes a file."""
-        try:
-            writer(*arguments)
-        except UnwrittenError as error:
-            self.errors.append(str(error))
-
-    def draw(self, path: Path, figure: Figure) -> None:
-        """Write a figure."""
-        from percuss.reporting.figures import write
-
-        self.write(write, path, figure)
-
-    def finish(self) -> None:
-        """Report the files that could not be written, after all else, and end the command with exit code 2."""
-        for error in self.errors:
-            tell(f"error: {error}")
-        if self.errors:
-            raise typer.Exit(2)
-
-
 def tell(text: str) -> None:
     """Print a message on standard error, in which texts of files and plug-ins cannot steer a terminal."""
     print(printable(text), file=sys.stderr, flush=True)
@@ -308,27 +333,22 @@ def print_json(data: dict[str, Any]) -> None:
     print(printable(json.dumps(infinity_as_text(data), indent=2, ensure_ascii=False, allow_nan=False)))
 
 
-def print_verdict(lines: Iterable[str], *, as_json: bool) -> None:
-    """Print the verdict at the end of a command, on standard error if standard output holds JSON."""
-    for line in lines:
-        print(printable(line), file=sys.stderr if as_json else sys.stdout, flush=True)
-
-
 def load_case(
     path: Path, sets: list[str] | None, files: list[Path] | None, read: Callable[..., Case] | None = None
 ) -> Case:
     """Return the case in a file, with the values of ``--set`` in place of its own."""
     from percuss.case.case import load
 
-    overrides = {}
-    problems = []
-    for item in sets or []:
-        key, equals, value = item.partition("=")
-        if not equals or not key:
-            problems.append(Problem(f"--set {shortened(item)}", "", "expected PATH=VALUE", "Write it as time.end=0.5."))
-        overrides[key] = value
-    refuse_if_any(problems)
-    return (read or load)(path, overrides, plugins=files or [])
+    changes = [(item, *item.partition("=")) for item in sets or []]
+    advice = "Write it as time.end=0.5."
+    refuse_if_any(
+        [
+            Problem(f"--set {shortened(item)}", "", "expected PATH=VALUE", advice)
+            for item, key, equals, _ in changes
+            if not (key and equals)
+        ]
+    )
+    return (read or load)(path, {key: value for _, key, _, value in changes}, plugins=files or [])
 
 
 def load_to_write(
@@ -343,13 +363,11 @@ def load_to_write(
 
     Among the varied values may be files, which are read too.
     """
-    if plot is not None:
-        expect_drawable(plot)
+    expect_drawable(plot)
     loaded = load_case(path, sets, files)
     inputs = [*loaded.inputs, *loaded.files_among(value for values in (varied or {}).values() for value in values)]
-    for target in (out, plot):
-        if target is not None:
-            expect_writable(target, inputs)
+    for target in filter(None, (out, plot)):
+        expect_writable(target, inputs)
     return loaded
 
 
@@ -370,8 +388,9 @@ def methods_in_words(case: Case) -> str:
     return f"{case.method.integrator.name} integrator  ·  {', '.join(laws)}"
 
 
-def expect_drawable(path: Path) -> None:
+def expect_drawable(path: Path | None) -> None:
     """Refuse a figure that cannot be drawn because of its suffix or because matplotlib is not installed."""
     from percuss.reporting.figures import check_suffix
 
-    check_suffix(path)
+    if path is not None:
+        check_suffix(path)

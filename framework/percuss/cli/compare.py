@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
-
-import typer
 
 from percuss.cli.common import (
     AsJson,
     CaseFile,
-    Outputs,
     Plugins,
     Sets,
     Vary,
     load_to_write,
     names_in,
     option,
-    print_json,
-    print_verdict,
     progress_bar,
     reporting,
     tell,
@@ -40,7 +36,10 @@ def compare(
     as_json: AsJson = False,
 ) -> None:
     """Run pairs of methods on one case, side by side."""
-    with reporting(as_json):
+    with reporting(as_json) as answer:
+        from percuss.reporting.comparison_figure import comparison_figure
+        from percuss.reporting.convergence_figure import convergence_figure
+        from percuss.reporting.terminal import comparison_lines, order_lines
         from percuss.reporting.verdict import comparison_verdict
         from percuss.studies import comparison
         from percuss.studies.parameters import varied
@@ -56,22 +55,11 @@ def compare(
         for note in comparison.notes_of_swaps(loaded, names_in(integrator), contacts, axes):
             tell(f"note: {note}")
         orders = comparison.orders(rows)
-        outputs = Outputs()
-        if plot is not None:
-            from percuss.reporting.comparison_figure import comparison_figure
-            from percuss.reporting.convergence_figure import convergence_figure
-
-            runs = [{"label": r.label, "result": r.result, "reason": r.reason} for r in rows]
-            outputs.draw(plot, convergence_figure(orders, loaded.title) if orders else comparison_figure(runs))
-        if as_json:
-            print_json({"title": loaded.title, "rows": [row.as_dict() for row in rows], "orders": orders})
+        if orders:
+            answer.draw(plot, convergence_figure, orders, loaded.title)
         else:
-            from percuss.reporting.terminal import tell_orders, tell_rows
-
-            tell_rows(loaded.title, rows)
-            if orders:
-                tell_orders(orders)
-        print_verdict(comparison_verdict(loaded.title, rows), as_json=as_json)
-        outputs.finish()
-        if not any(row.status == "done" for row in rows):
-            raise typer.Exit(1)
+            answer.draw(plot, comparison_figure, [vars(row) | {"label": row.label} for row in rows])
+        data = {"title": loaded.title, "rows": [row.as_dict() for row in rows], "orders": orders}
+        answer.show(data, chain(comparison_lines(loaded.title, rows), order_lines(orders)))
+        answer.conclude(comparison_verdict(loaded.title, rows))
+        answer.exit_code = 0 if any(row.status == "done" for row in rows) else 1

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from percuss.cli.common import AsJson, option, print_json, reporting
+from percuss.cli.common import AsJson, option, reporting
 
 
 def new(
@@ -24,13 +24,11 @@ def new(
 
     They are a package with a test, a case and a README, and run as they are.
     """
-    with reporting(as_json):
+    with reporting(as_json) as answer:
         from percuss.cli.scaffold import scaffold
 
         made = scaffold(name, kind, out, single_file=single_file)
-        if as_json:
-            print_json({**vars(made), "files": [str(file) for file in made.files], "next": list(made.next)})
-        else:
-            print(f"{made.component}, a method of the family {made.family}, is written and runs:")
-            print(*(f"  {file}" for file in made.files), sep="\n")
-            print("next:", *(f"  {line}" for line in made.next), sep="\n")
+        files = [str(file) for file in made.files]
+        written = f"{made.component}, a method of the family {made.family}, is written and runs:"
+        lines = [written, *(f"  {file}" for file in files), "next:", *(f"  {line}" for line in made.next)]
+        answer.show({**vars(made), "files": files, "next": list(made.next)}, lines)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from percuss.cli.common import AsJson, Plugins, print_json, reporting
+from percuss.cli.common import AsJson, Plugins, reporting
 
 
 def plugins(
@@ -15,11 +15,8 @@ def plugins(
     as_json: AsJson = False,
 ) -> None:
     """List the methods that percuss knows, or describe one."""
-    with reporting(as_json):
+    with reporting(as_json) as answer:
         from percuss.cli import verbs
 
         told = verbs.plugins(name, plugin or [])
-        if as_json:
-            print_json(told.data)
-        else:
-            print(told)
+        answer.show(told.data, [told.text])

@@ -5,19 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from percuss.cli.common import (
     AsJson,
     CaseFile,
-    Outputs,
     Plugins,
     Workers,
     expect_drawable,
     names_in,
     option,
-    print_json,
-    print_verdict,
     progress_bar,
     reporting,
     tell,
@@ -48,13 +43,13 @@ def recommend(
 
     The same command given again continues the search.
     """
-    with reporting(as_json):
-        from percuss.reporting.tell_recommendation import recommendation_verdict, tell_recommendation
+    with reporting(as_json) as answer:
+        from percuss.reporting.recommendation_figure import recommendation_figure
+        from percuss.reporting.tell_recommendation import recommendation_lines, recommendation_verdict
         from percuss.studies.recommendation import bound_of
         from percuss.studies.recommendation import recommend as search
 
-        if plot is not None:
-            expect_drawable(plot)
+        expect_drawable(plot)
         bounds = {name: bound_of(text, f"--{name}") for name, text in (("error", error), ("energy", energy))}
         with progress_bar("runs") as progress:
             found = search(
@@ -72,19 +67,10 @@ def recommend(
                 progress=progress,
                 outputs=[plot] if plot is not None else [],
             )
-        outputs = Outputs()
-        if plot is not None:
-            from percuss.reporting.recommendation_figure import recommendation_figure
-
-            outputs.draw(plot, recommendation_figure(found))
-        if as_json:
-            print_json(found.as_dict())
-        else:
-            tell_recommendation(found)
-        print_verdict(recommendation_verdict(found), as_json=as_json)
-        outputs.finish()
+        answer.draw(plot, recommendation_figure, found)
+        answer.show(found.as_dict(), recommendation_lines(found))
+        answer.conclude(recommendation_verdict(found))
+        answer.exit_code = 0 if found.best is not None else 1
         if not found.study.complete:
             tell("interrupted: the same command continues from here")
-            raise typer.Exit(INTERRUPTED)
-        if found.best is None:
-            raise typer.Exit(1)
+            answer.exit_code = INTERRUPTED

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
-
-import typer
+from typing import TYPE_CHECKING, Annotated
 
 from percuss.case.arguments import expect_suffix
 from percuss.cli.common import (
     AsJson,
     CaseFile,
-    Outputs,
     Plugins,
     Sets,
     exact_solution_shown,
     expect_drawable,
     load_case,
     option,
-    print_json,
     print_notes,
-    print_verdict,
     progress_bar,
     reporting,
     tell,
@@ -55,102 +50,66 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Run a case; print, save and draw its result."""
-    with reporting(as_json):
-        files = _Files(out, plot, animate)
-        files.check_names()
+    with reporting(as_json) as answer:
+        from percuss.reporting import animation
+        from percuss.reporting.terminal import result_lines
+        from percuss.reporting.verdict import run_verdict
+        from percuss.results.exact_only import load_for_exact
+        from percuss.results.ledger import open_accounts
+        from percuss.studies.alternatives import alternatives
+        from percuss.studies.perform import tied_twin
+
+        if out is not None:
+            expect_suffix(out, "a result", (".nc",), "Name it result.nc.")
+        expect_drawable(plot)
+        if animate is not None:
+            animation.check_animation(animate)
         if tied and exact_only:
             both = "expected --tied or --exact-only, found both"
             raise InputError([Problem("percuss run", "", both, "An exact solution has no interface to tie.")])
-        if exact_only:
-            from percuss.results.exact_only import load_for_exact
-
-            loaded = load_case(case, set_, plugin, read=load_for_exact)
-        else:
-            loaded = load_case(case, set_, plugin)
+        loaded = load_case(case, set_, plugin, read=load_for_exact if exact_only else None)
         if tied:
-            from percuss.studies.perform import tied_twin
-
             loaded = tied_twin(loaded)
         if (plot or animate) and loaded.record.fields == 0:
             loaded = loaded.with_overrides({"record.fields": 400})
         if as_json:
             print_notes(loaded)
-        for path in files:
-            if path is not None:
-                expect_writable(path, loaded.inputs)
-        words = shlex.join(["percuss", "recommend", str(case), *(f"--plugin={file}" for file in plugin or [])])
-        lost = any(not change.startswith(SEARCHED) for change in set_ or [])
-        search = f"`{words}`{' (first write the values of --set into the case)' if lost else ''}"
-        _run(loaded, files, "" if tied else search, exact_only=exact_only, nudge=nudge, as_json=as_json)
+        for path in filter(None, (out, plot, animate)):
+            expect_writable(path, loaded.inputs)
+        result, failure = _outcome(loaded, exact_only=exact_only, nudge=nudge)
+        if result.status != "unstable" or result.summary["steps"]:  # a run that was not started has nothing to show
+            answer.write(out, result.save, out)
+            answer.write(plot, result.plot, plot)
+            answer.write(animate, animation.animate, result, animate)
+        errors = [*([str(failure)] if failure else []), *answer.unwritten]
+        data = {"title": result.title, **result.summary, "error": "; ".join(errors) or None}
+        answer.show(data, result_lines(result))
+        if failure is not None:
+            tell(f"error: {failure}")
+        answer.exit_code = 1 if result.status != "done" or open_accounts(result.summary) else 0
+        if result.marched:
+            search = "" if tied else _search(case, set_ or [], plugin or [])
+            answer.conclude(run_verdict(result, alternatives(loaded, result) if search else None, search))
+        if result.status == "interrupted" and result.marched:
+            answer.exit_code = INTERRUPTED
 
 
-class _Files(NamedTuple):
-    """Files that the command writes, each a path or None."""
-
-    out: Path | None
-    plot: Path | None
-    animate: Path | None
-
-    def check_names(self) -> None:
-        """Refuse a suffix that is not that of such a file, before the case is read."""
-        if self.out is not None:
-            expect_suffix(self.out, "a result", (".nc",), "Name it result.nc.")
-        if self.plot is not None:
-            expect_drawable(self.plot)
-        if self.animate is not None:
-            from percuss.reporting.animation import check_animation
-
-            check_animation(self.animate)
-
-    def write(self, result: Result) -> Outputs:
-        """Save, draw and animate a result; a run that was not started has none."""
-        outputs = Outputs()
-        if result.status == "unstable" and result.summary["steps"] == 0:
-            return outputs
-        if self.out is not None:
-            outputs.write(result.save, self.out)
-        if self.plot is not None:
-            outputs.write(result.plot, self.plot)
-        if self.animate is not None:
-            from percuss.reporting.animation import animate
-
-            outputs.write(animate, result, self.animate)
-        return outputs
-
-
-def _run(case: Case, files: _Files, search: str, *, exact_only: bool, nudge: bool, as_json: bool) -> None:
-    """Run a case or solve it exactly, and print, save and draw the result.
-
-    `search` is a command that finds better methods, if there is.
-    """
-    from percuss.reporting.verdict import run_verdict
+def _outcome(case: Case, *, exact_only: bool, nudge: bool) -> tuple[Result, RunError | None]:
+    """Return the result of a case or its exact solution, and the error that stopped the run, if one did."""
     from percuss.results.exact_only import run_exact
-    from percuss.results.ledger import open_accounts
     from percuss.results.runner import run as run_case
-    from percuss.studies.alternatives import alternatives
 
-    failure: RunError | None = None
     with progress_bar() as progress, exact_solution_shown():
         try:
-            result = run_exact(case) if exact_only else run_case(case, nudge=nudge, progress=progress)
+            return run_exact(case) if exact_only else run_case(case, nudge=nudge, progress=progress), None
         except RunError as error:
             if error.result is None:  # a plug-in raised it
                 raise
-            failure, result = error, error.result
-    outputs = files.write(result)
-    if as_json:
-        errors = [*([str(failure)] if failure else []), *outputs.errors]
-        print_json({"title": result.title, **result.summary, "error": "; ".join(errors) or None})
-    else:
-        from percuss.reporting.terminal import tell_result
+            return error.result, error
 
-        tell_result(result)
-    if failure is not None:
-        tell(f"error: {failure}")
-    if result.marched:
-        print_verdict(run_verdict(result, alternatives(case, result) if search else None, search), as_json=as_json)
-    outputs.finish()
-    if result.status == "interrupted" and result.marched:
-        raise typer.Exit(INTERRUPTED)
-    if result.status != "done" or open_accounts(result.summary):
-        raise typer.Exit(1)
+
+def _search(case: Path, sets: list[str], plugins: list[Path]) -> str:
+    """Return the command that finds better methods for a case, in words."""
+    words = shlex.join(["percuss", "recommend", str(case), *(f"--plugin={file}" for file in plugins)])
+    lost = any(not change.startswith(SEARCHED) for change in sets)
+    return f"`{words}`{' (first write the values of --set into the case)' if lost else ''}"

@@ -5,12 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from percuss.cli.common import (
     AsJson,
     CaseFile,
-    Outputs,
     Plugins,
     Sets,
     Vary,
@@ -18,7 +15,6 @@ from percuss.cli.common import (
     methods_in_words,
     names_in,
     option,
-    print_json,
     print_notes,
     progress_bar,
     reporting,
@@ -45,8 +41,10 @@ def stability(
     as_json: AsJson = False,
 ) -> None:
     """Print the critical Courant number over varied parameters."""
-    with reporting(as_json):
+    with reporting(as_json) as answer:
         from percuss.certificate import maps
+        from percuss.reporting.stability_figure import stability_figure
+        from percuss.reporting.terminal import stability_lines
         from percuss.studies.parameters import varied
 
         axes, families = varied(vary or []), varied(curves or [], "--curves")
@@ -56,19 +54,7 @@ def stability(
         print_notes(loaded)
         with progress_bar("combinations") as progress:
             rows = maps.stability(loaded, axes, families, names_in(by), progress=progress)
-        outputs = Outputs()
-        if out is not None:
-            outputs.write(maps.save, rows, out)
-        if plot is not None:
-            from percuss.reporting.stability_figure import stability_figure
-
-            outputs.draw(plot, stability_figure(rows, axes, families, loaded.title, methods_in_words(loaded)))
-        if as_json:
-            print_json({"title": loaded.title, "rows": rows})
-        else:
-            from percuss.reporting.terminal import tell_stability
-
-            tell_stability(loaded.title, rows, whole=whole)
-        outputs.finish()
-        if not any(row["courant_critical"] for row in rows):
-            raise typer.Exit(1)
+        answer.write(out, maps.save, rows, out)
+        answer.draw(plot, stability_figure, rows, axes, families, loaded.title, methods_in_words(loaded))
+        answer.show({"title": loaded.title, "rows": rows}, stability_lines(loaded.title, rows, whole=whole))
+        answer.exit_code = 0 if any(row["courant_critical"] for row in rows) else 1

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from percuss.cli.common import AsJson, option, print_json, progress_bar, reporting
+from percuss.cli.common import Answer, AsJson, option, progress_bar, reporting
 from percuss.errors import InputError, PercussError, PluginError, Problem
 from percuss.files import is_file
 
@@ -45,48 +46,40 @@ def verify(
     A case is compared with what it expects, a result with a second run of its case, and a method is tried by the
     conformance kit.
     """
-    with reporting(as_json):
+    with reporting(as_json) as answer:
         if files and method:
             raise InputError([Problem("percuss verify", "", "expected cases or --method, found both", "Give one.")])
         if files:
-            passed, data = _verify_files(files, plugin or [], quiet=as_json)
+            passed = _verify_files(answer, files, plugin or [])
         else:
             reports = _run_kit(plugin or [], method or [], quiet=as_json, verbose=verbose)
             written = sum(report.write_cases(cases) for report in reports) if cases else 0
-            if cases and not as_json:
-                print(f"cases of failed checks in {cases}: {written}")
             passed = all(report.passed for report in reports)
-            data = {"methods": [report.as_dict() for report in reports]}
-        if as_json:
-            print_json({"passed": passed, **data})
-        if not passed:
-            raise typer.Exit(1)
+            data = {"passed": passed, "methods": [report.as_dict() for report in reports]}
+            answer.show(data, [f"cases of failed checks in {cases}: {written}"] if cases else [])
+        answer.exit_code = 0 if passed else 1
 
 
-def _verify_files(files: list[Path], plugins: list[Path], *, quiet: bool) -> tuple[bool, dict[str, Any]]:
-    """Return whether all cases and results pass, and their checks; print these unless `quiet`."""
+def _verify_files(answer: Answer, files: list[Path], plugins: list[Path]) -> bool:
+    """Print the checks of cases and results, and return whether all pass."""
+    from percuss.reporting.tell_reruns import rerun_lines
+    from percuss.reporting.terminal import check_lines
+    from percuss.results.rerun import rerun
+
     cases: list[dict[str, Any]] = []
     reruns: list[Rerun] = []
     with progress_bar("files") as progress:
         for path in files:
             if _is_result(path):
-                from percuss.results.rerun import rerun
-
                 reruns.append(rerun(path, plugins))
             else:
                 cases.append(_verify_case(path, plugins))
             progress(len(cases) + len(reruns), len(files))
-    if not quiet and cases:
-        from percuss.reporting.terminal import tell_checks
-
-        tell_checks(cases)
-    if not quiet and reruns:
-        from percuss.reporting.tell_reruns import tell_reruns
-
-        tell_reruns(reruns)
-    checked = {"cases": cases, "results": [one.as_dict() for one in reruns]}
     passed = all(case["passed"] for case in cases) and all(one.passed for one in reruns)
-    return passed, {kind: entries for kind, entries in checked.items() if entries}
+    checked = {"cases": cases, "results": [one.as_dict() for one in reruns]}
+    pieces = chain(check_lines(cases) if cases else [], rerun_lines(reruns) if reruns else [])
+    answer.show({"passed": passed, **{kind: entries for kind, entries in checked.items() if entries}}, pieces)
+    return passed
 
 
 def _is_result(path: Path) -> bool:

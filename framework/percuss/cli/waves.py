@@ -8,13 +8,11 @@ from typing import Annotated
 from percuss.cli.common import (
     AsJson,
     CaseFile,
-    Outputs,
     Plugins,
     Sets,
     load_to_write,
     methods_in_words,
     option,
-    print_json,
     print_notes,
     reporting,
 )
@@ -32,21 +30,14 @@ def waves(
 
     The amplitudes are measured from the time step itself, over frequency.
     """
-    with reporting(as_json):
+    with reporting(as_json) as answer:
         from percuss.cli import verbs
+        from percuss.reporting.stability_figure import waves_figure
+        from percuss.reporting.terminal import waves_lines
 
         loaded = load_to_write(case, set_, plugin, plot)
         print_notes(loaded)
         wave_data = verbs.waves(loaded, contact)
-        outputs = Outputs()
-        if plot is not None:
-            from percuss.reporting.stability_figure import waves_figure
-
-            outputs.draw(plot, waves_figure(wave_data, loaded.title, methods_in_words(loaded)))
-        if as_json:
-            print_json({"title": loaded.title, "reason": wave_data.reason or None, "rows": wave_data.rows()})
-        else:
-            from percuss.reporting.terminal import tell_waves
-
-            tell_waves(loaded.title, wave_data)
-        outputs.finish()
+        answer.draw(plot, waves_figure, wave_data, loaded.title, methods_in_words(loaded))
+        data = {"title": loaded.title, "reason": wave_data.reason or None, "rows": wave_data.rows()}
+        answer.show(data, waves_lines(loaded.title, wave_data))

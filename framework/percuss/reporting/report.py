@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import base64
 import os
-from collections.abc import Mapping
 from functools import partial
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from percuss.case.quantities import CONTACT_NUMBERS, percent, with_unit
 from percuss.errors import PercussError
 from percuss.reporting.figures import (
     ALARM,
@@ -18,7 +16,6 @@ from percuss.reporting.figures import (
     SOFT,
     axis_end,
     check_suffix,
-    number,
     one_line,
     picture,
     subtitle_lines,
@@ -26,8 +23,8 @@ from percuss.reporting.figures import (
     write,
 )
 from percuss.reporting.run_figure import figure_of, force_figure
+from percuss.reporting.terminal import balances, contact_columns
 from percuss.reporting.verdict import error_words
-from percuss.results.ledger import ledger_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,8 +57,11 @@ def notebook_html(result: Result) -> str:
     title = escape(one_line(result.title or "Untitled case"))
     head = f'<div style="font-size:16px;font-weight:bold">{title}</div>'
     bad = "".join(f'<div style="{BAND}">{escape(line)}</div>' for line in warning_lines(result))
-    table = _facts(facts | _balances(result.summary))
-    return f'<div style="{CARD}">{head}{bad}{table}{_contacts(result)}{_picture(result, axis_end(result))}</div>'
+    table = "".join(
+        f"<tr>{_cell(name, head=True)}{_cell(words)}</tr>" for name, words in (facts | balances(result.summary)).items()
+    )
+    contacts, picture_html = _contacts(result), _picture(result, axis_end(result))
+    return f'<div style="{CARD}">{head}{bad}<table style="{TABLE}">{table}</table>{contacts}{picture_html}</div>'
 
 
 def plotted(result: Result, path: str | os.PathLike[str] | None) -> Figure:
@@ -75,38 +75,13 @@ def plotted(result: Result, path: str | os.PathLike[str] | None) -> Figure:
     return figure
 
 
-def _balances(summary: Mapping[str, Any]) -> dict[str, str]:
-    """Return the energy ledger and the momentum balance of a summary in words."""
-    energy, momentum = summary["energy"], summary["momentum"]
-    share = f"from {number(energy['initial'], 6)} to {number(energy['final'], 6)}"
-    unbalanced = momentum.get("balanced") is False
-    return {
-        "energy": f"{share}; {ledger_words(energy)}",
-        "momentum": f"{'does NOT balance, off by' if unbalanced else 'closes to'} {percent(momentum['error'], 2)}",
-    }
-
-
-def _facts(rows: dict[str, str]) -> str:
-    """Return facts by name as an HTML table."""
-    body = "".join(f"<tr>{_cell(name, head=True)}{_cell(value)}</tr>" for name, value in rows.items())
-    return f'<table style="{TABLE}">{body}</table>'
-
-
 def _contacts(result: Result) -> str:
     """Return the HTML table of the contacts, or an empty text for a run without contacts."""
-    contacts = result.summary["contacts"]
-    if not contacts:
+    if not result.summary["contacts"]:
         return ""
-    first = next(iter(contacts.values()))
-    columns = [quantity for name, quantity in CONTACT_NUMBERS.items() if name in first]
-    head = "".join(
-        _cell(name, head=True)
-        for name in ("contact", *(with_unit(quantity.head, quantity.unit, result.units) for quantity in columns))
-    )
-    lines = [
-        [name, *("never" if (value := q.of_contact(contact)) is None else number(value, 6) for q in columns)]
-        for name, contact in contacts.items()
-    ]
+    columns = [column for column in contact_columns(result, none="never") if column.head != "law"]
+    head = "".join(_cell(column.head, head=True) for column in columns)
+    lines = zip(*(column.cells for column in columns), strict=True)
     body = "".join(f"<tr>{''.join(map(_cell, line))}</tr>" for line in lines)
     return f'<table style="{TABLE}"><tr>{head}</tr>{body}</table>'
 

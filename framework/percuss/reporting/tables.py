@@ -1,4 +1,4 @@
-"""Tables on a terminal and in a pipe, in which no number is ever cut.
+"""What commands print: lines and tables, which one writer shows on a terminal or in a pipe; no number is ever cut.
 
 On a terminal long names are broken into lines; if that is not enough, columns are left out in an order that the table
 states, and named below it; or, where all columns weigh the same, the table is continued below itself. In a pipe nothing
@@ -8,16 +8,14 @@ is left out or broken, and there are no lines that are drawn.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-
-from rich import box
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
-from rich.text import Text
+from typing import TYPE_CHECKING, TypeAlias
 
 from percuss.errors import printable
+
+if TYPE_CHECKING:  # rich is imported only where something is printed
+    from rich.console import Console
 
 GAP = 3  # characters between two columns: two of padding and the line
 BREAKS = re.compile(r"[^\s._,/=-]*[\s._,/=-]*")  # the pieces of a name or a head, between which a line may end
@@ -58,25 +56,17 @@ class Column:
         return max(1, *(len(piece.rstrip()) for piece in pieces))
 
 
-def plain_text(text: str) -> str:
-    """Return a text of a file or a plug-in as it may stand in a line of a console: nothing in it is a command."""
-    return escape(printable(text))
+def words(head: str, cells: Iterable[object], drop: int | None = None) -> Column:
+    """Return a column of words, which may be broken into lines."""
+    return Column(head, list(map(str, cells)), drop, is_number=False)
 
 
-def console() -> Console:
-    """Return the console on standard output: of the width of the terminal, or as wide as its content in a pipe."""
-    made = Console(highlight=False)
-    # Text in a pipe is read by programs and pasted into notes: lines are as long as what they say.
-    return made if made.is_terminal else Console(highlight=False, width=100_000)
+@dataclass
+class Table:
+    """A table of columns.
 
-
-def print_table(out: Console, columns: Sequence[Column], title: str = "", *, continued: int = 0) -> None:
-    """Print a table, and below it the names of the columns that had no room.
-
-    Parameters
+    Attributes
     ----------
-    out
-        The console.
     columns
         The columns.
     title
@@ -85,22 +75,65 @@ def print_table(out: Console, columns: Sequence[Column], title: str = "", *, con
         Number of columns that name a row. If it is not 0, columns without room are not left out: the table is continued
         below, with these columns again.
     """
+
+    columns: Sequence[Column]
+    title: str = ""
+    continued: int = 0
+
+
+class Unbroken(str):
+    """A line that is never broken, such as a path or a command, which a reader copies."""
+
+    __slots__ = ()
+
+
+# A line may consist of parts, of which some have a style, as ("FAILED", "red").
+Piece: TypeAlias = str | Sequence[str | tuple[str, str]] | Table
+
+
+def console() -> Console:
+    """Return the console on standard output: of the width of the terminal, or as wide as its content in a pipe."""
+    from rich.console import Console
+
+    made = Console(highlight=False)
+    # Text in a pipe is read by programs and pasted into notes: lines are as long as what they say.
+    return made if made.is_terminal else Console(highlight=False, width=100_000)
+
+
+def show(pieces: Iterable[Piece], out: Console | None = None) -> None:
+    """Print lines and tables, in which texts of files and plug-ins cannot steer a terminal."""
+    from rich.text import Text
+
+    out = out or console()
+    for piece in pieces:
+        if isinstance(piece, Table):
+            _print_table(out, piece)
+            continue
+        parts = [piece] if isinstance(piece, str) else piece
+        styled = [(printable(part), "") if isinstance(part, str) else (printable(part[0]), part[1]) for part in parts]
+        out.print(Text.assemble(*styled), soft_wrap=isinstance(piece, Unbroken))
+
+
+def _print_table(out: Console, table: Table) -> None:
+    """Print a table, and below it the names of the columns that had no room."""
+    from rich.text import Text
+
     room = out.width if out.is_terminal else None
-    title = printable(title)
-    columns = [replace(c, head=printable(c.head), cells=[printable(cell) for cell in c.cells]) for c in columns]
+    title, continued = printable(table.title), table.continued
+    columns = [replace(c, head=printable(c.head), cells=[printable(cell) for cell in c.cells]) for c in table.columns]
     if continued:
-        names, rest = list(columns[:continued]), list(columns[continued:])
+        names, rest = columns[:continued], columns[continued:]
         while rest:
             taken = [rest.pop(0)]
             while rest and _fits([*names, *taken, rest[0]], room):
                 taken.append(rest.pop(0))
-            _print(out, [*names, *taken], title, room)
+            _print_columns(out, [*names, *taken], title, room)
             title = ""
         return
     shown = list(columns)
     while not _fits(shown, room) and any(column.drop is not None for column in shown):
         shown.remove(max((column for column in shown if column.drop is not None), key=lambda column: column.drop or 0))
-    _print(out, shown, title, room)
+    _print_columns(out, shown, title, room)
     if left_out := [column.head for column in columns if column not in shown]:
         out.print(Text(f"not shown, for lack of width: {', '.join(left_out)}; --json has all, a wider terminal too"))
 
@@ -109,8 +142,12 @@ def _fits(columns: Sequence[Column], room: int | None) -> bool:
     return room is None or sum(column.least_width + GAP for column in columns) + 1 <= room
 
 
-def _print(out: Console, columns: Sequence[Column], title: str, room: int | None) -> None:
-    """Print a table of which all columns are shown; one that is too narrow for that, row by row."""
+def _print_columns(out: Console, columns: Sequence[Column], title: str, room: int | None) -> None:
+    """Print columns as a table; row by row where there is too little room for that."""
+    from rich import box
+    from rich.table import Table as Drawn
+    from rich.text import Text
+
     if not _fits(columns, room):
         out.print(Text(title, style="italic"))
         for cells in zip(*(column.cells for column in columns), strict=True):
@@ -119,14 +156,12 @@ def _print(out: Console, columns: Sequence[Column], title: str, room: int | None
             out.print()
         return
     widths = _widths(columns, room)
-    table = Table(box=box.HEAVY_HEAD if out.is_terminal else box.MARKDOWN, title=Text(title) if title else None)
+    table = Drawn(box=box.HEAVY_HEAD if out.is_terminal else box.MARKDOWN, title=Text(title) if title else None)
     for column, width in zip(columns, widths, strict=True):
         head = Text("\n".join(_broken(column.head, width)))
         table.add_column(head, width=width, no_wrap=True, justify="right" if column.is_number else "left")
     for cells in zip(*(column.cells for column in columns), strict=True):
-        table.add_row(
-            *(Text("\n".join(_broken(cell, width))) for cell, width in zip(cells, widths, strict=True)),
-        )
+        table.add_row(*(Text("\n".join(_broken(cell, width))) for cell, width in zip(cells, widths, strict=True)))
     if out.is_terminal:
         out.print(table)
         return

@@ -1,4 +1,4 @@
-"""Printing of a recommendation on a terminal."""
+"""What is printed of a recommendation."""
 
 from __future__ import annotations
 
@@ -7,36 +7,38 @@ from typing import TYPE_CHECKING
 
 from percuss.case.quantities import METRICS, percent
 from percuss.case.yaml_text import flow
-from percuss.reporting.tables import Column, plain_text, print_table
-from percuss.reporting.tables import console as console_of_output
+from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
 from percuss.reporting.verdict import failures
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from percuss.studies.recommendation import Bounds, Recommendation, Tried
 
 INDENT = "  "
 
 
-def tell_recommendation(found: Recommendation) -> None:
-    """Print what was tried, the Pareto front, and what the recommendation is in a case and as a command."""
-    console = console_of_output()
+def recommendation_lines(found: Recommendation) -> Iterator[Piece]:
+    """Yield what was tried, the Pareto front, and what the recommendation is in a case and as a command."""
     done = [one for one in found.tried if one.status == "done"]
     pairs = len({one.candidate.pair for one in done})
     marches = sum(one.seconds or 0.0 for one in done)
-    console.print(
-        f"[bold]{plain_text(found.study.title)}[/bold]: {plain_text(bounds_in_words(found.bounds))}: {len(done)} runs "
-        f"of {pairs} pairs, whose marches took {marches:.3g} s"
-    )
-    console.print(f"the error is {plain_text(error_in_words(found))}")
-    _print_front(console, found)
+    tried = f"{len(done)} runs of {pairs} pairs, whose marches took {marches:.3g} s"
+    yield (found.study.title, "bold"), f": {bounds_in_words(found.bounds)}: {tried}"
+    yield f"the error is {error_in_words(found)}"
+    if front := found.front:
+        columns = [
+            words("methods", map(methods_in_words, front)),
+            Column("error", [percent(one.error) for one in front]),
+            Column("energy", [percent(one.energy) for one in front], drop=1),
+            Column("node evaluations", [f"{one.evaluations:.3g}" for one in front]),
+            Column("ms", [f"{1e3 * one.seconds:.3g}" if one.seconds is not None else "-" for one in front], drop=2),
+        ]
+        yield Table(columns, "none is both cheaper and nearer to the bounds")
     if found.refused:
-        pairs_refused = "; ".join(f"{integrator} + {contact}" for integrator, contact in found.refused)
-        console.print(f"refused, with reasons in --json: {plain_text(pairs_refused)}", soft_wrap=True)
-    console.print(f"runs: {plain_text(str(found.study.path))}", soft_wrap=True)
+        yield Unbroken(f"refused, with reasons in --json: {'; '.join(map(' + '.join, found.refused))}")
+    yield Unbroken(f"runs: {found.study.path}")
     if found.best is not None:
-        _print_in_case(console, found, found.best)
+        yield "in a case:"
+        yield from (Unbroken(f"{INDENT}{line}") for line in _in_case(found, found.best))
 
 
 def recommendation_verdict(found: Recommendation) -> Iterator[str]:
@@ -104,27 +106,13 @@ def methods_in_words(one: Tried) -> str:
     return f"{' + '.join(names)}, refine {candidate.refine:g}, Courant number {candidate.courant:g}"
 
 
-def _print_in_case(console: Console, found: Recommendation, best: Tried) -> None:
-    """Print what the best run says in a case, and the command that makes it."""
-    changes = best.candidate.changes
-    console.print("in a case:")
-    method = {name: changes[f"method.{name}"] for name in ("integrator", "contact")}
-    lines = ["method:", *(f"{INDENT}{name}: {flow(value)}" for name, value in method.items())]
-    lines += [f"refine: {best.candidate.refine:g}", f"time: {{courant: {best.candidate.courant:g}}}"]
-    command = found.study.command(best.key)
-    for line in [*lines, *([command] if command is not None else [])]:
-        console.print(f"{INDENT}{plain_text(line)}", soft_wrap=True)
-
-
-def _print_front(console: Console, found: Recommendation) -> None:
-    front = found.front
-    if not front:
-        return
-    columns = [
-        Column("methods", [methods_in_words(one) for one in front], is_number=False),
-        Column("error", [percent(one.error) for one in front]),
-        Column("energy", [percent(one.energy) for one in front], drop=1),
-        Column("node evaluations", [f"{one.evaluations:.3g}" for one in front]),
-        Column("ms", [f"{1e3 * one.seconds:.3g}" if one.seconds is not None else "-" for one in front], drop=2),
-    ]
-    print_table(console, columns, "none is both cheaper and nearer to the bounds")
+def _in_case(found: Recommendation, best: Tried) -> Iterator[str]:
+    """Yield what the best run says in a case, and the command that makes it."""
+    yield "method:"
+    yield from (
+        f"{INDENT}{name}: {flow(best.candidate.changes[f'method.{name}'])}" for name in ("integrator", "contact")
+    )
+    yield f"refine: {best.candidate.refine:g}"
+    yield f"time: {{courant: {best.candidate.courant:g}}}"
+    if (command := found.study.command(best.key)) is not None:
+        yield command

@@ -1,14 +1,12 @@
-"""Printing of results that were compared with another run of the cases inside them."""
+"""What is printed of results that were compared with another run of the cases inside them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-
 from percuss.case.quantities import percent
-from percuss.reporting.tables import plain_text
+from percuss.reporting.tables import Piece
 
 if TYPE_CHECKING:
     from percuss.results.differences import Difference
@@ -17,25 +15,22 @@ if TYPE_CHECKING:
 SHOWN = 12  # differences that are printed; all of them are in the JSON
 
 
-def tell_reruns(reruns: Sequence[Rerun]) -> None:
-    """Print of each result whether its bits agree, where they differ, and what has changed since it was made."""
-    console = Console(highlight=False, soft_wrap=True)
+def rerun_lines(reruns: Sequence[Rerun]) -> Iterator[Piece]:
+    """Yield of each result whether its bits agree, where they differ, and what has changed since it was made."""
     for rerun in reruns:
-        mark = "[green]the same bits[/green]" if rerun.passed else "[red]DIFFERS[/red]"
-        console.print(f"{mark} [bold]{plain_text(rerun.path)}[/bold] {plain_text(rerun.title)}")
+        mark = ("the same bits", "green") if rerun.passed else ("DIFFERS", "red")
+        yield mark, " ", (rerun.path, "bold"), f" {rerun.title}"
         if rerun.error:
-            console.print(f"  {plain_text(rerun.error)}")
-        for difference in rerun.differences[:SHOWN]:
-            console.print(f"  {plain_text(_words(difference))}")
+            yield f"  {rerun.error}"
+        yield from (f"  {_words(difference)}" for difference in rerun.differences[:SHOWN])
         if len(rerun.differences) > SHOWN:
-            console.print(f"  and {len(rerun.differences) - SHOWN} other quantities: see --json")
+            yield f"  and {len(rerun.differences) - SHOWN} other quantities: see --json"
         for change in rerun.changes:
-            then, now = (_shortened(value) for value in (change.then, change.now))
-            console.print(f"  changed since: {plain_text(change.what)}: {plain_text(then)}, now {plain_text(now)}")
+            yield f"  changed since: {change.what}: {_shortened(change.then)}, now {_shortened(change.now)}"
         if not rerun.passed and not rerun.changes:
-            console.print("  nothing that percuss records has changed: on one machine that should give the same bits")
+            yield "  nothing that percuss records has changed: on one machine that should give the same bits"
     passed = sum(rerun.passed for rerun in reruns)
-    console.print(f"{passed} of {len(reruns)} results made again to the last bit")
+    yield f"{passed} of {len(reruns)} results made again to the last bit"
 
 
 def _words(difference: Difference) -> str:

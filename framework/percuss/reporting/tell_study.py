@@ -1,36 +1,35 @@
-"""Printing of a study as tables on a terminal."""
+"""What is printed of a study."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import STUDY_TABLE, ranking
-from percuss.reporting.tables import Column, plain_text, print_table
-from percuss.reporting.tables import console as console_of_output
-from percuss.reporting.terminal import _number
+from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
+from percuss.reporting.terminal import number_text
 from percuss.reporting.verdict import is_number, value_text
 
 if TYPE_CHECKING:
     from percuss.studies.study_table import Study
 
 BEST = 12
+Row = Mapping[str, Any]
 
 
-def tell_study(study: Study) -> None:
-    """Print the number of rows with each status, and the best of the done rows."""
-    console, rows = console_of_output(), study.as_records()
+def study_lines(study: Study) -> Iterator[Piece]:
+    """Yield the number of rows with each status, and the best of the done rows."""
+    rows = study.as_records()
     counts = ", ".join(f"{count} {status}" for status, count in study.counts.items())
     resumed = f", {study.found} found done" if study.found else ""
-    console.print(f"[bold]{plain_text(study.title or 'untitled study')}[/bold]: {len(rows)} runs: {counts}{resumed}")
+    yield (study.title or "untitled study", "bold"), f": {len(rows)} runs: {counts}{resumed}"
     done = [row for row in rows if row["status"] == "done"]
     measured = [name for name in study.columns if any(is_number(row[name]) for row in done)]
     if done and measured:
-        _print_best_runs(console, done, measured, list(rows[0]))
+        yield _best_runs(done, measured, list(rows[0]))
     for name, without in _without_value(study, done).items():
-        console.print(
-            f"no value of {plain_text(name)} in {without} of {len(done)} done: {plain_text(study.columns[name])}"
-        )
-    console.print(f"rows: {plain_text(str(study.path))}")
+        yield f"no value of {name} in {without} of {len(done)} done: {study.columns[name]}"
+    yield Unbroken(f"rows: {study.path}")
 
 
 def _without_value(study: Study, done: list[dict[str, Any]]) -> dict[str, int]:
@@ -40,48 +39,40 @@ def _without_value(study: Study, done: list[dict[str, Any]]) -> dict[str, int]:
     return {name: count for name, count in counts.items() if count}
 
 
-def _print_best_runs(console: Any, done: list[dict[str, Any]], measured: list[str], keys: list[str]) -> None:
-    """Print the done rows by the first measured error, as a table of cases and pairs or as a ranking."""
+def _best_runs(done: Sequence[Row], measured: list[str], keys: list[str]) -> Table:
+    """Return the done rows by the first measured error, as a table of cases and pairs or as a ranking."""
     error = next(iter(ranking(measured)), "")
+    varied = keys[3 : keys.index("status")]
+    several = len({row["case"] for row in done}) > 1
+    if error and several and not varied:
+        return _cases(done, error)
     usual = [name for name in STUDY_TABLE if name in measured] or measured[:6]
-    shown = list(dict.fromkeys([*usual, "seconds"]))
-    if error and error not in shown:
-        shown = [error, *shown]
-    if not error or len({row["case"] for row in done}) == 1 or len(keys[3 : keys.index("status")]):
-        _print_ranked(console, done, error, shown, keys)
-    else:
-        _print_cases(console, done, error)
-
-
-def _print_cases(console: Any, done: list[dict[str, Any]], error: str) -> None:
-    """Print one measure as a table with one line per case and one column per pair of methods."""
-    pairs = list(dict.fromkeys((row["integrator"], row["contact"]) for row in done))
-    value_of = {(row["case"], row["integrator"], row["contact"]): row[error] for row in done}
-    cases = list(dict.fromkeys(row["case"] for row in done))
-    columns = [Column("case", cases, is_number=False)]
-    columns += [
-        Column(
-            f"{integrator} {contact}", [value_text(error, value_of.get((case, integrator, contact))) for case in cases]
-        )
-        for integrator, contact in pairs
-    ]
-    print_table(console, columns, error, continued=1)
-
-
-def _print_ranked(console: Any, done: list[dict[str, Any]], error: str, shown: list[str], keys: list[str]) -> None:
-    """Print the rows with the smallest values of an error, or the first rows where no error was measured."""
-    varied = [key for key in keys[3 : keys.index("status")] if len({str(row[key]) for row in done}) > 1]
-    cases = ["case"] if len({row["case"] for row in done}) > 1 else []
+    shown = list(dict.fromkeys([*([error] if error and error not in usual else []), *usual, "seconds"]))
     # A run without a number for the error cannot be ranked by it.
     ranked = sorted((row for row in done if is_number(row[error])), key=lambda row: row[error]) if error else done
     best = ranked[:BEST]
     columns = [
-        Column(head, [_number(row[head]) for row in best], is_number=False)
-        for head in (*cases, "integrator", "contact")
+        words(head, (number_text(row[head]) for row in best))
+        for head in (*(["case"] if several else []), "integrator", "contact")
     ]
-    columns += [Column(head, [_number(row[head], 5) for row in best]) for head in varied]
+    columns += [
+        Column(head, [number_text(row[head], 5) for row in best])
+        for head in varied
+        if len({str(row[head]) for row in done}) > 1
+    ]
     columns += [
         Column(head, [value_text(head, row[head]) for row in best], drop=None if head == error else rank)
         for rank, head in enumerate(shown)
     ]
-    print_table(console, columns, f"smallest {error}" if error else "first runs")
+    return Table(columns, f"smallest {error}" if error else "first runs")
+
+
+def _cases(done: Sequence[Row], error: str) -> Table:
+    """Return one measure as a table with one line per case and one column per pair of methods."""
+    value_of = {(row["case"], row["integrator"], row["contact"]): row[error] for row in done}
+    cases = list(dict.fromkeys(case for case, *_ in value_of))
+    columns = [words("case", cases)]
+    for pair in dict.fromkeys((integrator, contact) for _, integrator, contact in value_of):
+        cells = [value_text(error, value_of.get((case, *pair))) for case in cases]
+        columns.append(Column(" ".join(pair), cells))
+    return Table(columns, error, continued=1)
