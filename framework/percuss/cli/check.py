@@ -9,6 +9,7 @@ def check(case: CaseFile, set_: Sets = None, plugin: Plugins = None, as_json: As
     """Explain the run of a case in words, without running it."""
     with reporting(as_json) as answer:
         from percuss.cli import verbs
+        from percuss.reporting.tables import Unbroken
 
         told = verbs.check(load_case(case, set_, plugin))
-        answer.show(told.data, [told.text])
+        answer.show(told.data, [Unbroken(told.text)])

@@ -26,9 +26,10 @@ def new(
     """
     with reporting(as_json) as answer:
         from percuss.cli.scaffold import scaffold
+        from percuss.reporting.tables import Unbroken
 
         made = scaffold(name, kind, out, single_file=single_file)
         files = [str(file) for file in made.files]
         written = f"{made.component}, a method of the family {made.family}, is written and runs:"
         lines = [written, *(f"  {file}" for file in files), "next:", *(f"  {line}" for line in made.next)]
-        answer.show({**vars(made), "files": files, "next": list(made.next)}, lines)
+        answer.show({**vars(made), "files": files, "next": list(made.next)}, map(Unbroken, lines))

@@ -17,6 +17,7 @@ def plugins(
     """List the methods that percuss knows, or describe one."""
     with reporting(as_json) as answer:
         from percuss.cli import verbs
+        from percuss.reporting.tables import Unbroken
 
         told = verbs.plugins(name, plugin or [])
-        answer.show(told.data, [told.text])
+        answer.show(told.data, [Unbroken(told.text)])

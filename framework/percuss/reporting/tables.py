@@ -102,16 +102,19 @@ def console() -> Console:
 
 def show(pieces: Iterable[Piece], out: Console | None = None) -> None:
     """Print lines and tables, in which texts of files and plug-ins cannot steer a terminal."""
-    from rich.text import Text
-
-    out = out or console()
     for piece in pieces:
+        if isinstance(piece, Unbroken):
+            print(printable(piece), file=out.file if out else None)
+            continue
+        from rich.text import Text
+
+        out = out or console()
         if isinstance(piece, Table):
             _print_table(out, piece)
             continue
         parts = [piece] if isinstance(piece, str) else piece
-        styled = [(printable(part), "") if isinstance(part, str) else (printable(part[0]), part[1]) for part in parts]
-        out.print(Text.assemble(*styled), soft_wrap=isinstance(piece, Unbroken))
+        styled = [(part, "") if isinstance(part, str) else part for part in parts]
+        out.print(Text.assemble(*((printable(text), style) for text, style in styled)))
 
 
 def _print_table(out: Console, table: Table) -> None:
