@@ -6,6 +6,7 @@ returns None instead of this module, functions are compiled by plain `numba.njit
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -48,7 +49,6 @@ from numba.core.typed_passes import NativeLowering
 # The name under which an entry with declared types is stored. Without: nothing is stored.
 from numba.core.typing import signature as typing_signature
 
-_REGISTERED: list[int] = []  # `_declarations` when numba's table of overloads was filled last
 TRIED = ("0.61", "0.68")  # the first and the last version of numba with which all tests have passed
 
 # ------------------------------------------------------------------------------------- callees and entries
@@ -252,19 +252,18 @@ def reference_counts_can_be_left_out() -> bool:
 
 def refresh_overloads() -> None:
     """Let numba notice the overloads of functions that were registered since the last call."""
-    context = cpu_target.typing_context
-    # A refresh takes longer than a bulk step, and would find nothing new as long as there is no other declaration.
-    if _declarations() == _REGISTERED:
-        return
-    # Generators fill numba's table of overloads, and another thread that compiles may be running one of them.
+    _refresh(tuple(len(declarations.globals) for declarations in list(cpu_target.typing_context._registries)))
+
+
+@functools.lru_cache(maxsize=1)
+def _refresh(declared: tuple[int, ...]) -> None:  # noqa: ARG001  a key of the cache
+    """Fill numba's table of overloads, unless each of its registries has as many declarations as at the last call.
+
+    It takes longer than a bulk step, and would find nothing new.
+    """
+    # Generators fill the table, and another thread that compiles may be running one of them.
     with global_compiler_lock:
-        context.refresh()
-    _REGISTERED[:] = _declarations()
-
-
-def _declarations() -> list[int]:
-    """Return the number of declarations in each registry of numba."""
-    return [len(declarations.globals) for declarations in list(cpu_target.typing_context._registries)]
+        cpu_target.typing_context.refresh()
 
 
 def is_overloaded(function: object) -> bool:

@@ -32,7 +32,7 @@ def compiled(library_function="sqrt", status=0):
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(machine_code, "_ADDRESSES", {})
+    monkeypatch.setattr(machine_code, "_LOADED", {})
     return tmp_path
 
 

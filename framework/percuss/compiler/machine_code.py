@@ -24,9 +24,6 @@ from percuss.methods.source_digest import content_digest, surroundings
 
 OWN_NAMES = ("Py", "_Py", "numba", "NRT_")  # beginnings of the names that Python and numba provide to compiled code
 
-_ADDRESSES: dict[str, tuple[int, str]] = {}  # address and form of the functions that this process has loaded, by key
-_LIBRARIES: list[Any] = []  # llvmlite removes the code of a library from memory when nothing refers to it any more
-
 
 class CannotLink(NotImplementedError):
     """Error: a kernel cannot be called by its address, as its data contain something else than numbers and arrays."""
@@ -48,6 +45,19 @@ class MachineCode(NamedTuple):
     symbol: str
     form: str
     object_code: bytes
+
+
+class _Loaded(NamedTuple):
+    """A function that was loaded: its address, the form of its data, and the library that has its code."""
+
+    address: int
+    form: str
+    library: object
+
+
+# The functions that this process has loaded, by key. llvmlite removes the code of a library from memory when nothing
+# refers to it any more.
+_LOADED: dict[str, _Loaded] = {}
 
 
 def jit_disabled() -> bool:
@@ -77,17 +87,17 @@ def _surroundings() -> str:
 def address_of_stored(key: str) -> tuple[int, str] | None:
     """Return the address of a stored function and the form of its data, or None if it cannot be loaded."""
     with LOCK:
-        if key not in _ADDRESSES:
+        if key not in _LOADED:
             stored = kept(f"{key}.code")
             if stored is None:
                 return None
             header, object_code = stored.split(b"\n", 1)
             symbol, form = json.loads(header)
-            address = _load(key, MachineCode(symbol, form, object_code))
-            if address == 0:
+            library = _library(key, MachineCode(symbol, form, object_code))
+            if library is None:
                 return None
-            _ADDRESSES[key] = address, form
-        return _ADDRESSES[key]
+            _LOADED[key] = _Loaded(int(library[symbol]), form, library)
+        return _LOADED[key][:2]
 
 
 def store(key: str, code: MachineCode) -> None:
@@ -118,14 +128,12 @@ def _linker() -> Any:
     return binding.create_lljit_compiler(machine, suppress_errors=True)
 
 
-def _load(key: str, code: MachineCode) -> int:
-    """Return the address of a function after loading its machine code, 0 if something that it refers to is missing."""
+def _library(key: str, code: MachineCode) -> Any:
+    """Return the library of a function after loading its machine code, None if something it refers to is missing."""
     from llvmlite import binding
 
     library = binding.JITLibraryBuilder().add_object_img(code.object_code).add_current_process()
     try:
-        loaded = library.export_symbol(code.symbol).link(_linker(), key)
+        return library.export_symbol(code.symbol).link(_linker(), key)
     except RuntimeError:
-        return 0
-    _LIBRARIES.append(loaded)
-    return int(loaded[code.symbol])
+        return None
