@@ -1,7 +1,6 @@
 """Ctrl-C, places that cannot be written to, and schedulers without workers: nothing is waited for in silence."""
 
 import contextlib
-import importlib
 import json
 import logging
 import os
@@ -27,7 +26,6 @@ from percuss.interrupt import interruptible
 from percuss.march import march
 from percuss.studies.cluster import _WaitForWorkers
 
-run_command = importlib.import_module("percuss.cli.run")
 CASE = {**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}
 
 
@@ -106,7 +104,7 @@ def test_the_exit_code_of_a_run_that_ctrl_c_ended(tmp_path, monkeypatch):
     def pressing():
         yield lambda done, total: press() if done == 10 else None
 
-    monkeypatch.setattr(run_command, "progress_bar", pressing)
+    monkeypatch.setattr(common, "progress_bar", pressing)
     monkeypatch.setattr(march, "CHUNK_STEPS", 10)
     (tmp_path / "case.yaml").write_text(repr({**CASE, "time": {"steps": 30, "courant": 0.5}}))
     done = percuss_command("run", "case.yaml", "--json", cwd=tmp_path, plain=True)

@@ -65,7 +65,9 @@ def contacts(monkeypatch):
     monkeypatch.setattr(type(next(iter(terminal.CONTACT_NUMBERS.values()))), "of_contact", lambda *_: -1.23456789e-05)
     law = {"law": "bipenalty", "beta_s": 0.25, "ratio": 1.0}
     resolved = {"contacts": {"tip": law}, "headline": {"tip": ["beta_s", "ratio"]}}
-    result = SimpleNamespace(summary={"contacts": {"tip": contact}}, provenance={"resolved": resolved}, units={})
+    result = SimpleNamespace(
+        marched=True, summary={"contacts": {"tip": contact}}, provenance={"resolved": resolved}, units={}
+    )
     return [Table(terminal.contact_columns(result, 3))]
 
 

@@ -6,37 +6,26 @@ from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
-from percuss.cli.common import (
-    AsJson,
-    CaseFile,
-    Plugins,
-    Sets,
-    Vary,
-    load_to_write,
-    names_in,
-    option,
-    progress_bar,
-    reporting,
-    tell,
-)
+from percuss.cli import common
+from percuss.cli.common import option
 
 
 def compare(
-    case: CaseFile,
+    case: common.CaseFile,
     integrator: Annotated[str, option("--integrator A,B", "Run these integrators.")] = "",
     contact: Annotated[str, option("--contact X,Y", "Run these contact laws.")] = "",
-    vary: Vary = None,
-    set_: Sets = None,
-    plugin: Plugins = None,
+    vary: common.Vary = None,
+    set_: common.Sets = None,
+    plugin: common.Plugins = None,
     tied: Annotated[bool, option("--tied", "Also tie the interfaces while the exact contact is closed.")] = False,
     plot: Annotated[
         Path | None,
         option("--plot FILE", "Draw the forces; with several `refine`, the errors over it."),
     ] = None,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Run pairs of methods on one case, side by side."""
-    with reporting(as_json) as answer:
+    with common.reporting(as_json) as answer:
         from percuss.reporting.comparison_figure import comparison_figure
         from percuss.reporting.convergence_figure import convergence_figure
         from percuss.reporting.terminal import comparison_lines, order_lines
@@ -45,15 +34,15 @@ def compare(
         from percuss.studies.parameters import varied
 
         axes = varied(vary or [])
-        loaded = load_to_write(case, set_, plugin, plot, varied=axes)
-        contacts = names_in(contact)
+        loaded = common.load_to_write(case, set_, plugin, plot, varied=axes)
+        contacts = common.names_in(contact)
         own = comparison.own_laws(loaded) if contacts else []
         if own:
-            tell(f"note: the named laws replace the own law of {', '.join(own)} in every run")
-        with progress_bar("runs") as progress:
-            rows = comparison.compare(loaded, names_in(integrator), contacts, axes, tied=tied, progress=progress)
-        for note in comparison.notes_of_swaps(loaded, names_in(integrator), contacts, axes):
-            tell(f"note: {note}")
+            common.tell(f"note: the named laws replace the own law of {', '.join(own)} in every run")
+        with common.progress_bar("runs") as progress:
+            rows = comparison.compare(loaded, common.names_in(integrator), contacts, axes, tied=tied, progress=progress)
+        for note in comparison.notes_of_swaps(loaded, common.names_in(integrator), contacts, axes):
+            common.tell(f"note: {note}")
         orders = comparison.orders(rows)
         if orders:
             answer.draw(plot, convergence_figure, orders, loaded.title)

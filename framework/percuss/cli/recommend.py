@@ -5,23 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from percuss.cli.common import (
-    AsJson,
-    CaseFile,
-    Plugins,
-    Workers,
-    expect_drawable,
-    names_in,
-    option,
-    progress_bar,
-    reporting,
-    tell,
-)
+from percuss.cli import common
+from percuss.cli.common import option
 from percuss.process import INTERRUPTED
 
 
 def recommend(
-    case: CaseFile,
+    case: common.CaseFile,
     error: Annotated[str, option("--error BOUND", "Largest error, for example 1%.")] = "",
     energy: Annotated[str, option("--energy BOUND", "Largest share of the energy that contacts take or add.")] = "",
     time: Annotated[str, option("--time SECONDS", "Longest time of a march.")] = "",
@@ -30,35 +20,32 @@ def recommend(
     contact: Annotated[str, option("--contact X,Y", "Contact laws to choose from; by default all.")] = "",
     runs: Annotated[int, option("--runs N", "Largest number of runs.")] = 400,
     seed: Annotated[int, option("--seed N", "Seed of the order in which pairs are tried.")] = 0,
-    out: Annotated[
-        Path | None,
-        option("-o --out FILE", "File of the runs; by default CASE-recommend.sqlite."),
-    ] = None,
-    workers: Workers = None,
-    plugin: Plugins = None,
+    out: Annotated[Path | None, option("-o --out FILE", "File of the runs; by default CASE-recommend.sqlite.")] = None,
+    workers: common.Workers = None,
+    plugin: common.Plugins = None,
     plot: Annotated[Path | None, option("--plot FILE", "Draw the error of all runs over their cost.")] = None,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Search the cheapest methods, mesh and step within bounds.
 
     The same command given again continues the search.
     """
-    with reporting(as_json) as answer:
+    with common.reporting(as_json) as answer:
         from percuss.reporting.recommendation_figure import recommendation_figure
         from percuss.reporting.tell_recommendation import recommendation_lines, recommendation_verdict
         from percuss.studies.recommendation import bound_of
         from percuss.studies.recommendation import recommend as search
 
-        expect_drawable(plot)
+        common.expect_drawable(plot)
         bounds = {name: bound_of(text, f"--{name}") for name, text in (("error", error), ("energy", energy))}
-        with progress_bar("runs") as progress:
+        with common.progress_bar("runs") as progress:
             found = search(
                 case,
                 **bounds,
                 seconds=bound_of(time, "--time"),
                 measure=measure,
-                integrators=names_in(integrator),
-                contacts=names_in(contact),
+                integrators=common.names_in(integrator),
+                contacts=common.names_in(contact),
                 runs=runs,
                 seed=seed,
                 out=out,
@@ -72,5 +59,5 @@ def recommend(
         answer.conclude(recommendation_verdict(found))
         answer.exit_code = 0 if found.best is not None else 1
         if not found.study.complete:
-            tell("interrupted: the same command continues from here")
+            common.tell("interrupted: the same command continues from here")
             answer.exit_code = INTERRUPTED

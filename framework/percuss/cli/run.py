@@ -7,20 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from percuss.case.arguments import expect_suffix
-from percuss.cli.common import (
-    AsJson,
-    CaseFile,
-    Plugins,
-    Sets,
-    exact_solution_shown,
-    expect_drawable,
-    load_case,
-    option,
-    print_notes,
-    progress_bar,
-    reporting,
-    tell,
-)
+from percuss.cli import common
+from percuss.cli.common import option
 from percuss.errors import InputError, Problem, RunError
 from percuss.files import expect_writable
 from percuss.process import INTERRUPTED
@@ -33,24 +21,21 @@ SEARCHED = ("method.contact", "method.integrator", "refine", "time.courant")  # 
 
 
 def run(
-    case: CaseFile,
-    set_: Sets = None,
-    plugin: Plugins = None,
+    case: common.CaseFile,
+    set_: common.Sets = None,
+    plugin: common.Plugins = None,
     out: Annotated[Path | None, option("-o --out FILE", "Save the result as NetCDF-4 (.nc).")] = None,
-    plot: Annotated[
-        Path | None,
-        option("--plot FILE", "Draw the result as png, svg or pdf."),
-    ] = None,
+    plot: Annotated[Path | None, option("--plot FILE", "Draw the result as png, svg or pdf.")] = None,
     animate: Annotated[
         Path | None, option("--animate FILE", "Show the waves as they run: gif or mp4 by suffix.")
     ] = None,
     exact_only: Annotated[bool, option("--exact-only", "Compute the exact solution only, without a method.")] = False,
     nudge: Annotated[bool, option("--nudge", "Also run a nudged twin: does the answer depend on round-off?")] = False,
     tied: Annotated[bool, option("--tied", "Tie the interfaces while the exact contact is closed.")] = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Run a case; print, save and draw its result."""
-    with reporting(as_json) as answer:
+    with common.reporting(as_json) as answer:
         from percuss.reporting import animation
         from percuss.reporting.terminal import result_lines
         from percuss.reporting.verdict import run_verdict
@@ -61,19 +46,19 @@ def run(
 
         if out is not None:
             expect_suffix(out, "a result", (".nc",), "Name it result.nc.")
-        expect_drawable(plot)
+        common.expect_drawable(plot)
         if animate is not None:
             animation.check_animation(animate)
         if tied and exact_only:
             both = "expected --tied or --exact-only, found both"
             raise InputError([Problem("percuss run", "", both, "An exact solution has no interface to tie.")])
-        loaded = load_case(case, set_, plugin, read=load_for_exact if exact_only else None)
+        loaded = common.load_case(case, set_, plugin, read=load_for_exact if exact_only else None)
         if tied:
             loaded = tied_twin(loaded)
         if (plot or animate) and loaded.record.fields == 0:
             loaded = loaded.with_overrides({"record.fields": 400})
         if as_json:
-            print_notes(loaded)
+            common.print_notes(loaded)
         for path in filter(None, (out, plot, animate)):
             expect_writable(path, loaded.inputs)
         result, failure = _outcome(loaded, exact_only=exact_only, nudge=nudge)
@@ -85,7 +70,7 @@ def run(
         data = {"title": result.title, **result.summary, "error": "; ".join(errors) or None}
         answer.show(data, result_lines(result))
         if failure is not None:
-            tell(f"error: {failure}")
+            common.tell(f"error: {failure}")
         answer.exit_code = 1 if result.status != "done" or open_accounts(result.summary) else 0
         if result.marched:
             search = "" if tied else _search(case, set_ or [], plugin or [])
@@ -99,7 +84,7 @@ def _outcome(case: Case, *, exact_only: bool, nudge: bool) -> tuple[Result, RunE
     from percuss.results.exact_only import run_exact
     from percuss.results.runner import run as run_case
 
-    with progress_bar() as progress, exact_solution_shown():
+    with common.progress_bar() as progress, common.exact_solution_shown():
         try:
             return run_exact(case) if exact_only else run_case(case, nudge=nudge, progress=progress), None
         except RunError as error:

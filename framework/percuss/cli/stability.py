@@ -5,43 +5,28 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from percuss.cli.common import (
-    AsJson,
-    CaseFile,
-    Plugins,
-    Sets,
-    Vary,
-    load_to_write,
-    methods_in_words,
-    names_in,
-    option,
-    print_notes,
-    progress_bar,
-    reporting,
-)
+from percuss.cli import common
+from percuss.cli.common import option
 from percuss.errors import InputError, Problem
 
 
 def stability(
-    case: CaseFile,
-    vary: Vary = None,
+    case: common.CaseFile,
+    vary: common.Vary = None,
     curves: Annotated[
         list[str] | None,
         option("--curves PATH=VALUES", "Draw one curve, or one map, for each value."),
     ] = None,
-    by: Annotated[
-        str,
-        option("--by A,B", "Criteria: closed-form, pencil or black-box; several are overlaid."),
-    ] = "",
-    set_: Sets = None,
-    plugin: Plugins = None,
+    by: Annotated[str, option("--by A,B", "Criteria: closed-form, pencil or black-box; several are overlaid.")] = "",
+    set_: common.Sets = None,
+    plugin: common.Plugins = None,
     out: Annotated[Path | None, option("-o --out FILE", "Save the rows as csv.")] = None,
     plot: Annotated[Path | None, option("--plot FILE", "Draw the curves or maps.")] = None,
     whole: Annotated[bool, option("--all", "Print every combination.")] = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Print the critical Courant number over varied parameters."""
-    with reporting(as_json) as answer:
+    with common.reporting(as_json) as answer:
         from percuss.certificate import maps
         from percuss.reporting.stability_figure import stability_figure
         from percuss.reporting.terminal import stability_lines
@@ -50,11 +35,11 @@ def stability(
         axes, families = varied(vary or []), varied(curves or [], "--curves")
         if plot is not None and not 1 <= len(axes) <= 2:
             raise InputError([Problem("--plot", "", f"expected one or two --vary, found {len(axes)}", "")])
-        loaded = load_to_write(case, set_, plugin, plot, out, {**axes, **families})
-        print_notes(loaded)
-        with progress_bar("combinations") as progress:
-            rows = maps.stability(loaded, axes, families, names_in(by), progress=progress)
+        loaded = common.load_to_write(case, set_, plugin, plot, out, {**axes, **families})
+        common.print_notes(loaded)
+        with common.progress_bar("combinations") as progress:
+            rows = maps.stability(loaded, axes, families, common.names_in(by), progress=progress)
         answer.write(out, maps.save, rows, out)
-        answer.draw(plot, stability_figure, rows, axes, families, loaded.title, methods_in_words(loaded))
+        answer.draw(plot, stability_figure, rows, axes, families, loaded.title, common.methods_in_words(loaded))
         answer.show({"title": loaded.title, "rows": rows}, stability_lines(loaded.title, rows, whole=whole))
         answer.exit_code = 0 if any(row["courant_critical"] for row in rows) else 1

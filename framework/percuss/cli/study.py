@@ -9,16 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from percuss.cli.common import (
-    AsJson,
-    Plugins,
-    Workers,
-    duration,
-    option,
-    progress_bar,
-    reporting,
-    tell,
-)
+from percuss.cli import common
+from percuss.cli.common import option
 from percuss.errors import Problem, refuse_if_any
 from percuss.process import INTERRUPTED
 
@@ -29,9 +21,9 @@ def study(
         Path | None,
         option("-o --out FILE", "File of the rows; by default STUDY.sqlite in this folder."),
     ] = None,
-    workers: Workers = None,
+    workers: common.Workers = None,
     scheduler: Annotated[str | None, option("--scheduler ADDRESS", "Use the workers of this Dask scheduler.")] = None,
-    plugin: Plugins = None,
+    plugin: common.Plugins = None,
     again: Annotated[
         list[str] | None,
         option("--again STATUS", "Make the runs of a status again, for example failed. Repeatable."),
@@ -40,10 +32,10 @@ def study(
     dry_run: Annotated[
         bool, option("--dry-run", "Check and count the runs and estimate the time; store nothing.")
     ] = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Make the runs of a study; given again, continue it."""
-    with reporting(as_json) as answer:
+    with common.reporting(as_json) as answer:
         from percuss.reporting.tell_study import study_lines
         from percuss.reporting.verdict import rows_verdict
         from percuss.studies.forecast import forecast
@@ -56,7 +48,7 @@ def study(
             given = [name for name, value in of_rows.items() if value]
             refuse_if_any([Problem("percuss study", "", message.format(name), advice) for name in given])
             workers = workers or os.cpu_count() or 1
-            with progress_bar("runs") as progress:
+            with common.progress_bar("runs") as progress:
                 found = forecast(file, plugin or [], progress, workers=workers)
             answer.show(found, _forecast_lines(found, workers))
             answer.conclude(rows_verdict(found["rows"], []))
@@ -64,7 +56,7 @@ def study(
             return
         if export is not None:
             exportable(export)
-        with progress_bar("runs") as progress:
+        with common.progress_bar("runs") as progress:
             notice = _ResumeNotice(progress)
             tables = [export] if export is not None else []
             made = make_study(
@@ -78,10 +70,10 @@ def study(
         answer.conclude(rows_verdict(rows, list(made.columns)))
         answer.exit_code = 0 if made.complete and counts.get("done") else 1
         if counts.get("waiting"):
-            tell("interrupted: the same command continues from here")
+            common.tell("interrupted: the same command continues from here")
             answer.exit_code = INTERRUPTED
         if lost := counts.get("lost"):
-            tell(f"{lost} of {len(rows)} runs failed because of the machine: the same command makes them again")
+            common.tell(f"{lost} of {len(rows)} runs failed because of the machine: the same command makes them again")
 
 
 def _forecast_lines(found: Mapping[str, Any], workers: int) -> Iterator[str]:
@@ -92,7 +84,7 @@ def _forecast_lines(found: Mapping[str, Any], workers: int) -> Iterator[str]:
         yield f"examined: {found['examined']} runs at equal distances, of which {can_run}"
     if found["seconds"] is not None:
         cores = f"{workers} worker{'s' if workers != 1 else ''}"
-        time = f"roughly {duration(found['seconds'])} with {cores} by the time of the cheapest run"
+        time = f"roughly {common.duration(found['seconds'])} with {cores} by the time of the cheapest run"
         whose = "all runs, estimated from these" if part else can_run
         yield f"{whose}: {found['node_steps']:.3g} steps times nodes, {time}"
 
@@ -105,6 +97,6 @@ class _ResumeNotice:
 
     def __call__(self, done: int, total: int) -> None:
         if not self.announced and done:
-            tell(f"{done} of {total} runs are stored already")
+            common.tell(f"{done} of {total} runs are stored already")
         self.announced = True
         self.progress(done, total)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from percuss.cli.common import Answer, AsJson, option, progress_bar, reporting
+from percuss.cli import common
+from percuss.cli.common import option
 from percuss.errors import InputError, PercussError, PluginError, Problem
 from percuss.files import is_file
 
@@ -39,14 +40,14 @@ def verify(
         typer.Option("--cases", metavar="FOLDER", file_okay=False, help="Write the case of each failed check."),
     ] = None,
     verbose: Annotated[bool, option("--verbose -v", "Give every check of a method, its demand and its case.")] = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Verify cases, saved results or methods.
 
     A case is compared with what it expects, a result with a second run of its case, and a method is tried by the
     conformance kit.
     """
-    with reporting(as_json) as answer:
+    with common.reporting(as_json) as answer:
         if files and method:
             raise InputError([Problem("percuss verify", "", "expected cases or --method, found both", "Give one.")])
         if files:
@@ -60,7 +61,7 @@ def verify(
         answer.exit_code = 0 if passed else 1
 
 
-def _verify_files(answer: Answer, files: list[Path], plugins: list[Path]) -> bool:
+def _verify_files(answer: common.Answer, files: list[Path], plugins: list[Path]) -> bool:
     """Print the checks of cases and results, and return whether all pass."""
     from percuss.reporting.tell_reruns import rerun_lines
     from percuss.reporting.terminal import check_lines
@@ -68,7 +69,7 @@ def _verify_files(answer: Answer, files: list[Path], plugins: list[Path]) -> boo
 
     cases: list[dict[str, Any]] = []
     reruns: list[Rerun] = []
-    with progress_bar("files") as progress:
+    with common.progress_bar("files") as progress:
         for path in files:
             if _is_result(path):
                 reruns.append(rerun(path, plugins))
@@ -142,7 +143,7 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool, verbose: bool)
         subject = Subject.of(registry.components[key], registry)
         if not quiet:
             print(here(f"{subject.name} ({subject.family}), {registry.sources[key]}"), flush=True)
-        with progress_bar(f"checks of {subject.name}") as progress:
+        with common.progress_bar(f"checks of {subject.name}") as progress:
 
             def tell(outcome: Outcome, made: int, planned: int, progress: Any = progress) -> None:
                 if quiet or (sys.stdout.isatty() and not verbose):
