@@ -101,8 +101,8 @@ def test_a_watch_notices_silence_once_and_not_while_there_are_beats():
 
 def test_the_exit_code_of_a_run_that_ctrl_c_ended(tmp_path, monkeypatch):
     @contextlib.contextmanager
-    def pressing():
-        yield lambda done, total: press() if done == 10 else None
+    def pressing(unit="steps"):
+        yield lambda done, total: press() if (done, unit) == (10, "steps") else None
 
     monkeypatch.setattr(common, "progress_bar", pressing)
     monkeypatch.setattr(march, "CHUNK_STEPS", 10)
