@@ -14,7 +14,6 @@ from percuss.results.result import Result
 
 # Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
 _NOT_COMPARED = {"seconds", "notes", "compiled_why"}
-_UNCHANGED_BY_TIME = ("versions", "settings", "source_digest", "machine")
 _MACHINE_WORDS = {
     "cpu": "processor",
     "processor": "architecture",
@@ -64,7 +63,7 @@ class Change:
 def differences(then: Result, now: Result) -> list[Difference]:
     """Return all quantities whose bits differ: histories in the order of their first difference, then numbers."""
     histories = [
-        *_of_arrays({**then.arrays}, {**now.arrays}, then.coordinates),
+        *_of_arrays(then.arrays, now.arrays, then.coordinates),
         *_of_arrays(_fields(then.field_arrays), _fields(now.field_arrays), {"body": then.field_arrays.get("body", [])}),
     ]
     histories.sort(key=lambda difference: -np.inf if difference.time is None else difference.time)
@@ -155,32 +154,27 @@ def changes(then: Data, now: Data) -> list[Change]:
 
     What one of them does not know, such as the instructions of the processor where nothing was compiled, is no change.
     """
-    out = [
-        Change(what, before, after)
-        for part in _UNCHANGED_BY_TIME
-        for what, before, after in _entries(part, then.get(part), now.get(part))
-        if before != after and (part == "settings" or None not in {before, after})
-    ]
-    plugins = {**dict.fromkeys(then["plugins"]), **dict.fromkeys(now["plugins"])}
-    for name in plugins:
-        before, after = (_plugin_words(provenance["plugins"].get(name)) for provenance in (then, now))
-        if before != after:
-            out.append(Change(f"plug-in {name}", before, after))
+    out = []
+    for what, before, after in _facts(then, now):
+        if before != after and (None not in {before, after} or what.startswith(("setting ", "plug-in "))):
+            out.append(Change(what, before, after))
     return out
 
 
-def _entries(part: str, then: Any, now: Any) -> Iterator[tuple[str, str | None, str | None]]:
-    """Yield name, earlier and later value of each entry of a part of the provenance."""
-    if part == "source_digest":
-        yield "sources of percuss", then, now
-        return
-    words = {"versions": "version of ", "settings": "setting ", "machine": ""}[part]
-    names = _MACHINE_WORDS if part == "machine" else {}
-    for name in sorted({*(then or {}), *(now or {})}):
-        before, after = (then or {}).get(name), (now or {}).get(name)
-        if name == "instructions" and before and after:
-            before, after = _without_common_words(before, after), _without_common_words(after, before)
-        yield f"{words}{names.get(name, name)}", before, after
+def _facts(then: Data, now: Data) -> Iterator[tuple[str, str | None, str | None]]:
+    """Yield name, earlier and later value of each fact about the provenances of two results."""
+    for part, words in (("versions", "version of "), ("settings", "setting ")):
+        before, after = then.get(part) or {}, now.get(part) or {}
+        yield from ((f"{words}{name}", before.get(name), after.get(name)) for name in sorted({*before, *after}))
+    yield "sources of percuss", then.get("source_digest"), now.get("source_digest")
+    before, after = then.get("machine") or {}, now.get("machine") or {}
+    for name in sorted({*before, *after}):
+        first, second = before.get(name), after.get(name)
+        if name == "instructions" and first and second:
+            first, second = _without_common_words(first, second), _without_common_words(second, first)
+        yield _MACHINE_WORDS.get(name, name), first, second
+    for name in {**then["plugins"], **now["plugins"]}:
+        yield f"plug-in {name}", _plugin_words(then["plugins"].get(name)), _plugin_words(now["plugins"].get(name))
 
 
 def _without_common_words(text: str, other: str) -> str:

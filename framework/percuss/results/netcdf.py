@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import mmap
 import os
 import re
 from pathlib import Path
@@ -23,7 +24,6 @@ FORMAT = "percuss-result-3"  # format 1 had no checksums, format 2 one that only
 ADVICE = "Make the run again, or use an undamaged copy."
 CHECKSUM = re.compile(rb"\npercuss sha256 ([0-9a-f]{64})\n")
 CHECKSUM_SIZE = 81  # bytes
-BLOCK_SIZE = 2**20  # bytes that are read at once
 OVERHEAD = 4096  # bytes of HDF5 beside the values of a variable
 HDF5 = b"\x89HDF\r\n\x1a\n"  # first bytes of a NetCDF-4 file
 
@@ -99,42 +99,23 @@ def read(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
 def _verify(path: Path) -> None:
     """Raise InputError unless a file ends with the checksum of all that stands before it."""
     try:
-        size = path.stat().st_size - CHECKSUM_SIZE
-        digest = hashlib.sha256()
         with path.open("rb") as file:
-            first = file.read(len(HDF5))
-            file.seek(0)
-            remaining = size
-            while remaining > 0 and (block := file.read(min(remaining, BLOCK_SIZE))):
-                digest.update(block)
-                remaining -= len(block)
-            checksum = CHECKSUM.fullmatch(file.read())
+            content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if path.stat().st_size else b""
     except OSError as error:
         raise wrong_input(str(path), f"cannot be read: {error.strerror}") from error
-    if checksum is not None and checksum[1] == digest.hexdigest().encode():
-        return
-    file_format = _format_named_in(path)
-    if checksum is not None or file_format == FORMAT:
-        message = (
-            "it does not have the checksum that was written with it"
-            if checksum is not None
-            else "its end, a checksum, is missing, or another program wrote the file anew"
-        )
-        raise wrong_input(str(path), f"the file is damaged: {message}", ADVICE)
-    message, advice = f"expected a percuss result ({FORMAT}), found another NetCDF file", ""
-    if file_format:
-        message, advice = f"expected a percuss result ({FORMAT}), found the format {file_format}", ADVICE
-    elif first != HDF5:
-        message = "expected a NetCDF-4 file, found something else"
-    raise wrong_input(str(path), message, advice)
-
-
-def _format_named_in(path: Path) -> str:
-    """Return the name of the format of a percuss result that stands somewhere in the bytes of a file, or nothing."""
-    with path.open("rb") as file:
-        end = b""
-        while block := file.read(BLOCK_SIZE):
-            if named := re.search(rb"percuss-result-[0-9]+", end + block):
-                return named[0].decode()
-            end = block[-20:]
-    return ""
+    checksum = CHECKSUM.fullmatch(content[-CHECKSUM_SIZE:])
+    if checksum is not None:
+        if hashlib.sha256(memoryview(content)[:-CHECKSUM_SIZE]).hexdigest().encode() == checksum[1]:
+            return
+        message = "the file is damaged: it does not have the checksum that was written with it"
+        raise wrong_input(str(path), message, ADVICE)
+    named = re.search(rb"percuss-result-[0-9]+", content)
+    if named is not None and named[0].decode() == FORMAT:
+        message = "the file is damaged: its end, a checksum, is missing, or another program wrote the file anew"
+        raise wrong_input(str(path), message, ADVICE)
+    if named is not None:
+        message = f"expected a percuss result ({FORMAT}), found the format {named[0].decode()}"
+        raise wrong_input(str(path), message, ADVICE)
+    if content[: len(HDF5)] != HDF5:
+        raise wrong_input(str(path), "expected a NetCDF-4 file, found something else")
+    raise wrong_input(str(path), f"expected a percuss result ({FORMAT}), found another NetCDF file")

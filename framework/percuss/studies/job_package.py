@@ -232,17 +232,13 @@ class Bench:
     def _check_environment(self, registry: Registry, components: Mapping[str, str]) -> None:
         """Raise PluginError if numbers computed here could differ from those where the study began."""
         digests = SourceDigests()
-        local_digests = {
-            f"{family}/{name}": digests.of(source)
-            for (family, name), source in registry.sources.items()
-            if f"{family}/{name}" in components
-        }
-        environment = {**surroundings(), "percuss": f"{__version__} {own_digest()}"} if self.surroundings else {}
+        sources = {f"{family}/{name}": source for (family, name), source in registry.sources.items()}
         for name, digest in components.items():
-            if name not in local_digests:
+            if name not in sources:
                 raise PluginError(f"{name} is not installed here, but was where the study was started")
-            if local_digests[name] != digest:
+            if digests.of(sources[name]) != digest:
                 raise PluginError(f"the sources of {name} differ here from those where the study was started")
+        environment = {**surroundings(), "percuss": f"{__version__} {own_digest()}"} if self.surroundings else {}
         for name in sorted({*environment, *self.surroundings}):
             local, planned = environment.get(name, "not set"), self.surroundings.get(name, "not set")
             if local != planned:
