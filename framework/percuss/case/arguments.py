@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from percuss.case.hints import name_advice
 from percuss.errors import InputError, Problem, refuse_if_any, wrong_input
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
 
-def wrong_argument(function: str, message: str, value: Any, advice: str) -> InputError:
+def wrong_argument(function: str, message: str, value: object, advice: str) -> InputError:
     """Return the error for an argument of the wrong kind."""
     text = repr(value)
     shown = text if len(text) <= 60 else f"{text[:57]}..."
@@ -31,13 +31,13 @@ def expect_suffix(path: str | os.PathLike[str], what: str, suffixes: Sequence[st
     return suffix.lower()
 
 
-def expect_mapping_or_path(function: str, value: Any) -> None:
+def expect_mapping_or_path(function: str, value: object) -> None:
     """Raise InputError unless `value` is a path or a mapping."""
     if not isinstance(value, (str, os.PathLike, Mapping)):
         raise wrong_argument(function, "expected the path of a YAML file, or the same as a mapping", value, "")
 
 
-def expect_paths(function: str, parameter: str, value: Any, *, many: bool = False) -> None:
+def expect_paths(function: str, parameter: str, value: object, *, many: bool = False) -> None:
     """Raise InputError unless `value` is None or maps dotted paths to values; with `many`, each path to several."""
     advice = 'As {"method.contact.beta_s": [0.1, 1]}.' if many else 'As {"method.contact.beta_s": 1}.'
     if value is None:
@@ -49,14 +49,14 @@ def expect_paths(function: str, parameter: str, value: Any, *, many: bool = Fals
             raise wrong_argument(function, f"expected a list of values for '{path}' of `{parameter}`", items, advice)
 
 
-def expect_names(function: str, parameter: str, value: Any, *, of: str = "names", example: str = "NAME") -> None:
+def expect_names(function: str, parameter: str, value: object, *, of: str = "names", example: str = "NAME") -> None:
     """Raise InputError unless `value` is a list of names; a text is refused, as it would be read letter by letter."""
     if isinstance(value, (str, bytes, os.PathLike)) or not isinstance(value, Iterable):
         shown = [str(value)] if isinstance(value, (str, os.PathLike)) else [example]
         raise wrong_argument(function, f"expected a list of {of} as `{parameter}`", value, f"As {shown}.")
 
 
-def expect_files(function: str, value: Any) -> None:
+def expect_files(function: str, value: object) -> None:
     """Raise InputError unless `value` is a list of files."""
     expect_names(function, "plugins", value, of="files", example="my_law.py")
 

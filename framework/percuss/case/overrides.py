@@ -91,7 +91,7 @@ def _component_at(path: KeyPath) -> Named | None:
 
 
 def _apply_override(
-    source: Source, path: str, value: Any, registry: Registry, replaced: Set[str]
+    source: Source, path: str, value: object, registry: Registry, replaced: Set[str]
 ) -> tuple[Source, list[str]]:
     """Return the source with one value replaced, and notes on the options of a component that was exchanged."""
     parts: KeyPath = tuple(path.split("."))
@@ -149,7 +149,7 @@ def _without_foreign_options(
     return after.replaced(at, remaining), [f"{dotted(at)}: {note}" for note in (*notes, *kept)]
 
 
-def _refuse_missing_entry(source: Source, path: str, value: Any) -> None:
+def _refuse_missing_entry(source: Source, path: str, value: object) -> None:
     """Refuse to set a value inside a body, contact or load that does not exist; an override may add a whole one."""
     parts = path.split(".")
     entries = source.get((parts[0],), {})

@@ -24,7 +24,7 @@ MAX_BYTES = 10_000_000  # of a file
 LONGEST_LABEL = 200  # letters of the path and of the value of an override
 
 
-def override_label(path: str, value: Any) -> str:
+def override_label(path: str, value: object) -> str:
     """Return the text by which messages name an override, as the user typed it unless it is very long."""
     text = value if isinstance(value, str) else flow(value)
     return f"--set {shortened(path, LONGEST_LABEL)}={shortened(text, LONGEST_LABEL)}"
@@ -38,7 +38,7 @@ def _value_of(text: str) -> Any:
     return Source.parse(text, "").data
 
 
-def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
+def _plain(value: object, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
     """Return a Python value as plain data; numpy numbers and arrays become Python's."""
     if len(path) > MAX_DEPTH:
         raise wrong_input("case", f"nested more than {MAX_DEPTH} levels deep", path=dotted(path[:4]) + "...")
@@ -58,7 +58,7 @@ def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
     return value
 
 
-def _put(data: Any, path: KeyPath, value: Any) -> Any:
+def _put(data: Any, path: KeyPath, value: object) -> Any:
     """Return `data` with `value` at `path`; the entries beside it are shared with `data`, not copied."""
     if not path:
         return value
@@ -174,11 +174,11 @@ class Source:
             value = value[part]
         return value
 
-    def replaced(self, path: KeyPath, value: Any) -> Source:
+    def replaced(self, path: KeyPath, value: object) -> Source:
         """Return the source with another value at `path`, which keeps the place of the old value."""
         return replace(self, data=_put(self.data, path, value))
 
-    def override(self, path: str, value: Any, *, shown_path: str = "") -> Source:
+    def override(self, path: str, value: object, *, shown_path: str = "") -> Source:
         """Return the source with `value` at the dotted `path`; text is read as YAML.
 
         Messages show `shown_path` in place of `path`, if it is given.

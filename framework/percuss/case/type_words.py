@@ -24,7 +24,7 @@ class Expects:
     advice: str = ""
 
 
-def is_union(annotation: Any) -> bool:
+def is_union(annotation: object) -> bool:
     """Return whether a type is a union, however written."""
     return get_origin(annotation) in (Union, types.UnionType)
 
@@ -50,12 +50,12 @@ def _facts(annotation: Any) -> Iterator[Any]:
             yield from _facts(branch)
 
 
-def fact(annotation: Any, kind: type[T]) -> T | None:
+def fact(annotation: object, kind: type[T]) -> T | None:
     """Return the first fact of a kind, or None."""
     return next((fact for fact in _facts(annotation) if isinstance(fact, kind)), None)
 
 
-def bounds(annotation: Any) -> tuple[float, float, bool, bool]:
+def bounds(annotation: object) -> tuple[float, float, bool, bool]:
     """Return the lower and the upper bound of an annotation, and whether each bound is itself an allowed value."""
     low, high, at_low, at_high = -math.inf, math.inf, True, True
     for constraint in _facts(annotation):
@@ -68,14 +68,14 @@ def bounds(annotation: Any) -> tuple[float, float, bool, bool]:
     return low, high, at_low, at_high
 
 
-def item_type(annotation: Any) -> Any:
+def item_type(annotation: object) -> Any:
     """Return the type of the items of a list, or of the values of a mapping, or None."""
     items = {tuple: 0, dict: 1}
     containers = (branch for branch in branches(annotation) if get_origin(branch) in items)
     return next((get_args(branch)[items[get_origin(branch)]] for branch in containers), None)
 
 
-def _bounded(noun: str, facts: tuple[Any, ...]) -> str:
+def _bounded(noun: str, facts: tuple[object, ...]) -> str:
     """Return a noun with its bounds and unit, as ``a number greater than 0 [length]``."""
     words = (("gt", "greater than"), ("ge", "of at least"), ("lt", "less than"), ("le", "of at most"))
     limits = [(word, getattr(fact, kind, None)) for fact in facts for kind, word in words]
@@ -89,13 +89,13 @@ def _bounded(noun: str, facts: tuple[Any, ...]) -> str:
     return text if unit == "1" else f"{text} [{unit}]"
 
 
-def describe(annotation: Any) -> str:
+def describe(annotation: object) -> str:
     """Return the expected value of a type in words, with bounds and unit."""
     *first, last = _phrases(annotation, ())
     return f"{', '.join(first)} or {last}" if first else last
 
 
-def _phrases(annotation: Any, facts: tuple[Any, ...]) -> list[str]:
+def _phrases(annotation: Any, facts: tuple[object, ...]) -> list[str]:
     """Return the expected value of each branch of a type; a unit of the whole union stands after the last branch."""
     if get_origin(annotation) is Annotated:
         expects = next((fact for fact in annotation.__metadata__ if isinstance(fact, Expects)), None)
@@ -117,7 +117,7 @@ def _phrases(annotation: Any, facts: tuple[Any, ...]) -> list[str]:
     return ["the path of a CSV file" if annotation is DataFile else str(getattr(annotation, "__name__", annotation))]
 
 
-def found(value: Any) -> str:
+def found(value: object) -> str:
     """Return a value as the input has it, short enough for a message."""
     if isinstance(value, str):
         return f"'{value}'" if len(value) <= 60 else f"'{value[:57]}...'"
@@ -129,14 +129,14 @@ def found(value: Any) -> str:
     return f"a list of {len(value)} items" if isinstance(value, tuple) else f"{text[:37]}..."
 
 
-def _rounded(value: Any) -> Any:
+def _rounded(value: object) -> Any:
     """Return a value whose numbers have twelve digits at most."""
     if isinstance(value, float):
         return float(f"{value:.12g}")
     return tuple(map(_rounded, value)) if isinstance(value, tuple) else value
 
 
-def advice_for(annotation: Any, value: Any) -> str:
+def advice_for(annotation: object, value: object) -> str:
     """Return advice for a value that does not fit an annotation; it may be empty."""
     expects = fact(annotation, Expects)
     if expects is not None and expects.advice:
@@ -150,7 +150,7 @@ def advice_for(annotation: Any, value: Any) -> str:
     return _float_advice(annotation, value) if isinstance(value, float) else ""
 
 
-def _float_advice(annotation: Any, value: float) -> str:
+def _float_advice(annotation: object, value: float) -> str:
     """Return advice for a number that is infinite, not a number, or whole but not written so; else nothing."""
     if math.isnan(value):
         return "nan is never a value."

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, cast
 
 import pydantic
-from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownError, core_schema
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError, PydanticKnownError, core_schema
 
 from percuss.case.csv_file import read_text, table_in
 from percuss.case.hints import name_advice
@@ -112,7 +113,7 @@ def failure(*mistakes: Mistake) -> pydantic.ValidationError:
     return pydantic.ValidationError.from_exception_data("percuss", details)
 
 
-def _worded(detail: Any) -> Mistake:
+def _worded(detail: ErrorDetails) -> Mistake:
     """Return the mistake that an inner validator has put into words, with its path in the outer value."""
     return Mistake(**{**detail["ctx"], "path": detail["loc"]})
 
@@ -133,7 +134,7 @@ def _reached(loc: KeyPath, value: Any) -> KeyPath:
     return tuple(reached)
 
 
-def _value_mistakes(option: Option, value: Any, details: list[Any]) -> Iterator[Mistake]:
+def _value_mistakes(option: Option, value: object, details: list[ErrorDetails]) -> Iterator[Mistake]:
     """Yield one mistake for each wrong place of a value: the innermost ones, whichever branch of a union saw them."""
     places = [_reached(detail["loc"][1:], value) for detail in details]
     told = {path[:n] for path in places for n in range(len(path))}  # places that hold a wrong one
@@ -145,7 +146,7 @@ def _value_mistakes(option: Option, value: Any, details: list[Any]) -> Iterator[
         told.add(path)
 
 
-def _value_mistake(option: Option, value: Any, path: KeyPath, detail: Any) -> Mistake:
+def _value_mistake(option: Option, value: Any, path: KeyPath, detail: ErrorDetails) -> Mistake:
     """Return the mistake at a path inside the value of an option."""
     at, kind, annotation = (option.key, *path), detail["type"], option.annotation
     if kind == "unusable_file":
@@ -161,11 +162,11 @@ def _value_mistake(option: Option, value: Any, path: KeyPath, detail: Any) -> Mi
     return Mistake(at, f"{message}, found {found(value)}", advice_for(annotation, value))
 
 
-def _mapping_mistakes(cls: Any, given: Data, details: list[Any], context: Context) -> Iterator[Mistake]:
+def _mapping_mistakes(cls: Any, given: Data, details: list[ErrorDetails], context: Context) -> Iterator[Mistake]:
     """Yield the mistakes of a mapping: unknown keys, missing keys and wrong values."""
     options, keyed = options_of(cls), _keyed(cls)
     kind = f"the {SINGULAR.get(cls.family, cls.family)} {cls.name}" if issubclass(cls, Component) else cls.kind
-    by_key: dict[Any, list[Any]] = {}
+    by_key: dict[Any, list[ErrorDetails]] = {}
     for detail in details:
         by_key.setdefault(detail["loc"][0], []).append(detail)
     for key in (unknown := [key for key in by_key if key not in options]):
@@ -203,7 +204,7 @@ class Section:
     kind: ClassVar[str]
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(cls, source: object, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return _mapping_schema(cls, handler)
 
 
@@ -213,7 +214,7 @@ class _Mapping:
 
     cls: Any
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return _mapping_schema(self.cls, handler)
 
 
@@ -223,7 +224,7 @@ def _keyed(cls: Any) -> Keyed | None:
     return fact(option.annotation, Keyed) if option is not None else None
 
 
-def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
+def _mapping_schema(cls: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
     """Return the schema of a mapping that becomes an instance of a dataclass."""
     options, keyed = options_of(cls), _keyed(cls)
     fields = {}
@@ -240,7 +241,7 @@ def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
             schema = core_schema.no_info_after_validator_function(functools.partial(_within_limits, option), schema)
         fields[key] = core_schema.typed_dict_field(schema, required=required)
 
-    def instance(value: Any, check: Any, info: Any) -> Any:
+    def instance(value: object, check: Any, info: core_schema.ValidationInfo[Context]) -> Any:
         if not isinstance(value, Mapping):
             return check(value)  # which raises an error that the mapping around this one puts into words
         given = value
@@ -268,13 +269,13 @@ def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
     return core_schema.with_info_wrap_validator_function(instance, mapping)
 
 
-def _without_nan(value: Any) -> Any:
+def _without_nan(value: object) -> Any:
     if isinstance(value, float) and math.isnan(value):
         raise PydanticKnownError("finite_number")
     return value
 
 
-def _within_limits(option: Option, value: Any) -> Any:
+def _within_limits(option: Option, value: object) -> Any:
     """Return the value of an option if it can be computed with: products of a few of its numbers are finite.
 
     Numbers that are greater than 0 are divided by, so that they must not be tiny either.
@@ -292,7 +293,7 @@ def _within_limits(option: Option, value: Any) -> Any:
     return value
 
 
-def _finite_numbers(value: Any, path: KeyPath = ()) -> Iterator[tuple[KeyPath, float]]:
+def _finite_numbers(value: object, path: KeyPath = ()) -> Iterator[tuple[KeyPath, float]]:
     """Yield the path and the value of each finite number in a value that is a number or a list of them."""
     if isinstance(value, float) and math.isfinite(value):
         yield path, value
@@ -313,7 +314,7 @@ def adapter(cls: Any) -> pydantic.TypeAdapter[Any]:
     return pydantic.TypeAdapter(Annotated[Any, _Mapping(cls)])
 
 
-def validate(cls: type[T], options: Any, context: Context) -> T:
+def validate(cls: type[T], options: object, context: Context) -> T:
     """Return the instance of a dataclass with the given options.
 
     Raises
@@ -332,7 +333,7 @@ def validate(cls: type[T], options: Any, context: Context) -> T:
 class EmptyIfAbsent:
     """Mark of an entry that is read as an empty mapping where it is absent."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.with_default_schema(handler(source), default={}, validate_default=True)
 
 
@@ -354,11 +355,11 @@ class Named:
     default: str
     optional: bool = False
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         schema = core_schema.with_info_plain_validator_function(self.component, metadata={"percuss": self})
         return schema if self.optional else core_schema.with_default_schema(schema, default={}, validate_default=True)
 
-    def component(self, entry: Any, info: Any) -> Component:
+    def component(self, entry: object, info: core_schema.ValidationInfo[Context]) -> Component:
         """Return the component that an entry names."""
         name, options = entry, {}
         at: KeyPath = ()
@@ -392,10 +393,10 @@ class Keyed:
     family: str
     kind: str
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.with_info_plain_validator_function(self.component, metadata={"percuss": self})
 
-    def component(self, given: Data, info: Any) -> Component:
+    def component(self, given: Data, info: core_schema.ValidationInfo[Context]) -> Component:
         """Return the component of a mapping from those entries whose keys are names of components."""
         keys = list(given)
         if not keys:

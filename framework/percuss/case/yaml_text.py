@@ -102,7 +102,7 @@ def _quoted_if_needed(value: str) -> str:
     return value if plain else "'" + value.replace("'", "''") + "'"
 
 
-def flow(value: Any) -> str:  # noqa: PLR0911
+def flow(value: object) -> str:  # noqa: PLR0911
     """Return a plain value as YAML writes it on one line."""
     if value is None:
         return "null"
