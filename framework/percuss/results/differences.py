@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from percuss.case.quantities import QUANTITIES
 from percuss.jsonable import Data, Entries
+from percuss.methods.interfaces import Floats, Integers
 from percuss.results.result import Result
 
 # Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
@@ -43,8 +43,8 @@ class Difference:
     """
 
     quantity: str
-    then: Any
-    now: Any
+    then: object
+    now: object
     time: float | None = None
     of: str = ""
     largest: float | None = None
@@ -108,17 +108,17 @@ def _of_arrays(then: Data, now: Data, coordinates: Mapping[str, list[str]]) -> I
         )
 
 
-def _shape(values: Any) -> str | None:
+def _shape(values: Floats | None) -> str | None:
     return None if values is None else f"{' x '.join(map(str, np.shape(values)))} values"
 
 
-def _bits(values: Any) -> Any:
+def _bits(values: Floats) -> Integers:
     """Return the bits of numbers, in which all that is not a number is one."""
     values = np.ascontiguousarray(values, dtype=float)
     return np.where(np.isnan(values), np.nan, values).view(np.int64)
 
 
-def _size(before: Any, after: Any) -> tuple[float | None, float | None]:
+def _size(before: Floats, after: Floats) -> tuple[float | None, float | None]:
     """Return the largest difference between numbers, and the same over the largest magnitude before."""
     with np.errstate(all="ignore"):
         difference = np.abs(np.asarray(after, dtype=float) - np.asarray(before, dtype=float))
@@ -132,11 +132,11 @@ def _owner(of: str, first: tuple[int, ...], coordinates: Mapping[str, list[str]]
     return str(names[first[1]]) if len(first) > 1 and first[1] < len(names) else ""
 
 
-def _plain(value: Any) -> float | None:
+def _plain(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _of_numbers(then: Any, now: Any, path: str) -> Iterator[Difference]:
+def _of_numbers(then: object, now: object, path: str) -> Iterator[Difference]:
     if isinstance(then, Mapping) and isinstance(now, Mapping):
         for name in dict.fromkeys([*then, *now]):
             yield from _of_numbers(then.get(name), now.get(name), f"{path}.{name}" if path else str(name))

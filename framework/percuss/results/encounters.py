@@ -9,7 +9,6 @@ from __future__ import annotations
 import bisect
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -54,7 +53,7 @@ def undeclared_pairs(model: Model) -> list[tuple[End, End, float]]:
     Ends that both have a contact with another partner are left out: several experiments may lie on one line.
     """
     in_contact = {node for contact_point in model.contact_points for node in contact_point.nodes}
-    lines: dict[Any, tuple[list[End], list[End]]] = {}
+    lines: dict[tuple[float, ...], tuple[list[End], list[End]]] = {}
     for end in _ends(model):
         forward = next(part for part in end.outward.tolist() if abs(part) > 1e-9) > 0.0
         lines.setdefault(_line(end, forward), ([], []))[0 if forward else 1].append(end)

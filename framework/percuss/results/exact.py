@@ -135,10 +135,10 @@ class _Kept:
     """An exact solution or why there is none, and its values of each kind where the last run evaluated it."""
 
     solution: Exact | str
-    values: dict[Any, tuple[Any, tuple[Floats, ...]]] = dataclasses.field(default_factory=dict)
+    values: dict[object, tuple[object, tuple[Floats, ...]]] = dataclasses.field(default_factory=dict)
 
 
-_kept: dict[Any, _Kept] = {}
+_kept: dict[object, _Kept] = {}
 _lock = threading.Lock()
 
 
@@ -166,7 +166,7 @@ def _is_small(found: Exact | str) -> bool:
 
 
 def values_at(
-    solution: Exact, kind: Any, places: Any, evaluate: Callable[[], tuple[Floats, ...]]
+    solution: Exact, kind: object, places: object, evaluate: Callable[[], tuple[Floats, ...]]
 ) -> tuple[Floats, ...]:
     """Return values of a solution, which `evaluate` finds unless they are kept.
 
@@ -206,7 +206,7 @@ def _field_names(kind: type[Any]) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(kind))
 
 
-def _identity(value: Any) -> Any:
+def _identity(value: object) -> object:
     """Return a hashable value that is equal for equal values only, to the last bit.
 
     Raises

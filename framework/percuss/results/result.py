@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import Exact, Floats
@@ -105,7 +105,7 @@ class Result:
         return self.solution
 
     @property
-    def exact_histories(self) -> dict[str, tuple[Any, Any]] | None:
+    def exact_histories(self) -> dict[str, tuple[Floats, Floats]] | None:
         """Times and exact forces of each contact, as figures plot them over those of the run, or None."""
         if "contact_force_exact" not in self.arrays:
             return None

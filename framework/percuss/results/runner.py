@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from contextlib import nullcontext
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from percuss.results.summary import StopSummary
 REPEATS, REPEAT_SECONDS = 5, 0.3  # most marches of a timed run, and seconds after which no other begins
 SAME_TIME = 1.05  # ratio of two times of a march at which a third one would tell nothing
 MOST_MARCHES_KNOWN = 10_000  # whose shortest time this process remembers
-SHORTEST: dict[tuple[Any, ...], float] = {}  # time of a march, by what its work depends on
+SHORTEST: dict[tuple[object, ...], float] = {}  # time of a march, by what its work depends on
 NUDGE_OF_AREA = 1e-12  # relative, of the nudged twin
 FRAGILE_DIFFERENCE = 1e-4  # relative, in L2
 MARCH_LOCK = threading.Lock()  # a process times one march at a time
@@ -204,7 +203,7 @@ def _repeat(
         SHORTEST[work] = min(earlier, *times)
 
 
-def _work_of(model: Model) -> tuple[Any, ...]:
+def _work_of(model: Model) -> tuple[object, ...]:
     """Return the facts on which the work of a march depends most: its methods, nodes, steps and records."""
     laws = (type(bound_law.law) for bound_law in model.laws)
     bodies = ((type(body.spec.element), type(body.spec.material)) for body in model.bodies.values())

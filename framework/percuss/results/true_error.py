@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from percuss.march.model import Model
-from percuss.methods.interfaces import Exact, ExactContact, Floats
+from percuss.methods.interfaces import Exact, ExactContact, Floats, Integers
 from percuss.results.exact import ROUND_OFF, displacement_at
 from percuss.results.summary import ContactErrors, CoveredErrors, ExactEntries, ExactErrors
 
@@ -112,7 +112,7 @@ def _ratio(value: float, scale: float, minus: float = 0.0) -> float | None:
 
 
 def _opening_error(
-    time: Floats, pressing_steps: Any, closed: list[tuple[float, float]], reached: float
+    time: Floats, pressing_steps: Integers, closed: list[tuple[float, float]], reached: float
 ) -> float | None:
     """Return the delay of the last step with a contact force; None if run or exact contact are closed at the end.
 

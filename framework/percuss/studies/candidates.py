@@ -8,7 +8,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, zip_longest
-from typing import Any, Literal, get_args, get_origin
+from typing import Literal, get_args, get_origin
 
 from percuss.case.options import Option, options_of
 from percuss.case.type_words import bounds, branches
@@ -114,7 +114,7 @@ def needed_quantities(component: type[Component]) -> list[str]:
     return [key for key, option in options_of(component).items() if option.required and option.unit not in ("", "1")]
 
 
-def _words(option: Option) -> list[Any]:
+def _words(option: Option) -> list[object]:
     """Return the values that an option names, where it is a choice between words."""
     return [
         value for branch in branches(option.annotation) if get_origin(branch) is Literal for value in get_args(branch)
@@ -143,7 +143,7 @@ def _range(option: Option) -> tuple[float, float, bool]:
     return max(first, low), min(last, high), True
 
 
-def _rounded(option: Option, value: float) -> Any:
+def _rounded(option: Option, value: float) -> int | float:
     """Return a number of an option in two digits, or whole."""
     return round(value) if float not in branches(option.annotation) else float(f"{value:.2g}")
 
@@ -165,7 +165,7 @@ def neighbours(candidate: Candidate, registry: Registry) -> list[Candidate]:
     return [*steps[:1], *filter(None, chain.from_iterable(zip_longest(*options))), *steps[1:]]
 
 
-def _beside(option: Option, value: Any) -> Iterator[Any]:
+def _beside(option: Option, value: object) -> Iterator[object]:
     """Yield the values beside one of an option: its words, the ends of its range, and numbers one step away."""
     if not _is_number(option):
         yield from _words(option)

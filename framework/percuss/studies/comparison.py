@@ -45,7 +45,7 @@ def compare(
     case: Case,
     integrators: Sequence[str] = (),
     contacts: Sequence[str] = (),
-    vary: Mapping[str, Sequence[Any]] | None = None,
+    vary: Mapping[str, Sequence[object]] | None = None,
     *,
     tied: bool = False,
     progress: Callable[[int, int], None] | None = None,
@@ -103,7 +103,7 @@ def compare(
     return Comparison([run for run, _ in outcomes] + [_perform(case, task, axes)[0] for task in planned if task.tied])
 
 
-def _perform(case: Case, task: Task, vary: Mapping[str, Sequence[Any]]) -> tuple[Run, InputError | None]:
+def _perform(case: Case, task: Task, vary: Mapping[str, Sequence[object]]) -> tuple[Run, InputError | None]:
     """Make the run of a task; mistakes are told as those of the option that gave the value."""
     run, error = perform(case, task)
     if error is None:
@@ -117,7 +117,7 @@ def notes_of_swaps(
     case: Case,
     integrators: Sequence[str] = (),
     contacts: Sequence[str] = (),
-    vary: Mapping[str, Sequence[Any]] | None = None,
+    vary: Mapping[str, Sequence[object]] | None = None,
 ) -> list[str]:
     """Return notes on the options of the methods of a case that a comparison keeps or drops in other methods.
 
@@ -190,7 +190,7 @@ def _runs_by_method(runs: list[Run]) -> dict[Any, list[Run]]:
     return {key: sorted(group, key=lambda run: run.varied[REFINED]) for key, group in series.items()}
 
 
-def _order(refine: list[float], errors: list[Any]) -> float | None:
+def _order(refine: list[float], errors: Sequence[float | None]) -> float | None:
     points = [
         (factor, error) for factor, error in zip(refine, errors, strict=True) if error is not None and error > ROUND_OFF
     ]

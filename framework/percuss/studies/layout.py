@@ -133,7 +133,7 @@ class KeepSection(Section):
 MEASURE = Expects("a name, or a measure as {name: plateau, quantity: contact_force, ...}")
 
 
-def _or_name(value: Any, check: Callable[[Any], MeasureSection]) -> MeasureSection | str:
+def _or_name(value: object, check: Callable[[object], MeasureSection]) -> MeasureSection | str:
     """Return a name as it is, and anything else as a checked measure."""
     return value if isinstance(value, str) else check(value)
 

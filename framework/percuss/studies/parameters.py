@@ -10,7 +10,6 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,7 @@ MOST = 1_000_000
 GRAMMAR = "write values as 1,2,5, a range as 0:1:11, a logarithmic range as 0.01:100:log:30"
 
 
-def values(text: str, place: str = "--vary") -> list[Any]:
+def values(text: str, place: str = "--vary") -> list[int | float | str]:
     """Return the values that `text` describes.
 
     Parameters
@@ -64,7 +63,7 @@ def values(text: str, place: str = "--vary") -> list[Any]:
     return [float(x) for x in np.linspace(first, last, count)]
 
 
-def varied(given: list[str], option: str = "--vary") -> dict[str, list[Any]]:
+def varied(given: list[str], option: str = "--vary") -> dict[str, list[int | float | str]]:
     """Return path to values for each ``PATH=VALUES`` in `given`.
 
     Raises
@@ -72,7 +71,7 @@ def varied(given: list[str], option: str = "--vary") -> dict[str, list[Any]]:
     InputError
         If an entry is not of that form, or a path is given twice.
     """
-    out: dict[str, list[Any]] = {}
+    out: dict[str, list[int | float | str]] = {}
     for item in given:
         path, equals, text = item.partition("=")
         if not equals or not path:
@@ -83,7 +82,7 @@ def varied(given: list[str], option: str = "--vary") -> dict[str, list[Any]]:
     return out
 
 
-def _number(text: str) -> Any:
+def _number(text: str) -> int | float | str:
     """Return the number written in a text, by the same strict rules as in tables; return other text unchanged."""
     text = text.strip()
     if WHOLE.fullmatch(text):
@@ -96,7 +95,7 @@ def _grammar_error(place: str, message: str) -> InputError:
 
 
 def number_of_combinations(
-    varied: Mapping[str, Sequence[Any]], paired: Sequence[Data] = (), sample: SampleSection | None = None
+    varied: Mapping[str, Sequence[object]], paired: Sequence[Data] = (), sample: SampleSection | None = None
 ) -> int:
     """Return the number of points that `combinations` makes, without making them."""
     drawn = sample.count if sample is not None else 1
@@ -104,7 +103,7 @@ def number_of_combinations(
 
 
 def combinations(
-    varied: Mapping[str, Sequence[Any]], paired: Sequence[Data] = (), sample: SampleSection | None = None
+    varied: Mapping[str, Sequence[object]], paired: Sequence[Data] = (), sample: SampleSection | None = None
 ) -> list[Entries]:
     """Return all combinations of the varied values, each with every paired point and every drawn point.
 

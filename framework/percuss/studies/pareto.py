@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from percuss.methods.interfaces import Floats, Integers
 
-def front_of(cost: Any, error: Any) -> Any:
+
+def front_of(cost: Floats, error: Floats) -> Integers:
     """Return the row numbers of the Pareto front of error against cost, by rising cost, of runs that have both."""
     rows = np.flatnonzero(np.isfinite(cost) & np.isfinite(error))
     rows = rows[np.lexsort((error[rows], cost[rows]))]

@@ -12,7 +12,6 @@ import os
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from percuss.case import overrides as overriding
 from percuss.case.case import Case, load
@@ -161,7 +160,7 @@ class RowCommands:
         return template
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     """Return whether a value may differ between rows of one template: a number that the page of a study holds too."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
@@ -170,7 +169,7 @@ def _is_number(value: Any) -> bool:
     return math.isfinite(value) and not (value == 0 and math.copysign(1, value) < 0)
 
 
-def _kinds(changes: Data) -> list[tuple[str, Any]]:
+def _kinds(changes: Data) -> list[tuple[str, object]]:
     """Return the changes of a task, with the type of each number in place of it."""
     return [(path, type(value) if _is_number(value) else value) for path, value in changes.items()]
 
@@ -180,7 +179,7 @@ def _texts(values: Data) -> dict[str, str | None]:
     return {path: value if isinstance(value, str) else _as_text(value) for path, value in values.items()}
 
 
-def _as_text(value: Any) -> str | None:
+def _as_text(value: object) -> str | None:
     """Return plain data as a text that is read as the same data, or None if there is no such text."""
     for write in (flow, json.dumps):
         try:
@@ -220,6 +219,6 @@ def _differences(before: Data, after: Data) -> dict[str, str | None]:
     return {path: _as_text(value) for path, value in changed.items()}
 
 
-def _is_same(first: Any, second: Any) -> bool:
+def _is_same(first: object, second: object) -> bool:
     """Return whether two values are the same data with the same types and the same order of keys."""
     return json.dumps(first) == json.dumps(second)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from percuss.case.case import Case, load
 from percuss.case.cross_checks import after_the_end, misfits
@@ -64,7 +63,7 @@ class StudySpec:
     cases: dict[str, Case]
     integrators: Entries
     contacts: Entries
-    vary: dict[str, list[Any]]
+    vary: dict[str, list[object]]
     paired: list[Entries]
     sample: SampleSection | None
     rows: RowSettings
@@ -184,7 +183,7 @@ class _StudyReader:
         value = self.source.get(path)
         return value if isinstance(value, Mapping) else {}
 
-    def items(self, *path: str) -> tuple[Any, ...]:
+    def items(self, *path: str) -> tuple[object, ...]:
         """Return the items of a list, none where it is absent or no list, which is reported already."""
         value = self.source.get(path)
         return value if isinstance(value, tuple) else ()
@@ -248,11 +247,11 @@ class _StudyReader:
                 out[label] = method
         return out
 
-    def values(self, at: KeyPath, given: Any) -> list[Any]:
+    def values(self, at: KeyPath, given: object) -> list[object]:
         """Return the values of a list or of a text in the grammar of `parameters`, or a single value as a list."""
         if isinstance(given, str):
             try:
-                return parameters.values(given)
+                return [*parameters.values(given)]
             except InputError as error:
                 self.reader.wrong(at, error.problems[0].message, error.problems[0].advice)
                 return []
@@ -328,7 +327,7 @@ class _StudyReader:
             key, message, advice = late[0]
             self.reader.wrong((*at, key), message, advice)
 
-    def column(self, at: KeyPath, measure: Any, cases: dict[str, Case]) -> Column | None:
+    def column(self, at: KeyPath, measure: object, cases: dict[str, Case]) -> Column | None:
         """Return the column of a measure, or None if the measure is wrong."""
         try:
             if isinstance(measure, str):

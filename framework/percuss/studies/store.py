@@ -17,7 +17,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from percuss.case.hints import file_advice
 from percuss.errors import InputError, UnwrittenError, shortened, wrong_input
@@ -27,6 +27,8 @@ from percuss.methods.source_digest import content_digest
 from percuss.studies.perform import LOST, WAITING
 from percuss.studies.stored_run import Record, unpacked
 from percuss.studies.study_files import StudyFile
+
+Row: TypeAlias = tuple[Any, ...]  # of a table, as SQLite has it
 
 FORMAT = "percuss-study-3"  # format 2 had no digests
 COLUMNS = {
@@ -70,7 +72,7 @@ class Store:
         self.path = Path(path)
         self.session = 0
         self._made_by = "percuss study STUDY"
-        self._kept: dict[str, tuple[int, list[tuple[Any, ...]]]] = {}  # seal and rows of the tables that were read
+        self._kept: dict[str, tuple[int, list[Row]]] = {}  # seal and rows of the tables that were read
         if is_folder(self.path):
             raise self._error("expected a file, found a folder", "Name a file in it.")
         there = is_file(self.path)
@@ -154,7 +156,7 @@ class Store:
 
     # ------------------------------------------------------------------------------------------- rows and seals
 
-    def _read(self, db: sqlite3.Connection, table: str) -> list[tuple[Any, ...]]:
+    def _read(self, db: sqlite3.Connection, table: str) -> list[Row]:
         """Return the rows of a table without their digests; refuse those that are not as they were written.
 
         Rows are kept in memory: while the seal of their table stays as it is, they are what was written.
@@ -167,7 +169,7 @@ class Store:
             self._kept[table] = seal, rows
         return self._kept[table][1]
 
-    def _verified(self, table: str, rows: Iterable[tuple[Any, ...]]) -> tuple[list[tuple[Any, ...]], int]:
+    def _verified(self, table: str, rows: Iterable[Row]) -> tuple[list[Row], int]:
         """Return rows of a table without their digests, and the sum of these."""
         verified, total = [], 0
         for row in rows:
@@ -186,7 +188,7 @@ class Store:
         except (ValueError, TypeError) as error:
             raise self._damaged(f"the sum of the digests of its table {table} cannot be read") from error
 
-    def _write(self, db: sqlite3.Connection, table: str, rows: Iterable[tuple[Any, ...]], *, anew: bool = True) -> None:
+    def _write(self, db: sqlite3.Connection, table: str, rows: Iterable[Row], *, anew: bool = True) -> None:
         """Write rows in place of all rows of a table, or else of those with the same key, with digests and seal."""
         sealed = {row[0]: (*row, _digest(table, row)) for row in rows}
         if anew:
@@ -249,7 +251,7 @@ class Store:
 
     # ------------------------------------------------------------------------------------------- reading
 
-    def tables(self, *names: str) -> list[list[tuple[Any, ...]]]:
+    def tables(self, *names: str) -> list[list[Row]]:
         """Return the rows of tables at one moment; none of a file that is still to be made."""
         if not self._begun:
             return [[] for _ in names]
@@ -289,7 +291,7 @@ class Store:
             return unpacked(found[0])
 
 
-def _row(record: Record, session: int) -> tuple[Any, ...]:
+def _row(record: Record, session: int) -> Row:
     """Return the row of a run in its table."""
     fragile = int(record.fragile) if record.fragile is not None else None
     measures = json.dumps(record.measures) if record.measures is not None else None
@@ -298,7 +300,7 @@ def _row(record: Record, session: int) -> tuple[Any, ...]:
     return (*outcome, session, record.compiling, record.cpu, digest)
 
 
-def _record(row: tuple[Any, ...]) -> Record:
+def _record(row: Row) -> Record:
     """Return the run of a row of the table of runs, without its histories."""
     key, status, reason, said_by, fragile, seconds, measures, _, compiling, cpu, _ = row
     measured = json.loads(measures) if measures is not None else {}
@@ -306,7 +308,7 @@ def _record(row: tuple[Any, ...]) -> Record:
     return Record(key, status, reason, said_by, known, seconds, measured, compiling=compiling, cpu=cpu)
 
 
-def _digest(table: str, row: tuple[Any, ...]) -> str:
+def _digest(table: str, row: Row) -> str:
     """Return the digest of a row of a table."""
     return content_digest(f"{table} {tuple(row)!r}".encode())
 

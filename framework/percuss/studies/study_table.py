@@ -85,13 +85,13 @@ class Study:
         row = json.loads(next((row for _, planned, row in plan if planned == key), "{}"))
         if row.get("command") is None:
             return None
-        return command_of(json.loads(dict(facts)["commands"])[row["command"]], row["varied"])
+        return command_of(json.loads(dict[str, str](facts)["commands"])[row["command"]], row["varied"])
 
     @property
     def row_commands(self) -> tuple[list[Template], list[int | None]]:
         """Templates of the commands of all rows, and the index of the template of each row of `table`."""
         facts, plan = self._store.tables("facts", "plan")
-        return json.loads(dict(facts)["commands"]), [json.loads(row)["command"] for _, _, row in plan]
+        return json.loads(dict[str, str](facts)["commands"]), [json.loads(row)["command"] for _, _, row in plan]
 
     @property
     def title(self) -> str:

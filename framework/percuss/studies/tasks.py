@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from percuss.case.case import Case
 from percuss.case.options import options_of
@@ -81,7 +80,7 @@ def tasks(
             yield Task(label, shown_integrator, shown_law, point, {**changes, **point}, is_tied)
 
 
-def _applicable(case: Case, points: Sequence[Data], integrator: Any, law: Any) -> Iterator[Data]:
+def _applicable(case: Case, points: Sequence[Data], integrator: object, law: object) -> Iterator[Data]:
     """Yield the points without options that the integrator or the law lacks; points that become equal are yielded once.
 
     The value of a missing option changes nothing: all its values share a single run, whose row shows none of them.
@@ -109,7 +108,7 @@ def _applicable(case: Case, points: Sequence[Data], integrator: Any, law: Any) -
         seen |= {identity} if lacking else set()
 
 
-def method_name(value: Any) -> str:
+def method_name(value: object) -> str:
     """Return the name of a method, given alone or with options; empty if there is none."""
     name = value.get("name") if isinstance(value, Mapping) else value
     return name if isinstance(name, str) else ""
@@ -124,7 +123,7 @@ def _without_law(points: Sequence[Data]) -> list[Data]:
     return list({repr(sorted(point.items())): point for point in remaining}.values())
 
 
-def _method_change(path: str, value: Any) -> Entries:
+def _method_change(path: str, value: object) -> Entries:
     if value is None:
         return {}
     return {f"{path}.name": value} if isinstance(value, str) else {path: value}
