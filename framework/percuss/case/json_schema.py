@@ -111,7 +111,7 @@ class _Generator(GenerateJsonSchema):
 
     registry: Registry | None = None
 
-    def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ARG002
+    def field_title_should_be_set(self, schema: object) -> bool:  # noqa: ARG002
         """Return False, as the keys themselves are the titles."""
         return False
 

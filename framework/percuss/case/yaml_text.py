@@ -193,7 +193,7 @@ def _checked_aliases(text: str) -> list[tuple[int, int]]:
     return positions
 
 
-def _check_limits(event: Any, values: int, levels: int, documents: int) -> None:
+def _check_limits(event: object, values: int, levels: int, documents: int) -> None:
     """Raise NotPlainError where the text up to an event is too deep, too large or not one document."""
     if levels > MAX_DEPTH:
         raise _fatal_error(_position(event), f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
@@ -220,7 +220,7 @@ class _Document:
         self.mistakes: list[Mistake] = []
         self.alias_positions = iter(alias_positions)
         # Path and data of each node that was read, by its identity: a node met again is an alias.
-        self.nodes: dict[int, tuple[KeyPath, Any]] = {}
+        self.nodes: dict[int, tuple[KeyPath, object]] = {}
 
     def read(self, node: yaml.Node, path: KeyPath = (), key: tuple[int, int] | None = None) -> Any:
         """Return the data of the node at `path`, whose key stands at `key`."""
@@ -320,7 +320,7 @@ def _syntax(error: yaml.YAMLError, text: str) -> Mistake:
     return Mistake(position, (), f"not YAML: {getattr(error, 'reason', error)}", "Remove the character.")
 
 
-def compose(text: str) -> tuple[Any, dict[KeyPath, Mark], dict[KeyPath, KeyPath]]:
+def compose(text: str) -> tuple[object, dict[KeyPath, Mark], dict[KeyPath, KeyPath]]:
     """Return the data of a YAML text, the marks of its paths, and for each alias path the path of its anchor.
 
     Raises

@@ -23,6 +23,7 @@ from percuss.certificate.criteria import RunCriterion, operator_criterion, step_
 from percuss.certificate.verdict import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
 from percuss.files import replacing
+from percuss.jsonable import Data, Entries
 from percuss.march.model import Model
 
 if TYPE_CHECKING:
@@ -37,12 +38,12 @@ STEP = ("time.courant", "time.step")
 @np.errstate(all="ignore")  # numbers that are not finite are refused or make a step unstable
 def stability(
     case: Case,
-    vary: Mapping[str, Sequence[Any]] | None = None,
-    curves: Mapping[str, Sequence[Any]] | None = None,
+    vary: Mapping[str, Sequence[object]] | None = None,
+    curves: Mapping[str, Sequence[object]] | None = None,
     by: Sequence[str] = (),
     *,
     progress: Callable[[int, int], None] | None = None,
-) -> list[dict[str, Any]]:
+) -> list[Entries]:
     """Return critical Courant numbers over every combination of varied values.
 
     Parameters
@@ -78,7 +79,7 @@ def stability(
         raise InputError([Problem("--vary", "", message, "Take fewer values.")])
     combinations = list(itertools.product(*axes.values()))
     ways = by or ("pencil",)
-    rows: list[dict[str, Any]] = []
+    rows: list[Entries] = []
     errors: list[InputError] = []
     for done, values in enumerate(combinations):
         varied = dict(zip(axes, values, strict=True))
@@ -101,7 +102,7 @@ def stability(
     return rows
 
 
-def _check_arguments(by: Sequence[str], curves: Mapping[str, Any], vary: Mapping[str, Any]) -> None:
+def _check_arguments(by: Sequence[str], curves: Data, vary: Data) -> None:
     expect_names("percuss.stability", "by", by)
     problems = [
         Problem(f"--by {way}", "", f"unknown way '{way}'", suggestion(way, WAYS)) for way in by if way not in WAYS
@@ -114,7 +115,7 @@ def _check_arguments(by: Sequence[str], curves: Mapping[str, Any], vary: Mapping
     refuse_if_any(problems)
 
 
-def save(rows: list[dict[str, Any]], path: str | os.PathLike[str]) -> None:
+def save(rows: list[Entries], path: str | os.PathLike[str]) -> None:
     """Write rows as a CSV file, through a temporary file that is renamed, so that no half-written file remains."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     with replacing(Path(path), ".csv") as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
@@ -123,7 +124,7 @@ def save(rows: list[dict[str, Any]], path: str | os.PathLike[str]) -> None:
         writer.writerows(rows)
 
 
-def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Sequence[str]) -> dict[str, Any]:
+def _critical_row(model: Model, varied: Data, way: str, doubts: Sequence[str]) -> Entries:
     """Return the row of one criterion; `doubts` are the reasons why the pencil does not cover some of the laws."""
     if why := _why_unknown(model, way, doubts):
         return _row(varied, way, None, why)
@@ -176,6 +177,6 @@ def _why_no_critical_step(model: Model) -> str:
     return ""
 
 
-def _row(varied: Mapping[str, Any], way: str, critical: float | None, reason: str, model: Any = None) -> dict[str, Any]:
+def _row(varied: Data, way: str, critical: float | None, reason: str, model: Any = None) -> Entries:
     courant = 0.5 * critical * model.omega if critical is not None else None
     return {**varied, "courant_critical": courant, "dt_critical": critical, "by": way, "reason": reason}

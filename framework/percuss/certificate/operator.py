@@ -230,7 +230,7 @@ def _last_eigenvector(matrix: Any) -> Floats:
         return diagonal  # type: ignore[no-any-return]
 
 
-def _limiting_rows(matrix: Any) -> list[int]:
+def _limiting_rows(matrix: object) -> list[int]:
     """Return a small set of rows of a symmetric matrix whose submatrix has an eigenvalue of 1 or more.
 
     The rows with the largest components in the last eigenvector come first, the fewest of them that suffice; of up to

@@ -127,7 +127,7 @@ class Answer:
         self.unwritten: list[str] = []
         self.exit_code = 0
 
-    def write(self, path: Path | None, writer: Callable[..., object], *arguments: Any) -> None:
+    def write(self, path: Path | None, writer: Callable[..., object], *arguments: object) -> None:
         """Call a function that writes a file, if the path of the file is given."""
         try:
             if path is not None:
@@ -135,7 +135,7 @@ class Answer:
         except UnwrittenError as error:
             self.unwritten.append(str(error))
 
-    def draw(self, path: Path | None, figure: Callable[..., Figure], *arguments: Any) -> None:
+    def draw(self, path: Path | None, figure: Callable[..., Figure], *arguments: object) -> None:
         """Write the figure that a function returns, if the path of its file is given."""
         from percuss.reporting.figures import write
 
@@ -357,7 +357,7 @@ def load_to_write(
     files: list[Path] | None,
     plot: Path | None,
     out: Path | None = None,
-    varied: Mapping[str, Sequence[Any]] | None = None,
+    varied: Mapping[str, Sequence[object]] | None = None,
 ) -> Case:
     """Return the case in a file; refuse a figure or an output file that could not be written before the case is run.
 

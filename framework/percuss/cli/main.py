@@ -43,7 +43,7 @@ PANELS: dict[str, tuple[Callable[..., None], ...]] = {
 class Commands(TyperGroup):
     """The commands, which the help lists under the headings of `PANELS`."""
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
+    def format_commands(self, ctx: object, formatter: Any) -> None:  # noqa: ARG002
         """Write the name and the first line of each command."""
         for panel, functions in PANELS.items():
             commands = [(one.__name__, self.commands[one.__name__]) for one in functions]

@@ -41,7 +41,7 @@ class Marching(Protocol):
     def changing_arrays(self) -> list[Array]:
         """Return the arrays that a step changes."""
 
-    def advance(self, amplitudes: Any, first: int, count: int) -> int:
+    def advance(self, amplitudes: object, first: int, count: int) -> int:
         """Make `count` steps from step `first`."""
 
 
@@ -66,7 +66,7 @@ class NoMultiplier(Exception):
 def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, ...]) -> Callable[..., None]:
     """Return a plain Python kernel that calls `kernel` and raises `NoMultiplier` if it leaves a contact without one."""
 
-    def probe(bound: Any, trial: Trial, multiplier: Floats) -> None:
+    def probe(bound: object, trial: Trial, multiplier: Floats) -> None:
         kernel(bound, trial, multiplier)
         state = np.concatenate([trial.gap, trial.predicted_gap, trial.rate, trial.predicted_rate])
         if np.isnan(multiplier).any() and np.isfinite(state).all():
@@ -80,7 +80,7 @@ def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, .
     return probe
 
 
-def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseException | None:
+def repeat_in_python(march: Marching, amplitudes: object, step: int) -> BaseException | None:
     """Repeat one step of a run in plain Python from its present state; return the error of a kernel, or None.
 
     The state is restored afterwards.
@@ -117,7 +117,7 @@ def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseExcepti
     return None
 
 
-def missing_multiplier(march: Marching, amplitudes: Any, step: int) -> NoMultiplier | None:
+def missing_multiplier(march: Marching, amplitudes: object, step: int) -> NoMultiplier | None:
     """Return the error of a kernel that leaves a contact without a multiplier in the repeated step, or None."""
     if not march.arrays.kernel_laws:
         return None
@@ -144,7 +144,7 @@ def refuse_array_writing(error: Exception) -> None:
     )
 
 
-def kernel_failure(march: Marching, amplitudes: Any, step: int, raised: BaseException) -> PercussError:
+def kernel_failure(march: Marching, amplitudes: object, step: int, raised: BaseException) -> PercussError:
     """Return the error for a kernel that raised an exception: its law, file and line, the step and the time."""
     error = repeat_in_python(march, amplitudes, step) or raised
     if isinstance(error, NoMultiplier):

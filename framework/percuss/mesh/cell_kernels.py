@@ -29,7 +29,7 @@ class Cells(NamedTuple):
     strains: Floats  # (2, points) work space
 
 
-def cell_strain(*arguments: Any) -> None:
+def cell_strain(*arguments: object) -> None:
     """Set the strains of one cell; a slot for the kernel of its element with `record_strain` in its slot `stress`."""
     unbound()
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from percuss.errors import InputError
 from percuss.mesh.cells import element_masses, has_cells, lumping_of
@@ -36,7 +37,7 @@ def ends_at_contacts(case: Case) -> dict[str, set[str]]:
     return ends
 
 
-def nodal_masses(case: Case, spec: BodySpec, body: BodyMesh, ends: Collection[str]) -> tuple[Floats, Any]:
+def nodal_masses(case: Case, spec: BodySpec, body: BodyMesh, ends: Collection[str]) -> tuple[Floats, NDArray[np.bool]]:
     """Return the nodal masses of a body, and which of its nodes may have none, (nodes,) each.
 
     Parameters

@@ -113,7 +113,7 @@ class _WatchedArray(np.ndarray):
         return super().__getitem__(index)
 
 
-def _with_watched_arrays(value: Any, low_indices: list[int]) -> Any:
+def _with_watched_arrays(value: object, low_indices: list[int]) -> Any:
     """Return a bound value whose arrays record in `low_indices` the indices below `LOWEST_INDEX` that are read."""
     if isinstance(value, np.ndarray):
         view = value.view(_WatchedArray)

@@ -46,7 +46,7 @@ def wrapped(text: str, width: int, most: int) -> list[str]:
     return textwrap.wrap(one_line(text), width, max_lines=most, placeholder=" …")
 
 
-def number(value: Any, digits: int = 4) -> str:
+def number(value: object, digits: int = 4) -> str:
     """Return a value as text, a number with `digits` digits, None as ``unknown``."""
     if value is None:
         return "unknown"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from percuss.jsonable import Entries
 from percuss.reporting import study_data
 from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES
 from percuss.reporting.study_data import ColumnRoles, StudyLike
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_BANDS = 3  # Bands of more pairs hide each other, and the medians.
 LINES = {
@@ -58,7 +61,7 @@ class Snapshot:
     title: str
     spec: Entries
     provenance: Entries
-    table: Any
+    table: pd.DataFrame
     columns: dict[str, str]
     registry: Any
     histories: Callable[[Any], Entries | None]
@@ -83,7 +86,7 @@ def snapshot(study: StudyLike) -> Snapshot:
     )
 
 
-def _with_lists_as_texts(table: Any) -> Any:
+def _with_lists_as_texts(table: pd.DataFrame) -> Any:
     """Return a table whose lists and mappings, which cannot be counted, are texts as in a study file."""
     structured = {
         name: column.map(lambda value: flow(value) if isinstance(value, list | dict) else value)
@@ -146,7 +149,7 @@ class Axis:
     ticks: tuple[float, ...]
 
 
-def axis(rows: Any, name: str, label: str, *, is_measure: bool) -> Axis:
+def axis(rows: pd.DataFrame, name: str, label: str, *, is_measure: bool) -> Axis:
     """Return one column of some rows of a study's table as an axis."""
     values = study_data.numbers(rows[name])
     if values is None:
@@ -188,7 +191,7 @@ class Charts:
     ranked: list[str]
 
 
-def study_charts(table: Any, roles: ColumnRoles) -> Charts:
+def study_charts(table: pd.DataFrame, roles: ColumnRoles) -> Charts:
     """Return the description of all charts of a study.
 
     Parameters
@@ -226,7 +229,7 @@ def place_aside(turn: int, count: int) -> float:
     return SPREAD * (turn - (count - 1) / 2) / max(count, 1)
 
 
-def work_lines(rows: Any, cost: str, error: str) -> tuple[Any, Entries]:
+def work_lines(rows: pd.DataFrame, cost: str, error: str) -> tuple[Any, Entries]:
     """Return the Pareto fronts of error over cost of some runs, costs and errors as arrays (2, n).
 
     Parameters
@@ -274,7 +277,7 @@ class ProfileChart:
 
 
 def profile_chart(
-    table: Any, roles: ColumnRoles, name: str, problem_set: study_data.Problems, statistic: str
+    table: object, roles: ColumnRoles, name: str, problem_set: study_data.Problems, statistic: str
 ) -> ProfileChart:
     """Return the chart of the performance profiles by the best or the median of one measure, over all rows."""
     profile = study_data.profile(table, name, problem_set, statistic)

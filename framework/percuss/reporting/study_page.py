@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from percuss.reporting.study_charts import Charts, count_of
 from percuss.reporting.study_data import ColumnRoles, StudyLike
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from percuss.methods.registry import Registry
 
 AGAIN = "study.yaml"
@@ -142,7 +144,7 @@ def payload(study: StudyLike, roles: ColumnRoles, charts: Charts) -> Entries:
     }
 
 
-def _packed_column(table: Any, kept: Any, name: str, roles: ColumnRoles, charts: Charts) -> Entries:
+def _packed_column(table: pd.DataFrame, kept: pd.DataFrame, name: str, roles: ColumnRoles, charts: Charts) -> Entries:
     """Return one column of the kept rows, with what its axis and its bins are over all rows."""
     role = "varied" if name in roles.varied else "measure" if name in roles.measures else "about"
     column: Entries = {"name": name, "role": role, "label": roles.measures.get(name, name)}
@@ -172,7 +174,7 @@ def _packed_column(table: Any, kept: Any, name: str, roles: ColumnRoles, charts:
     return column | {"kind": "text", "levels": levels, "data": study_data.packed(code_of_row, "<u2")}
 
 
-def _packed_commands(study: StudyLike, kept: Any) -> Entries | None:
+def _packed_commands(study: StudyLike, kept: pd.DataFrame) -> Entries | None:
     """Return the templates of the commands of the kept rows, and the template of each row; None without commands."""
     templates, index_of_row = getattr(study, "row_commands", ([], []))
     if not templates or len(index_of_row) != len(study.table):
@@ -188,7 +190,7 @@ def _packed_commands(study: StudyLike, kept: Any) -> Entries | None:
     return {"templates": pieces, "data": study_data.packed(index_of_row, "<u2")}
 
 
-def _packed_profiles(table: Any, roles: ColumnRoles, charts: Charts) -> Entries:
+def _packed_profiles(table: object, roles: ColumnRoles, charts: Charts) -> Entries:
     """Return the performance profiles by the best and by the median of each measure that ranks runs."""
     problem_set = study_data.problems(table, roles.varied)
     out = {}
@@ -284,7 +286,7 @@ def _measures_table(study: StudyLike, roles: ColumnRoles) -> str:
     return _table_html(["measure", "column", "what it is"], lines) if descriptions else ""
 
 
-def _losses_html(table: Any) -> str:
+def _losses_html(table: pd.DataFrame) -> str:
     groups = study_data.lost(table)
     waiting = int((table["status"] == study_data.WAITING).sum())
     still = f"<p>{count_of(waiting, 'run')} still to be made.</p>" if waiting else ""

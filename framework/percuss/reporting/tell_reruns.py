@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from percuss.case.quantities import percent
 from percuss.reporting.tables import Piece
@@ -44,7 +44,7 @@ def _words(difference: Difference) -> str:
     return f"{words}; at most {difference.largest:.3g} apart{share}"
 
 
-def _number(value: Any) -> str:
+def _number(value: object) -> str:
     return "none" if value is None else str(value)
 
 

@@ -29,7 +29,7 @@ STABILITY_LINES = 12  # most lines of the table of critical Courant numbers, unl
 STABILITY_REASONS = 3  # most reasons below it
 
 
-def number_text(value: Any, digits: int = 6) -> str:
+def number_text(value: object, digits: int = 6) -> str:
     """Return a value of a table as text, a number with `digits` digits, None as a dash."""
     if value is None:
         return "-"
@@ -156,7 +156,7 @@ def stability_lines(title: str, rows: list[dict[str, Any]], *, whole: bool = Fal
     criteria = list(dict.fromkeys(row["by"] for row in rows))
     paths = [key for key in rows[0] if "." in key or key == "refine"]
     extra_columns = [key for key in ("margin", "theta") if any(key in row for row in rows)]
-    lines: dict[tuple[Any, ...], dict[str, Any]] = {}
+    lines: dict[tuple[object, ...], dict[str, Any]] = {}
     for row in rows:
         lines.setdefault(tuple(row[path] for path in paths), {})[row["by"]] = row
     shown = list(lines) if whole or len(lines) <= STABILITY_LINES else _telling_lines(lines)
@@ -180,7 +180,7 @@ def stability_lines(title: str, rows: list[dict[str, Any]], *, whole: bool = Fal
         yield _summary_of(criterion, [row for row in rows if row["by"] == criterion], paths)
 
 
-def _telling_lines(lines: Mapping[tuple[Any, ...], Mapping[str, Any]]) -> list[tuple[Any, ...]]:
+def _telling_lines(lines: Mapping[tuple[object, ...], Mapping[str, Any]]) -> list[tuple[Any, ...]]:
     """Return the combinations to be shown of many: evenly spread, with the least and the largest critical step."""
     values = list(lines)
     count = STABILITY_LINES - 4

@@ -218,12 +218,12 @@ def run_words(row: Data) -> str:
     return label_of(row["integrator"], row["contact"], varied)
 
 
-def value_text(name: str, value: Any) -> str:
+def value_text(name: str, value: object) -> str:
     """Return the value of a column of a study for readers."""
     return of_column(name).text(value)
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> bool:
     """Return whether a value of a table is a number."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 

@@ -173,7 +173,7 @@ class Kernels:
         """Return the actions of a step as `percuss.step.records.Step` has them."""
         ordered = sorted(actions, key=lambda action: (action.place, action.order))
         if not self.compiled:
-            places: list[list[Any]] = [[] for _ in PLACES]
+            places: list[list[object]] = [[] for _ in PLACES]
             for action in ordered:
                 places[action.place].append((_bound(Source.of(action), jit=False).kernel, action.data))
             return places
@@ -197,7 +197,7 @@ class Kernels:
         loop: Callable[..., int] = _bound(Source(function, filled), jit=False).kernel
         return loop
 
-    def scheme(self, scheme: Scheme, system: Any) -> tuple[Any, Any]:
+    def scheme(self, scheme: Scheme, system: object) -> tuple[object, object]:
         """Return what the loop of a multi-stage scheme takes for the numbers of the scheme and for its system."""
         if not self.compiled:
             return scheme.numbers, system
@@ -235,7 +235,7 @@ def compile_actions(actions: Sequence[Action], refuse: Callable[[Exception], Non
     return tuple(dict.fromkeys(filter(None, failures)))
 
 
-def _failure(source: Source, data: Any, name: str, refuse: Callable[[Exception], None]) -> str:
+def _failure(source: Source, data: object, name: str, refuse: Callable[[Exception], None]) -> str:
     """Compile a kernel, without reference counts if it allocates nothing; return why that is not possible, or ""."""
     for counting in (False, True):
         bound = _bound(source, jit=True, counting=counting)

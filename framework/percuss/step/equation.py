@@ -9,8 +9,6 @@ multiplier changes by more than `TOLERANCE` times the largest.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from percuss.compiler.record_arrays import Records, Row
@@ -46,7 +44,7 @@ def see(points: Points, boundary: Records, dt: float) -> None:
         state.predicted_rate = predicted_rate
 
 
-def find_multipliers(points: Points, now: Row, actions: Any, n: int, u: Floats, v: Floats) -> bool:
+def find_multipliers(points: Points, now: Row, actions: object, n: int, u: Floats, v: Floats) -> bool:
     """Find the multipliers of all points in a step or stage; return whether the solution converged.
 
     Laws with a kernel set theirs first, one law after the other; the contact equation is then solved with these forces.

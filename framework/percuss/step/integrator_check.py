@@ -175,7 +175,7 @@ def no_internal_forces(system: object, stage: int, u: Floats, f: Floats) -> None
     f[:] = 0.0
 
 
-def plain_step(integrator: Integrator, accelerations: Any, internal: Any) -> Callable[..., None]:
+def plain_step(integrator: Integrator, accelerations: object, internal: Any) -> Callable[..., None]:
     """Return the step of a multi-stage scheme in plain Python, with functions that fill its two slots."""
     filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
     return Specialiser(filled, jit=False).bind(kernel_of(integrator))

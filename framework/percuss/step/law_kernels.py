@@ -32,7 +32,7 @@ class KernelLaw(NamedTuple):
     now: Records  # percuss.step.records.NOW
 
 
-def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
+def multipliers(bound: object, trial: Trial, multiplier: Floats) -> None:
     """Set the multipliers of one law's points (slot for the kernel of the law)."""
     raise NotImplementedError
 

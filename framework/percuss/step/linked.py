@@ -56,12 +56,12 @@ EXAMPLES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 }
 
 
-def at(data: Any) -> Any:
+def at(data: object) -> Any:
     """Return the value at an address (slot)."""
     unbound()
 
 
-def call(kind: str, kernel: int, data: int, arguments: Any) -> Any:
+def call(kind: str, kernel: int, data: int, arguments: object) -> Any:
     """Call a kernel by its address, with the address of its data and its arguments (slot)."""
     unbound()
 
@@ -71,18 +71,18 @@ def kernel(data: Any, *arguments: Any) -> Any:
     unbound()
 
 
-def entrance(data: Any, arguments: Any) -> Any:
+def entrance(data: object, arguments: Any) -> Any:
     """Call the kernel with the arrays at the address `data`."""
     return kernel(at(data), *arguments)
 
 
-def entrance_of_scheme(data: Any, arguments: Any) -> None:
+def entrance_of_scheme(data: object, arguments: Any) -> None:
     """Call the kernel of a multi-stage scheme with its numbers and the system at the address `data`."""
     numbers, system = at(data)
     kernel(numbers, system, *arguments)
 
 
-def entrance_of_loop(data: Any, arguments: Any) -> int:
+def entrance_of_loop(data: object, arguments: object) -> int:
     """Call a loop with all its arguments, at the address `data`; return the number of its steps."""
     return kernel(*at(data))  # type: ignore[no-any-return]
 
@@ -103,6 +103,6 @@ def internal(system: LinkedSystem, stage: int, u: Floats, f: Floats) -> None:
     call("internal forces of a stage", system.internal, system.data, (stage, u, f))
 
 
-def take_step(numbers: LinkedKernel, system: Any, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
+def take_step(numbers: LinkedKernel, system: object, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
     """Make one step of the integrator."""
     call("step of a scheme", numbers.apply, numbers.data, (u, v, kept, dt))

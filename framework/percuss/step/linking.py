@@ -52,7 +52,7 @@ class Block:
         Address of the block.
     """
 
-    def __init__(self, value: Any, form: str, numbers: Iterable[Any] | None = None) -> None:
+    def __init__(self, value: object, form: str, numbers: Iterable[Any] | None = None) -> None:
         self._value = value
         self._memory = np.zeros(struct.calcsize(form) // 8 + 1, dtype=np.int64)
         struct.pack_into(form, self._memory.data, 0, *(_numbers(value) if numbers is None else numbers))
@@ -80,7 +80,7 @@ def structure(value: Any) -> Any:
     return type(value)
 
 
-def _numbers(value: Any) -> list[Any]:
+def _numbers(value: object) -> list[Any]:
     """Return the numbers that make up a value in compiled code."""
     if isinstance(value, tuple):
         return [number for part in value for number in _numbers(part)]
@@ -159,7 +159,7 @@ class Entrance:
     def __init__(self, kind: str, tag: str, bind: Callable[[], Kernel]) -> None:
         self.kind, self.tag, self._bind = kind, tag, bind
         self._bound: Kernel | None = None
-        self._known: dict[Any, tuple[str, int]] = {}  # form of the block and address, by structure of the data
+        self._known: dict[object, tuple[str, int]] = {}  # form of the block and address, by structure of the data
 
     def address(self, data: Any, of: str) -> tuple[str, int]:
         """Return the form of a block of `data`, and the address of the machine code that reads it.
@@ -178,7 +178,7 @@ class Entrance:
             known = self._known[key] = self._compiled(data, f"{key!r};{layout(data)}", of)
         return known
 
-    def _compiled(self, data: Any, about: str, of: str) -> tuple[str, int]:
+    def _compiled(self, data: object, about: str, of: str) -> tuple[str, int]:
         stored_as = machine_code.key_of(self.tag, self.kind, about) if self.tag else ""
         with compiler():
             stored = machine_code.address_of_stored(stored_as) if stored_as else None
@@ -200,7 +200,7 @@ class _Call(NamedTuple):
     address: int
     block: Block
 
-    def fits(self, arguments: tuple[Any, ...]) -> bool:
+    def fits(self, arguments: tuple[object, ...]) -> bool:
         """Return whether these arguments have the same structure as those of the last call."""
         try:
             return len(arguments) == len(self.arguments) and all(
@@ -225,7 +225,7 @@ class LinkedLoop:
         self._entrance = entrance
         self._last: _Call | None = None  # another thread may replace it: a caller holds it until the call has returned
 
-    def __call__(self, *arguments: Any) -> int:
+    def __call__(self, *arguments: object) -> int:
         """Call the loop; numbers and arrays of its arguments are written to a block, unless they are those before."""
         last = self._last
         if last is None or not last.fits(arguments):

@@ -10,7 +10,7 @@ the weights of the scheme. Kinetic energy and momentum then change by exactly ``
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -224,7 +224,7 @@ class State(NamedTuple):
 @called
 def advance(
     system: System,
-    numbers: Any,
+    numbers: object,
     record: Record,
     amplitudes: StageAmplitudes,
     state: State,

@@ -80,7 +80,7 @@ def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any
         report_multiple_bugs=False,
     )
     @given(strategy)
-    def each(value: Any) -> None:
+    def each(value: object) -> None:
         if failures and next(calls) > MOST_SHRINKS:
             raise _EnoughError
         try:
@@ -128,7 +128,7 @@ def number(low: float, high: float) -> SearchStrategy[float]:
     return st.integers(round(low * 100), round(high * 100)).map(lambda k: k / 100)
 
 
-def bar(elements: int, length: float = 1.0, **parts: Any) -> Entries:
+def bar(elements: int, length: float = 1.0, **parts: object) -> Entries:
     """Return a body of a case, a bar of steel and of area 1 at rest at x = 0 but for the given parts."""
     return {
         "bar": {"length": length, "elements": elements},
@@ -140,7 +140,7 @@ def bar(elements: int, length: float = 1.0, **parts: Any) -> Entries:
     }
 
 
-def chain(bodies: Entries, *, wall: float | None = None, probes: bool = False, **parts: Any) -> Entries:
+def chain(bodies: Entries, *, wall: float | None = None, probes: bool = False, **parts: object) -> Entries:
     """Return a case of bars in contact with their neighbours, the last with a wall; `probes` are at all ends."""
     contacts: Entries = {
         f"{name}{following}": {"between": [f"{name}.right", f"{following}.left"]}

@@ -344,7 +344,7 @@ def _solved(left: Floats, right: Floats, *, free: bool) -> Floats:
     return best
 
 
-def locked(values: Any, kind: type = float) -> Any:
+def locked(values: object, kind: type = float) -> Any:
     """Return a read-only array of values."""
     array: Any = np.array(values, dtype=kind)
     array.flags.writeable = False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from percuss.methods.interfaces.base import Component
 
@@ -191,7 +191,7 @@ class Integrator(Component, contract="integrators"):
             An implicit scheme for linear bodies: the framework solves for motion and contact at the end of the step.
         """
 
-    def refuses(self, law: Any) -> str | None:  # noqa: ARG002
+    def refuses(self, law: object) -> str | None:  # noqa: ARG002
         """Return the reason why `law` makes no sense with this integrator, or None."""
         return None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +13,14 @@ from percuss.reporting.study_data.roles import ColumnRoles, references
 from percuss.reporting.study_data.values import WAITING, methods, numbers, texts
 from percuss.reporting.verdict import best_words, is_same
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 LARGEST_FACTOR = 1e6  # Errors with a larger ratio are round-off.
 MOST_CASES = 2  # Of more cases only the wins are counted; the first chart has each of them.
 
 
-def answer(table: Any, roles: ColumnRoles) -> list[str]:
+def answer(table: pd.DataFrame, roles: ColumnRoles) -> list[str]:
     """Return which pair of methods is best in each case, how many runs failed, and what the result depends on.
 
     Parameters
@@ -32,7 +35,7 @@ def answer(table: Any, roles: ColumnRoles) -> list[str]:
     return [*best, _failed_sentence(table), *(_dependence_sentence(table, roles, ranked[0]) if ranked else [])]
 
 
-def _best_sentences(table: Any, roles: ColumnRoles, name: str) -> list[str]:
+def _best_sentences(table: pd.DataFrame, roles: ColumnRoles, name: str) -> list[str]:
     values, pairs, cases = numbers(table[name]), np.array(methods(table)), np.array(texts(table["case"]))
     compared = (table["status"] == "done").to_numpy() & np.isfinite(values) & ~np.isin(pairs, references(table))
     of_cases = {case: np.flatnonzero(compared & (cases == case)) for case in dict.fromkeys(cases[compared].tolist())}
@@ -58,7 +61,7 @@ def _best_sentences(table: Any, roles: ColumnRoles, name: str) -> list[str]:
     return [sentence, f"The smallest error of a case is {than}."]
 
 
-def _failed_sentence(table: Any) -> str:
+def _failed_sentence(table: pd.DataFrame) -> str:
     """Return how many runs failed, with which status and mostly of which pair."""
     made = table[table["status"] != WAITING]
     waiting = f" {len(table) - len(made):,} runs are still to be made." if len(made) < len(table) else ""
@@ -71,7 +74,7 @@ def _failed_sentence(table: Any) -> str:
     return f"{len(failed):,} of {len(made):,} runs failed ({counts}){used}.{waiting}"
 
 
-def _dependence_sentence(table: Any, roles: ColumnRoles, name: str) -> list[str]:
+def _dependence_sentence(table: pd.DataFrame, roles: ColumnRoles, name: str) -> list[str]:
     """Return by what factor the error changes over each varied value, and how many runs depend on round-off."""
     done = table[table["status"] == "done"]
     factors = {path: _factor(done, roles, path, name) for path in roles.varied}
@@ -84,7 +87,7 @@ def _dependence_sentence(table: Any, roles: ColumnRoles, name: str) -> list[str]
     return [" ".join(out)] if out else []
 
 
-def _factor(done: Any, roles: ColumnRoles, path: str, name: str) -> float:
+def _factor(done: pd.DataFrame, roles: ColumnRoles, path: str, name: str) -> float:
     """Return the median ratio of largest to smallest error over one varied value with all others held; else nan."""
     groups: dict[Any, dict[str, float]] = {}
     held = [texts(done[other]) for other in (*roles.varied, "case") if other != path]

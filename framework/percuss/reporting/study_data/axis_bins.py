@@ -63,7 +63,7 @@ def binned(values: Any, most: int = DISTINCT, bins: int = BINS) -> tuple[Any, An
     return (10**middles if log else middles), bin_of
 
 
-def binned_column(column: Any) -> tuple[Any, Any]:
+def binned_column(column: object) -> tuple[Any, Any]:
     """Return `binned` of a column of numbers; of a column of words the place of each word in order, 0, 1, 2, ..."""
     values = numbers(column)
     if values is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from percuss.case.quantities import ranking
 from percuss.reporting.study_data.roles import ColumnRoles
 from percuss.reporting.study_data.values import methods, numbers, texts
 from percuss.studies.pareto import front_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_ROWS = 5000  # A browser draws and sorts this many rows without a pause; the best runs are added to them.
 
@@ -34,13 +37,13 @@ class Carried:
         Number of runs that no other run beats, drawn or not; 0 where the page carries all rows.
     """
 
-    table: Any
-    kept: Any
-    drawn: Any
+    table: pd.DataFrame
+    kept: pd.DataFrame
+    drawn: pd.DataFrame
     best: int
 
 
-def carried(table: Any, roles: ColumnRoles) -> Carried:
+def carried(table: pd.DataFrame, roles: ColumnRoles) -> Carried:
     """Return all rows, or a seeded random sample and all `best_runs` where there are too many for a page."""
     if len(table) <= MOST_ROWS:
         every = np.ones(len(table), dtype=bool)
@@ -52,7 +55,7 @@ def carried(table: Any, roles: ColumnRoles) -> Carried:
     return Carried(table[kept].reset_index(drop=True), kept, drawn[kept], int(best.sum()))
 
 
-def best_runs(table: Any, roles: ColumnRoles) -> Any:
+def best_runs(table: pd.DataFrame, roles: ColumnRoles) -> Any:
     """Return a mask (rows,) of the runs that no other run of the same case and the same pair of methods beats.
 
     For each measure of `ranking` these are the run with its smallest value and the runs on its Pareto front against
@@ -72,7 +75,7 @@ def best_runs(table: Any, roles: ColumnRoles) -> Any:
     return best
 
 
-def _by_case_and_method(table: Any, mask: Any) -> Iterator[Any]:
+def _by_case_and_method(table: pd.DataFrame, mask: Any) -> Iterator[Any]:
     """Yield the row numbers of each case and pair of methods, among the rows selected by a mask."""
     rows = np.flatnonzero(mask)
     labels = [f"{case}\0{method}" for case, method in zip(texts(table["case"]), methods(table), strict=True)]

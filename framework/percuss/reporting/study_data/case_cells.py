@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.jsonable import Entries
 from percuss.reporting.study_data.values import WAITING, methods, numbers, texts
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class Cell:
         return ", ".join(f"{count}{of} {status}" for status, count in self.lost.items())
 
 
-def cells(table: Any, name: str) -> dict[str, dict[str, Cell]]:
+def cells(table: pd.DataFrame, name: str) -> dict[str, dict[str, Cell]]:
     """Return the cells of one measure: for each case a mapping from the pair of methods to its cell."""
     pairs, cases = np.array(methods(table), dtype=object), np.array(texts(table["case"]), dtype=object)
     status, values = np.array(texts(table["status"]), dtype=object), numbers(table[name])
@@ -62,7 +65,7 @@ def cells(table: Any, name: str) -> dict[str, dict[str, Cell]]:
     return out
 
 
-def lost(table: Any) -> list[Entries]:
+def lost(table: pd.DataFrame) -> list[Entries]:
     """Return the reasons why runs are not done, most frequent first; reasons that differ by numbers alone are one."""
     rows = table[~table["status"].isin(["done", WAITING])]
     pairs = methods(rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import itertools
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from percuss.jsonable import Entries
 from percuss.reporting.figures import thinned
 from percuss.reporting.study_data.roles import StudyLike
 from percuss.reporting.study_data.values import methods, numbers, texts
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_HISTORIES = 120
 
@@ -23,13 +26,13 @@ MOST_CONTACTS = 4
 POINTS = 400  # A history is thinned to this many points, which include its extremes.
 
 
-def packed(values: Any, kind: str = "<f4") -> str:
+def packed(values: object, kind: str = "<f4") -> str:
     """Return numbers as base64 of their bytes; a number too large for `kind` becomes infinite, a missing one nan."""
     with np.errstate(over="ignore"):
         return base64.b64encode(np.asarray(values, dtype=float).astype(kind).tobytes()).decode("ascii")
 
 
-def kept_histories(study: StudyLike, table: Any, ranked: Sequence[str]) -> dict[int, Entries]:
+def kept_histories(study: StudyLike, table: pd.DataFrame, ranked: Sequence[str]) -> dict[int, Entries]:
     """Return thinned histories by row number, for as many of the rows as a page can carry.
 
     The rows are taken from each pair of methods in each case in turn, by the first of the `ranked` measures: what a

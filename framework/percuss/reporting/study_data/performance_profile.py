@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.jsonable import Entries
 from percuss.reporting.study_data.roles import references
 from percuss.reporting.study_data.values import STATISTICS, WAITING, methods, numbers, texts
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PENDING = (WAITING, "lost")  # Nothing is known of these runs, which are still to be made or to be made again.
 
@@ -37,7 +40,7 @@ class Problems:
     left_out: int
 
 
-def problems(table: Any, varied: Sequence[str]) -> Problems:
+def problems(table: pd.DataFrame, varied: Sequence[str]) -> Problems:
     """Return the problems of a study."""
     method_of_row, excluded = methods(table), set(references(table))
     solvers = [method for method in dict.fromkeys(method_of_row) if method not in excluded]
@@ -71,7 +74,7 @@ class Profile:
     ratios: Entries
 
 
-def profile(table: Any, name: str, problem_set: Problems, statistic: str = "best") -> Profile:
+def profile(table: pd.DataFrame, name: str, problem_set: Problems, statistic: str = "best") -> Profile:
     """Return the performance profile of the pairs of methods by one measure that is better when smaller.
 
     A pair's value on a problem is the best or the median over its runs of it; a run that is not done counts as

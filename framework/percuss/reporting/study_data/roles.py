@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from percuss.case.quantities import QUANTITIES, of_column
 from percuss.jsonable import Entries
 from percuss.reporting.study_data.values import methods, numbers, texts
 from percuss.studies.tasks import TIED
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Labels of the measures, in their order on the page: the comparisons with the exact solution come first.
 MEASURES = {
@@ -107,7 +110,7 @@ def is_share(name: str) -> bool:
     return of_column(name).is_fraction
 
 
-def in_per_cent(table: Any, roles: ColumnRoles) -> Any:
+def in_per_cent(table: pd.DataFrame, roles: ColumnRoles) -> Any:
     """Return a table with its shares in per cent, as reports show them."""
     return table.assign(**{name: 100.0 * numbers(table[name]) for name in roles.measures if is_share(name)})
 
@@ -124,7 +127,7 @@ def _paths_named(part: Any) -> list[str]:
     return [path for item in part for path in _paths_named(item)] if isinstance(part, list) else []
 
 
-def references(table: Any) -> list[str]:
+def references(table: pd.DataFrame) -> list[str]:
     """Return the pairs of methods with mesh tying instead of a contact law.
 
     They need the exact solution, so they are references and do not compete with the methods.

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.reporting.study_data.axis_bins import binned_column
 from percuss.reporting.study_data.values import WAITING, methods, numbers
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 QUANTILES = (0.0, 0.1, 0.5, 0.9)  # The best, the lower end of the band, the median, and its upper end.
 
 
-def lacking(table: Any, path: str) -> set[str]:
+def lacking(table: pd.DataFrame, path: str) -> set[str]:
     """Return the pairs of methods whose runs all lack a varied value, because they have no such option or leave it out.
 
     Their runs are the same at every value of the path.
@@ -23,7 +26,7 @@ def lacking(table: Any, path: str) -> set[str]:
     return set(method_of_row) - {method for method, has_value in zip(method_of_row, present, strict=True) if has_value}
 
 
-def bands(table: Any, names: Sequence[str], path: str) -> Iterator[tuple[str, str, Any]]:
+def bands(table: pd.DataFrame, names: Sequence[str], path: str) -> Iterator[tuple[str, str, Any]]:
     """Yield the best, the median and the quantile band of each measure over a varied value, for each pair of methods.
 
     Yields
@@ -52,7 +55,7 @@ def bands(table: Any, names: Sequence[str], path: str) -> Iterator[tuple[str, st
             yield method, name, _band(runs, measured[:, n])
 
 
-def _band(runs: Sequence[tuple[float, Any, int]], values: Any) -> Any:
+def _band(runs: Sequence[tuple[float, object, int]], values: Any) -> Any:
     """Return place, quantiles, number of values and number of runs of each bin that has a run: array (7, bins)."""
     out = []
     for place, rows, count in runs:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.studies import perform
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 WAITING = perform.WAITING
 # What is shown of several runs of one pair of methods.
@@ -28,7 +31,7 @@ def _as_floats(column: Any) -> Any:
     return column.to_numpy(dtype=float, na_value=np.nan)
 
 
-def as_text(value: Any) -> str:
+def as_text(value: object) -> str:
     """Return a value of the table as text that reads back as the same value; an empty text for a missing value."""
     if value is None or (isinstance(value, (float, np.floating)) and np.isnan(value)):
         return ""
@@ -57,7 +60,7 @@ def texts(column: Any) -> list[str]:
     ]
 
 
-def methods(table: Any) -> list[str]:
+def methods(table: pd.DataFrame) -> list[str]:
     """Return the pair of methods of each row as one text: integrator + contact law."""
     pairs = zip(texts(table["integrator"]), texts(table["contact"]), strict=True)
     return [f"{integrator} + {contact}" for integrator, contact in pairs]

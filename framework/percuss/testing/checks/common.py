@@ -180,7 +180,7 @@ def check_options_bounded(subject: Subject) -> None:
                 continue
             raise CheckFailed(f"option `{key}` accepts {invalid!r}")
 
-        def with_value(drawn: tuple[Entries, Any], key: str = key) -> None:
+        def with_value(drawn: tuple[Entries, object], key: str = key) -> None:
             options, value = drawn
             try:
                 instance = subject.make({**options, key: value})

@@ -60,7 +60,7 @@ def sample_points(count: int, part: slice = slice(None)) -> ContactPoints:
     )
 
 
-def sample_trial(points: ContactPoints, dt: float, law: Any) -> Trial:
+def sample_trial(points: ContactPoints, dt: float, law: object) -> Trial:
     """Return a trial of a class of laws with some contact points closed and others open; state variables are zero."""
     k = np.arange(len(points.names))
     depth = 1e-3 * np.where(k % 2, -1.0, 1.0) * (1.0 + k)
@@ -68,7 +68,7 @@ def sample_trial(points: ContactPoints, dt: float, law: Any) -> Trial:
     return trial_of(points, dt, state, law, strength=0.0)._replace(time=0.25)
 
 
-def trial_of_point(trial: Trial, index: int, point: ContactPoints, law: Any) -> Trial:
+def trial_of_point(trial: Trial, index: int, point: ContactPoints, law: object) -> Trial:
     """Return the part of a state that belongs to one contact point, as a kernel with this point alone receives it."""
     state = [array[index : index + 1] for array in trial[:4]]
     return trial_of(point, trial.dt, state, law, trial.before[index : index + 1])._replace(time=trial.time)
@@ -103,7 +103,7 @@ def check_any_number_of_contacts(subject: Subject) -> None:
                     raise CheckFailed(f"{name} of each point is {values} at {count} points, and {single} alone")
 
 
-def _law_values(subject: Subject, bound: Any, trial: Trial) -> Entries:
+def _law_values(subject: Subject, bound: object, trial: Trial) -> Entries:
     """Return the values of a law at its contact points: the fields of a linear law, or the multipliers in a state."""
     if isinstance(bound, LinearLaw):
         return {f"LinearLaw.{name}": getattr(bound, name) for name in COEFFICIENTS}
