@@ -50,6 +50,8 @@ from percuss.methods.interfaces import Material as Material
 from percuss.methods.interfaces import Measure as Measure
 from percuss.methods.interfaces import Mesh as Mesh
 from percuss.methods.interfaces import OptionError as OptionError
+from percuss.methods.interfaces import PairedPoints as PairedPoints
+from percuss.methods.interfaces import Pairing as Pairing
 from percuss.methods.interfaces import ProblemBody as ProblemBody
 from percuss.methods.interfaces import ProblemContact as ProblemContact
 from percuss.methods.interfaces import ProblemLoad as ProblemLoad
@@ -57,8 +59,10 @@ from percuss.methods.interfaces import Region as Region
 from percuss.methods.interfaces import Shape as Shape
 from percuss.methods.interfaces import Solution as Solution
 from percuss.methods.interfaces import Stages as Stages
+from percuss.methods.interfaces import Surface as Surface
 from percuss.methods.interfaces import Trial as Trial
 from percuss.methods.interfaces import Unit as Unit
+from percuss.methods.interfaces import Wall as Wall
 from percuss.methods.interfaces import end_of_step as end_of_step
 from percuss.methods.slots import accelerations as accelerations
 from percuss.methods.slots import coupled_gap as coupled_gap

@@ -51,6 +51,8 @@ from percuss_methods.materials.bilinear_plastic import BilinearPlastic
 from percuss_methods.materials.elastic import Elastic
 from percuss_methods.materials.ramberg_osgood import RambergOsgood
 from percuss_methods.measures.ripple import Ripple
+from percuss_methods.pairings.gauss_points import GaussPoints
+from percuss_methods.pairings.node_to_segment import NodeToSegment
 from percuss_methods.shapes.bar import Bar
 from percuss_methods.solutions.bars_in_a_row import BarsInARow
 
@@ -95,6 +97,12 @@ def percuss_contacts() -> list[type]:
         DecompositionContactResponse,
         Cohesive,
     ]
+
+
+@hookimpl
+def percuss_pairings() -> list[type]:
+    """Return the built-in pairings."""
+    return [GaussPoints, NodeToSegment]
 
 
 @hookimpl

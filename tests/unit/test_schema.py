@@ -232,7 +232,7 @@ def test_every_quantity_that_can_be_expected_is_offered_or_allowed(validator, sc
 def test_units_and_required_keys_stand_beside_the_descriptions(schema):
     assert schema["properties"]["time"]["properties"]["end"]["x-unit"] == "time"
     # A material has no default, as its default component has options without one; an element has.
-    assert set(schema["properties"]["bodies"]["additionalProperties"]["required"]) == {"area", "material"}
+    assert set(schema["properties"]["bodies"]["additionalProperties"]["required"]) == {"material"}
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,14 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from percuss.case.specs import Address, CaseSection, Expectation, MeasureSection, RecordSpec, quantity_named
+from percuss.case.specs import Address, BodySpec, CaseSection, Expectation, MeasureSection, RecordSpec, quantity_named
+from percuss.case.type_words import found
 from percuss.case.validation import Mistake, Reader
 from percuss.case.yaml_text import KeyPath, dotted
 from percuss.errors import suggestion
 from percuss.jsonable import Data
+from percuss.methods.interfaces import Element, Shape
+from percuss.methods.registry import Registry
 
 ROUND_OFF = 1e-9  # relative, of the end of a run that is computed from its steps
 
@@ -60,7 +63,7 @@ def misfits(section: Expectation | MeasureSection, contacts: Collection[str]) ->
         yield Mistake(("contact",), f"there is no contact '{section.contact}'", advice)
 
 
-def completed(case: CaseSection, dimension: int) -> CaseSection:
+def completed(case: CaseSection, dimension: int, registry: Registry) -> CaseSection:
     """Return a case without mistakes in which the computed fields of its parts are set.
 
     Vectors with fewer components than the case has dimensions are padded with zeros.
@@ -69,12 +72,17 @@ def completed(case: CaseSection, dimension: int) -> CaseSection:
     def padded(vector: tuple[float, ...]) -> tuple[float, ...]:
         return vector + (0.0,) * (dimension - len(vector))
 
-    bodies = {
-        name: replace(body, name=name, at=padded(body.start if isinstance(body.start, tuple) else (float(body.start),)))
-        for name, body in case.bodies.items()
-    }
+    bodies = {}
+    for name, body in case.bodies.items():
+        start = body.start if isinstance(body.start, tuple) else (float(body.start),)
+        bodies[name] = replace(body, name=name, at=padded(start), element=_element_of(body, registry))
     contacts = {
-        name: replace(contact, name=name, law=contact.method or case.method.contact)
+        name: replace(
+            contact,
+            name=name,
+            law=contact.method or case.method.contact,
+            pairing=contact.pairing or case.method.pairing,
+        )
         for name, contact in case.contacts.items()
     }
     loads = {}
@@ -88,6 +96,21 @@ def completed(case: CaseSection, dimension: int) -> CaseSection:
         contact = expectation.contact or (next(iter(contacts)) if of_contact else None)
         expect.append(replace(expectation, contact=contact, path=("expect", i)))
     return replace(case, bodies=bodies, contacts=contacts, loads=loads, expect=tuple(expect))
+
+
+def _element_of(body: BodySpec, registry: Registry) -> Element:
+    """Return the element of a body: the one that the case says, or the first one for the cells of its shape."""
+    cell = body.shape.cell
+    if cell in {body.element.cell, "line"}:
+        return body.element
+    made: Element = _elements_of(cell, registry)[0]()
+    return made
+
+
+def _elements_of(cell: str, registry: Registry) -> list[Any]:
+    """Return the registered elements for a kind of cells."""
+    classes = [registry.get("elements", name) for name in registry.names("elements")]
+    return [element for element in classes if getattr(element, "cell", "") == cell]
 
 
 class CrossChecks:
@@ -185,6 +208,10 @@ class CrossChecks:
             shape = body.shape if body is not None else self.reader.part((*path, key))
             if shape is not None and (dimension := shape.dimension()) is not None:
                 self.vectors.append(((*path, key), int(dimension)))
+            if shape is not None:
+                self._check_section(name, path, given, shape)
+            if shape is not None and body is not None:
+                self._check_element(path, shape, body.element if "element" in given else None)
             self._note_vector((*path, "at"), given.get("at"))
             self._note_vector((*path, "velocity"), given.get("velocity"))
             fixed = given.get("fixed", ())
@@ -197,6 +224,34 @@ class CrossChecks:
                     self.wrong(at, f"the body '{name}' has no end '{end}'", suggestion(end, ends, "end"))
                 elif end in fixed[:i]:
                     self.wrong(at, f"the end '{end}' is fixed twice", "Keep one.")
+
+    def _check_section(self, name: str, path: KeyPath, given: Mapping[str, Any], shape: Shape) -> None:
+        """Report an area that is missing or has no meaning, a thickness without one, and a velocity along no line."""
+        if shape.cell == "line":
+            if "area" not in given:
+                message, advice = "missing (cross-section [length^2])", "Add `area:` to the body."
+                self.wrong((*path, "area"), message, advice, key=True)
+            if "thickness" in given:
+                self.wrong((*path, "thickness"), f"{shape.name} has an `area`, and no thickness", "Drop it.", key=True)
+            return
+        if "area" in given:
+            advice = "Drop it, or give a `thickness` in two dimensions."
+            self.wrong((*path, "area"), f"{shape.name} has no cross-section", advice, key=True)
+        for key in ("velocity", "at"):
+            if key in given and not isinstance(given[key], tuple):
+                message = f"expected a vector, as body '{name}' is along no line, found {found(given[key])}"
+                self.wrong((*path, key), message, "Give a number for each direction.")
+
+    def _check_element(self, path: KeyPath, shape: Shape, element: Element | None) -> None:
+        """Report an element for other cells than those of the shape, and cells for which there is none."""
+        wanted = element.cell if element is not None else shape.cell
+        good = [element.name for element in _elements_of(shape.cell, self.reader.registry)]
+        if (wanted == shape.cell and good) or (shape.cell == "line" and wanted.startswith("line")):
+            return
+        of_shape = f"expected an element for the {shape.cell} cells of {shape.name}"
+        found_one = f"{element.name}, which is for {element.cell} cells" if element is not None else "none registered"
+        advice = f"Take {' or '.join(good)}." if good else "Name a plug-in that has one."
+        self.wrong((*path, "element"), f"{of_shape}, found {found_one}", advice, key=element is None)
 
     def _check_contacts(self) -> None:
         pairs: dict[Any, str] = {}

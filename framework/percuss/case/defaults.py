@@ -3,6 +3,7 @@
 INTEGRATOR = "wu-predictor-corrector"
 CONTACT = "bipenalty"
 MASS = "lumped"
+PAIRING = "gauss-points"
 MATERIAL = "elastic"
 ELEMENT = "bar"
 SOLUTION = "bars-in-a-row"

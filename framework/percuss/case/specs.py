@@ -33,6 +33,7 @@ from percuss.methods.interfaces import (
     Lt,
     Mass,
     Material,
+    Pairing,
     Shape,
     Solution,
     Unit,
@@ -137,6 +138,11 @@ class MethodSpec(Section):
     ]
     contact: Annotated[ContactLaw, Named("contacts", defaults.CONTACT), Doc("contact law: a name, or {name: ...}")]
     mass: Annotated[Mass, Named("masses", defaults.MASS), Doc("how element masses become nodal masses")]
+    pairing: Annotated[
+        Pairing | None,
+        Named("pairings", defaults.PAIRING, optional=True),
+        Doc("how surfaces of bodies that are no bars make contact points"),
+    ] = None
     solution: Annotated[
         Solution | None,
         Named("solutions", defaults.SOLUTION, optional=True),
@@ -194,8 +200,11 @@ class BodySpec(Section):
 
     material: Annotated[Material, Named("materials", defaults.MATERIAL), Doc("material: its options, or {name: ...}")]
     element: Annotated[Element, Named("elements", defaults.ELEMENT), Doc("element: a name, or {name: ...}")]
-    area: Annotated[float, Gt(0), Unit("length^2"), Doc("cross-section")]
     shape: Annotated[Shape, Keyed("shapes", "shape"), Key(NO_KEY)]
+    area: Annotated[float, Gt(0), Unit("length^2"), Doc("cross-section of a body along a line")] | None = None
+    thickness: (
+        Annotated[float, Gt(0), Unit("length"), Doc("thickness of a body of two dimensions; 1 by default")] | None
+    ) = None
     start: Annotated[
         float | Vector, Key("at"), Unit("length"), Doc("where the body starts: a number along x, or a point")
     ] = 0.0
@@ -205,6 +214,11 @@ class BodySpec(Section):
     fixed: Annotated[tuple[str, ...], Expects("a list of ends, as [right]"), Doc("ends that do not move")] = ()
     name: Annotated[str, Computed()] = UNSET
     at: Annotated[Vector, Computed()] = UNSET
+
+    @property
+    def section(self) -> float:
+        """What a unit of length of a line, or of area in two dimensions, has as volume: `BodyMesh.section`."""
+        return self.area or self.thickness or 1.0
 
 
 @dataclass(frozen=True)
@@ -220,6 +234,11 @@ class ContactSpec(Section):
         ContactLaw | None,
         Named("contacts", defaults.CONTACT, optional=True),
         Doc("contact law of this contact; else method.contact"),
+    ] = None
+    pairing: Annotated[
+        Pairing | None,
+        Named("pairings", defaults.PAIRING, optional=True),
+        Doc("pairing of this contact; else method.pairing"),
     ] = None
     between: (
         Annotated[

@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.certificate.assembled import free_motions, operator_of, rigid_motions
 from percuss.certificate.following_loads import directions
-from percuss.certificate.lines import LineOperator, held_directions, held_throughout, line_operator
+from percuss.certificate.lines import LineOperator, held_directions, held_throughout
 from percuss.certificate.search import MARGINAL_DISTANCE
 from percuss.contact.points import FROM_LINE, NEVER
 from percuss.heartbeat import beat
@@ -30,6 +31,7 @@ from percuss.march.march import March
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from percuss.certificate.operator import Operator
     from percuss.march.model import Model
     from percuss.methods.interfaces import Floats
 
@@ -196,10 +198,10 @@ class Motions:
         self.model = model
         self.constraints = held_throughout(model)
         self.held = held_directions(model)
-        self.basis = _basis(model, self.held)
+        self.basis = _basis(model, self.held) if model.of_lines else free_motions(model)
         self.projection = self.basis.T.tocsr()
         self.root = np.sqrt(model.mass_of_dofs)
-        self.shortest_element = min(float(body.mesh.lengths.min()) for body in model.bodies.values())
+        self.shortest_element = min(body.shortest for body in model.bodies.values())
         self._march: March | None = None
         self.open_points: Any = None  # contact points of that march before a combination holds some of them closed
 
@@ -215,9 +217,9 @@ class Motions:
         return self._march
 
     @cached_property
-    def operator(self) -> LineOperator:
+    def operator(self) -> Operator:
         """Masses and stiffness of the bodies, those as one that are tied throughout."""
-        return line_operator(self.model)
+        return operator_of(self.model)
 
     @cached_property
     def gaps(self) -> Floats:
@@ -247,6 +249,8 @@ class Motions:
     def strainless(self) -> Floats:
         """Motions without strain: translation of bars that are free along their axis, and all motion across, (n, z)."""
         model, basis = self.model, self.basis
+        if not model.of_lines:
+            return np.asarray(self.projection @ (rigid_motions(model) * self.root[:, None]))
         columns = []
         along = np.zeros(basis.shape[1])
         for body in model.bodies.values():
@@ -262,12 +266,13 @@ class Motions:
         return np.concatenate([np.array(columns).reshape(-1, basis.shape[1]).T, sideways], axis=1)
 
     def critical_modes(self, dt: float) -> Floats:
-        """Return the highest mode of each body whose highest frequency is 2/dt, (n, z)."""
-        columns = []
+        """Return the highest mode of each bar whose highest frequency is 2/dt, (n, z)."""
+        operator, columns = self.operator, []
+        if not isinstance(operator, LineOperator):
+            return np.zeros((self.basis.shape[1], 0))
         axes = np.concatenate(
             [np.tile(body.mesh.direction, (body.mass.size, 1)) for body in self.model.bodies.values()]
         )
-        operator = self.operator
         for rows, block in operator.blocks():
             diagonal, mass = block.stiffness[0], block.mass[0]
             largest = float((diagonal / mass).max())

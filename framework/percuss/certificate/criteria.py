@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.certificate.assembled import assembled_operator, operator_of
 from percuss.certificate.assessment import Assessment, Criterion, quoted
 from percuss.certificate.closed_contacts import ClosedContacts, closed_contacts
-from percuss.certificate.lines import bars_alone, line_operator
+from percuss.certificate.lines import bars_alone
 from percuss.certificate.operator_criterion import OperatorCriterion
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.step_itself import LARGEST_DENSE_STATE, StepCriterion
@@ -47,18 +48,18 @@ def operator_criterion(model: Model, closed: ClosedContacts | None = None) -> Op
 
     # Contact can damp all of a short bar, so a step above theta = 1 may be stable: the step itself tells. The state of
     # ends without mass is not one of displacement and velocity alone, and states are weighted with diagonal masses.
-    short = any(body.stiffness.size < SHORT_BAR_ELEMENTS for body in model.bodies.values())
+    short = model.of_lines and any(body.count < SHORT_BAR_ELEMENTS for body in model.bodies.values())
     covered = not (model.points_without_mass.any() or model.couples_nodes)
     asked = short and covered and 2 * model.mass.size <= LARGEST_DENSE_STATE
     _, delassus, coupling = model.contact_rows(0.5 * model.dt)
     return OperatorCriterion(
-        line_operator(model),
+        operator_of(model),
         (delassus, coupling),
         laws_at,
         contact_names(model),
         limit_ratio=limit_ratio(model.case.method.integrator, model.stages, model.dt, model.viscosity),
         tied=model.tied_points,
-        apart=lambda: bars_alone(model),
+        apart=lambda: bars_alone(model) if model.of_lines else assembled_operator(model, tied=False),
         above_theta_of_one=(lambda: StepCriterion(model)) if asked else None,
         why_open=SHORT_AND_COUPLED if short and model.couples_nodes else "",
     )

@@ -22,8 +22,12 @@ from percuss.files import PACKAGE, is_folder
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN
 from percuss.methods.registry import Registry
 
-KINDS = {{"masses": "mass"}.get(family, family[:-1]): family for family in FAMILIES}
 TEMPLATES = PACKAGE / "templates"
+KINDS = {
+    kind: family
+    for family in FAMILIES
+    if (TEMPLATES / f"{(kind := {'masses': 'mass'}.get(family, family[:-1]))}.py.txt").is_file()
+}
 DISTRIBUTION = re.compile(r"[A-Za-z]([A-Za-z0-9_-]*[A-Za-z0-9])?")
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from percuss.contact.contact_point import TOUCHING, ContactPoint
+from percuss.contact.paired_surfaces import points_of_surfaces
 from percuss.mesh.loads import ROUND_OFF
 
 if TYPE_CHECKING:
@@ -17,43 +18,23 @@ if TYPE_CHECKING:
     from percuss.case.specs import ContactSpec
     from percuss.errors import Problem
     from percuss.mesh.body import Body
-    from percuss.methods.interfaces import ContactLaw, Floats
-
-TOUCHING = 1e-9  # fraction of an element length; a smaller initial gap or overlap is set to zero
-
-
-@dataclass(frozen=True)
-class ContactPoint:
-    """A contact point: the contact that it belongs to, its gap, its law and scales.
-
-    Stiffness, frequency and mass are as `percuss.methods.interfaces.ContactPoints` defines them.
-    """
-
-    name: str  # of its contact
-    contact: int  # number of its contact in the case
-    gradient: tuple[tuple[int, Floats], ...]  # nodes, and the derivative of the gap by the displacement of each, (dim,)
-    normal: Floats  # (dim,) from the first side to the second, or to the wall
-    at_wall: bool
-    gap: float
-    law: ContactLaw
-    stiffness: float
-    frequency: float
-    mass: float
-    equal_sides: bool
-    weight: float = 1.0
-
-    @property
-    def nodes(self) -> tuple[int, ...]:
-        """The nodes that the gap depends on."""
-        return tuple(node for node, _ in self.gradient)
+    from percuss.methods.interfaces import Floats
 
 
 def contact_points_of(
     case: Case, spec: ContactSpec, bodies: Mapping[str, Body], problems: list[Problem]
 ) -> list[ContactPoint]:
     """Return the points of a contact of a case; none if its geometry is wrong, with the reason in `problems`."""
-    point = _ends_that_meet(case, spec, bodies, problems)
-    return [point] if point is not None else []
+    if all(bodies[side.body].mesh.line is not None for side in spec.sides):
+        point = _ends_that_meet(case, spec, bodies, problems)
+        return [point] if point is not None else []
+    points = []
+    for found in points_of_surfaces(case, spec, bodies):
+        if isinstance(found, ContactPoint):
+            points.append(found)
+        else:
+            problems.append(found)
+    return points
 
 
 def _ends_that_meet(

@@ -57,7 +57,7 @@ def _body(body: Body) -> ProblemBody:
         name=body.name,
         shape=body.spec.shape,
         material=body.spec.material,
-        area=body.spec.area,
+        area=body.spec.section,
         length=float(body.mesh.lengths.sum()),
         direction=read_only(body.mesh.direction),
         velocity=read_only(body.velocity),

@@ -20,7 +20,7 @@ from percuss.methods.plugin_calls import answer
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.contact.bound_law import BoundLaw
-    from percuss.contact.contact_points import ContactPoint
+    from percuss.contact.contact_point import ContactPoint
     from percuss.mesh.body import Body
     from percuss.mesh.loads import BodyForce, Constraint, Follower, NodalForce
 
@@ -93,6 +93,11 @@ class ModelArrays:
     def dim(self) -> int:
         """Number of space dimensions."""
         return self.case.dimension
+
+    @property
+    def of_lines(self) -> bool:
+        """Whether all bodies are along lines."""
+        return all(body.mesh.line is not None for body in self.bodies.values())
 
     @property
     def n_nodes(self) -> int:

@@ -13,7 +13,7 @@ from percuss.mesh.coupled_masses import highest_frequency
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
 
-    from percuss.contact.contact_points import ContactPoint
+    from percuss.contact.contact_point import ContactPoint
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
 

@@ -272,7 +272,8 @@ def _places(model: Model) -> dict[int, int]:
         for node in model.body_of(end).response(end)
     ]
     beside += [side.node for sides in model.sides(0.5 * model.dt) for side in sides]
-    nodes = dict.fromkeys([*contact_nodes, *acted_nodes, *beside, *probe_nodes(model)])
+    probed = [node for nodes in probe_nodes(model) for node, _ in nodes]
+    nodes = dict.fromkeys([*contact_nodes, *acted_nodes, *beside, *probed])
     return {node: k * model.dim for k, node in enumerate(nodes)}
 
 

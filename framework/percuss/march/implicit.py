@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.march.starting_state import initial_velocity
-from percuss.mesh import banded_matrices
 from percuss.mesh.loads import amplitude
 from percuss.step.account import account, join_points
 from percuss.step.record import is_recorded, snapshot, write_record
@@ -295,8 +294,5 @@ def stiffness_matrix(model: Model) -> Any:
     """Return the stiffness of linear bodies along their axes, a sparse matrix (nodes * dim, nodes * dim)."""
     from scipy import sparse
 
-    blocks = [
-        sparse.kron(banded_matrices.sparse(body.axial_band), np.outer(body.mesh.direction, body.mesh.direction))
-        for body in model.bodies.values()
-    ]
+    blocks = [body.stiffness_matrix() for body in model.bodies.values()]
     return sparse.block_diag(blocks, format="csr")

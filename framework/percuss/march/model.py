@@ -413,7 +413,7 @@ def _bodies_of(case: Case) -> dict[str, Body]:
     in_contact = ends_at_contacts(case)
     for number, (name, spec) in enumerate(case.bodies.items()):
         mesh = size_limits.mesh_of_body(case, spec)
-        view = BodyMesh(mesh, spec.area)
+        view = BodyMesh(mesh, spec.section)
         velocity = np.asarray(spec.velocity, dtype=float)
         try_kernels(spec.element, spec.material, view)
         mass, may_lack_mass = nodal_masses(case, spec, view, in_contact.get(name, frozenset()))
@@ -424,7 +424,9 @@ def _bodies_of(case: Case) -> dict[str, Body]:
             mesh=mesh,
             start=start,
             mass=mass,
-            stiffness=answer(spec.element, "axial_stiffness", view, spec.material.modulus),
+            stiffness=answer(spec.element, "axial_stiffness", view, spec.material.modulus)
+            if mesh.line is not None
+            else np.zeros(0),
             frequency=answer(
                 spec.element, "highest_frequency", view, math.sqrt(spec.material.modulus / spec.material.rho)
             ),

@@ -46,9 +46,9 @@ class Shapes(NamedTuple):
     field: tuple[int, int]
 
 
-def probe_nodes(model: Model) -> list[int]:
-    """Return the nodes whose displacement and velocity are recorded."""
-    return [model.node(address) for address in model.case.recorded_ends]
+def probe_nodes(model: Model) -> list[list[tuple[int, float]]]:
+    """Return the nodes of each probe, with their shares in its displacement and velocity."""
+    return [model.bodies[address.body].places(address.region) for address in model.case.recorded_ends]
 
 
 def record_shapes(model: Model) -> Shapes:
@@ -87,7 +87,7 @@ def empty_record(model: Model, place: Mapping[int, int]) -> tuple[Record, Floats
     n = np.arange(0, steps + 1, every)
     if steps % every:
         n = np.append(n, steps)
-    shapes = record_shapes(model)
+    shapes, probes = record_shapes(model), probe_nodes(model)
     of_bodies = field_nodes(model) if shapes.field_every else []
     ends = np.concatenate([np.zeros(0, dtype=np.int64), *(nodes.ravel() for nodes in of_bodies)])
     energy = empty_records(shapes.rows, ENERGIES)
@@ -96,7 +96,9 @@ def empty_record(model: Model, place: Mapping[int, int]) -> tuple[Record, Floats
         every=every,
         last=steps,
         **{name: np.full((shapes.rows, shapes.columns[name]), np.nan) for name in (*OF_CONTACTS, *OF_PROBES)},
-        probe=np.array([place[p] + d for p in probe_nodes(model) for d in range(dim)], dtype=np.int64),
+        probe_start=np.cumsum([0, *(len(nodes) for nodes in probes for _ in range(dim))], dtype=np.int64),
+        probe=np.array([place[p] + d for nodes in probes for d in range(dim) for p, _ in nodes], dtype=np.int64),
+        probe_share=np.array([share for nodes in probes for _ in range(dim) for _, share in nodes], dtype=float),
         energy=energy,
         field_every=shapes.field_every,
         field=np.full((shapes.field[0], ends.size * dim), np.nan),
@@ -111,7 +113,7 @@ def recorded_elements(model: Model) -> dict[str, Integers]:
     At most 400 elements of each body are taken, evenly spaced.
     """
     return {
-        name: np.unique(np.linspace(0, body.stiffness.size - 1, min(body.stiffness.size, 400)).round()).astype(np.int64)
+        name: np.unique(np.linspace(0, body.count - 1, min(body.count, 400)).round()).astype(np.int64)
         for name, body in model.bodies.items()
     }
 

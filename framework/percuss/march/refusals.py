@@ -9,6 +9,7 @@ from percuss.errors import InputError, Problem, RefusedPair
 from percuss.march import implicit_check
 from percuss.step.integrator_check import laws_refused
 from percuss.step.parts import coupled_masses, end_forces, ends_without_mass, viscosity
+from percuss.step.parts.end_forces import sees_end_force
 
 if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
@@ -45,6 +46,31 @@ def not_movable(model: ModelArrays) -> Iterator[Problem]:
                 yield model.case.problem(("contacts", contact_point.name), message, advice)
 
 
+def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
+    """Yield what is built for bars alone, where a body is none."""
+    other = next((body.name for body in model.bodies.values() if body.mesh.line is None), "")
+    if not other:
+        return
+    case, method = model.case, model.case.method
+    bars = [body.name for body in model.bodies.values() if body.mesh.line is not None]
+    if bars:
+        message = f"expected bars alone or no bar, found the bar '{bars[0]}' beside '{other}'"
+        yield case.problem(("bodies", bars[0]), message, "Bars and other bodies in one case are not built.")
+    if model.implicit or (not model.multistage and model.tables[0].own_steps):
+        message = f"expected another integrator for '{other}', which is no bar, found {method.integrator.name}"
+        yield case.problem(("method", "integrator"), message, "It is built for bars alone: take central-difference.")
+    for bound_law in model.laws:
+        reason = (
+            "its kernel uses the coupling of contacts" if bound_law.linear is None and bound_law.law.uses_coupling else
+            "it sees or pushes the force of end elements" if sees_end_force(bound_law) else ""
+        )  # fmt: skip
+        if reason:
+            message = f"expected another law for '{other}', which is no bar, found {bound_law.law.name}"
+            yield case.problem(
+                ("method", "contact"), message, f"{reason[0].upper()}{reason[1:]}, which is built for bars alone."
+            )
+
+
 # The rules that need no bound laws, and those that do.
 BEFORE_LAWS: Sequence[Rule] = (
     pairs_refused,
@@ -53,6 +79,7 @@ BEFORE_LAWS: Sequence[Rule] = (
     not_movable,
 )
 WITH_LAWS: Sequence[Rule] = (
+    only_with_bars,
     ends_without_mass.refusals,
     end_forces.refusals,
     laws_refused,

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.mesh.banded_matrices import column
-from percuss.mesh.cells import axial_matrices, cells_of, has_cells, lumping_of
+from percuss.mesh.banded_matrices import column, sparse
+from percuss.mesh.cell_stiffness import stiffness_of_cells
+from percuss.mesh.cells import axial_matrices, cells_of, element_masses, has_cells, lumping_of
+from percuss.mesh.surfaces import BodySurface, surface_of
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, LoadedEnd, Mesh
 
 if TYPE_CHECKING:
@@ -45,9 +47,22 @@ class Body:
         return f"body '{self.name}' is not linear: its {' and its '.join(nonlinear)} {verb} not declare `linear = True`"
 
     @property
+    def count(self) -> int:
+        """Number of its elements."""
+        return self.frequency.size
+
+    @property
+    def shortest(self) -> float:
+        """Length of the shortest element; of other cells the side of a cube of the smallest volume [length]."""
+        if self.mesh.line is not None:
+            return float(self.mesh.lengths.min())
+        dim = self.mesh.nodes.shape[1]
+        return float((self.volumes_of_cells.min() / self.spec.section) ** (1.0 / dim))
+
+    @property
     def view(self) -> BodyMesh:
         """The body as its element receives it."""
-        return BodyMesh(self.mesh, self.spec.area)
+        return BodyMesh(self.mesh, self.spec.section)
 
     @property
     def of_cells(self) -> bool:
@@ -73,8 +88,43 @@ class Body:
         return {self.start + row: value for row, value in entries.items()}
 
     def node(self, region: str) -> int:
-        """Return the node of the model at an end of the body."""
+        """Return the node of the model at an end of a body along a line."""
         return self.start + self.mesh.regions[region].nodes[0]
+
+    def places(self, region: str) -> list[tuple[int, float]]:
+        """Return the nodes of the model in a region of the boundary, each with its share in the area."""
+        if self.mesh.line is not None:
+            return [(self.node(region), 1.0)]
+        found = self.surface(region)
+        return list(zip(found.surface.nodes.tolist(), found.shares.tolist(), strict=True))
+
+    def middle(self, region: str) -> Floats:
+        """Return the middle of a region of the boundary at the start, (dim,)."""
+        places = [node - self.start for node, _ in self.places(region)]
+        shares = np.array([share for _, share in self.places(region)])
+        middle: Floats = shares @ self.mesh.nodes[places]
+        return middle
+
+    @property
+    def extent(self) -> Floats:
+        """First and last node of a bar; the corners of least and largest coordinates of any other body, (2, dim)."""
+        nodes = self.mesh.nodes
+        return nodes[[0, -1]] if self.mesh.line is not None else np.array([nodes.min(axis=0), nodes.max(axis=0)])
+
+    def surface(self, region: str) -> BodySurface:
+        """Return the surface at a region of the boundary of a body that is no line."""
+        if region not in self._surfaces:
+            self._surfaces[region] = surface_of(self.view, region, self.start, self.volumes_of_cells)
+        return self._surfaces[region]
+
+    @cached_property
+    def _surfaces(self) -> dict[str, BodySurface]:
+        return {}
+
+    @property
+    def volumes_of_cells(self) -> Floats:
+        """Volume of each element, (n,) [length^3]."""
+        return element_masses(self.spec.element, self.view, 1.0)
 
     def loaded_end(self, node: int) -> LoadedEnd:
         """Return the properties of the end at a node."""
@@ -83,7 +133,7 @@ class Body:
         impedance = 2.0 * stiffness / float(self.frequency[i])
         if self.of_cells:  # their highest frequency is not 2c/h
             material = self.spec.material
-            impedance = self.spec.area * math.sqrt(material.modulus * material.rho)
+            impedance = self.spec.section * math.sqrt(material.modulus * material.rho)
         return LoadedEnd(float(self.mass[node - self.start]), stiffness, impedance)
 
     def end_element(self, node: int) -> int:
@@ -102,12 +152,20 @@ class Body:
             return float(self.stiffness[i])
         lumping = lumping_of(self.spec.element, self.view)
         place = int(np.flatnonzero(lumping.cells[i] == node - self.start)[0])
-        mass = lumping.shares[i, place] * self.spec.material.rho * self.spec.area * self.mesh.lengths[i]
+        mass = lumping.shares[i, place] * self.spec.material.rho * self.spec.section * self.mesh.lengths[i]
         return 0.5 * float(mass) * float(self.frequency[i]) ** 2
 
     def element_nodes(self, elements: Integers) -> Integers:
         """Return the nodes of the model that elements of the body have, (elements, nodes of an element)."""
         return self.start + cells_of(self.mesh)[elements]
+
+    def stiffness_matrix(self) -> Any:
+        """Return the stiffness about rest as a sparse array, (nodes * dim, nodes * dim) [force/length]."""
+        if self.mesh.line is None:
+            return stiffness_of_cells(self.spec.element, self.spec.material, self.view)
+        from scipy.sparse import kron
+
+        return kron(sparse(self.axial_band), np.outer(self.mesh.direction, self.mesh.direction))
 
     @cached_property
     def axial_band(self) -> Floats:

@@ -19,10 +19,10 @@ from percuss.methods.interfaces import CellElement
 from percuss.methods.plugin_calls import answer, as_numbers, called_twice, read_only
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from percuss.mesh.materials import MaterialPoints
-    from percuss.methods.interfaces import BodyMesh, Component, Element, Floats, Material
+    from percuss.methods.interfaces import BodyMesh, Component, Element, Floats, Material, Mesh
 
 FORCE, CELL_FORCE = "internal_force", "force"
 
@@ -40,20 +40,17 @@ def try_kernels(element: Element, material: Material, mesh: BodyMesh) -> None:
         second time.
     """
     foreign = [part for part in (element, material) if is_third_party(type(part).__module__)]
-    with first_asked(f"kernels {element!r} {material!r} {mesh.mesh.direction.size}", *foreign) as due:
+    with first_asked(f"kernels {element!r} {material!r} {mesh.mesh.nodes.shape[1]}", *foreign) as due:
         if due:
             _try_kernels(element, material, mesh, foreign)
 
 
 def _try_kernels(element: Element, material: Material, mesh: BodyMesh, foreign: Sequence[Component]) -> None:
     points = points_at_rest(material, volumes_of(element, mesh).size)
-    size = 1e-6 * float(mesh.mesh.lengths[0]) * mesh.mesh.direction
-    rest = 0.0 * size
-    # displacement of both nodes, and their velocity
     states = [
-        read_only((np.concatenate(displacement), np.concatenate(velocity)))
-        for displacement in ((rest, rest), (rest, size), (size, rest), (size, size), (rest, 1e3 * size))
-        for velocity in ((rest, rest), (size, 2.0 * size))
+        read_only((displacement.ravel(), velocity.ravel()))
+        for displacement in _motions(mesh.mesh)
+        for velocity in list(_motions(mesh.mesh))[:2]
     ]
     maker = Specialiser(plain_slots(material), jit=False)
     stress, energy_density = (maker.bind(maker.slots[slot]) for slot in (slots.stress, slots.energy_density))
@@ -77,11 +74,23 @@ def _try_kernels(element: Element, material: Material, mesh: BodyMesh, foreign: 
             _try_twice(component, name, call, states)
 
 
+def _motions(mesh: Mesh) -> Iterator[Floats]:
+    """Yield displacements of the first element: of both its ends, or of all nodes of a cell that is along no line."""
+    corners = mesh.nodes[cells_of(mesh)[0]]
+    if mesh.line is not None:
+        corners = np.stack([0.0 * mesh.direction, float(mesh.lengths[0]) * mesh.direction])
+    stretches, size = corners - corners[0], 1e-6 * float(np.ptp(corners, axis=0).max())
+    rest, moved = 0.0 * stretches, 0.0 * stretches + size
+    yield from (rest, 1e-6 * stretches, -1e-6 * stretches, moved, 1e-3 * stretches)
+    if mesh.line is None:
+        yield 1e-6 * stretches[:, ::-1]
+
+
 def _line_kernels(
     maker: Specialiser, element: Element, points: MaterialPoints, mesh: BodyMesh
 ) -> list[tuple[Any, str, Callable[[Any, Any], Any]]]:
     """Return the kernels of a two-node element as functions of displacement and velocity of its first element."""
-    arrays, dim = read_only(answer(element, "bind", mesh)), mesh.mesh.direction.size
+    arrays, dim = read_only(answer(element, "bind", mesh)), mesh.mesh.nodes.shape[1]
     force, energy = maker.bind(element.internal_force), maker.bind(element.energy)
 
     def force_of(u: Floats, _: Floats) -> Floats:
@@ -98,14 +107,19 @@ def _line_kernels(
 def _force_of_first_cell(
     maker: Specialiser, element: CellElement, points: MaterialPoints, mesh: BodyMesh
 ) -> Callable[[Any, Any], Any]:
-    """Return the force of the first cell as a function of the displacement of its ends, linear between them."""
+    """Return the force of the first cell as a function of the displacement; along a line that of its ends."""
     cell = cells_of(mesh.mesh)[0]
-    places, rule = np.asarray(answer(element, "reference_nodes")), read_only(answer(element, "rule"))
+    along_line = mesh.mesh.line is not None
+    places, rule = np.zeros(0), read_only(answer(element, "rule"))
+    if along_line:
+        places = np.asarray(answer(element, "reference_nodes"))
     coordinates, force = read_only(mesh.mesh.nodes[cell]), maker.bind(element.force)
 
     def force_of(u: Floats, _: Floats) -> Floats:
-        first, last = u.reshape(2, -1)
-        displacement = read_only((1.0 - places[:, None]) * first + places[:, None] * last)
+        displacement = u.reshape(-1, coordinates.shape[1])
+        if along_line:
+            displacement = (1.0 - places[:, None]) * displacement[0] + places[:, None] * displacement[1]
+        displacement = read_only(displacement)
         result = np.full(displacement.shape, np.nan)
         force(rule, points, 0, mesh.section, coordinates, displacement, result)
         return result.ravel()

@@ -106,16 +106,19 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
     nodal_forces: list[NodalForce] = []
     body_forces: list[BodyForce] = []
     for body in bodies.values():
-        for region in body.spec.fixed:
-            constraints += [Constraint(body.node(region), axis, None, 0) for axis in np.eye(case.dimension)]
+        held = dict.fromkeys(node for region in body.spec.fixed for node, _ in body.places(region))
+        constraints += [Constraint(node, axis, None, 0) for node in held for axis in np.eye(case.dimension)]
     for column, spec in enumerate(case.loads.values(), start=1):
         for body, region in _targets(spec, bodies):
             direction = _direction(spec, body)
-            if spec.acts_as == "velocity":
-                drive = Constraint(body.node(region), direction, spec, column)
-                obstacle = _obstacle_to(drive, constraints)
+            if direction is None:
+                message = f"missing (body '{body.name}' has no direction of its own)"
+                problems.append(case.problem(("loads", spec.name, "direction"), message, "Give a vector."))
+            elif spec.acts_as == "velocity":
+                drives = [Constraint(node, direction, spec, column) for node, _ in body.places(region)]
+                obstacle = next(filter(None, (_obstacle_to(drive, constraints) for drive in drives)), "")
                 if not obstacle:
-                    constraints.append(drive)
+                    constraints += drives
                     continue
                 message = f"expected an end free along the direction of the drive, found {obstacle} there"
                 advice = "An end is fixed or driven, once at a time and along perpendicular directions."
@@ -123,9 +126,9 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
             elif isinstance(spec.load, FollowingLoad):
                 continue
             elif region:
-                node = body.node(region)
-                share = body.mass[node - body.start] if spec.acts_as == "acceleration" else 1.0
-                nodal_forces.append(NodalForce(node, share * direction, spec, column))
+                for node, share in body.places(region):
+                    size = body.mass[node - body.start] if spec.acts_as == "acceleration" else share
+                    nodal_forces.append(NodalForce(node, size * direction, spec, column))
             else:
                 share = 1.0 if spec.acts_as == "acceleration" else 1.0 / float(body.mass.sum())
                 body_forces.append(BodyForce(body.number, share * direction, spec))
@@ -149,13 +152,20 @@ def _followers(
         if spec.acts_as != "force":
             message = f"expected a force, as {spec.load.name} follows the motion of an end, found as: {spec.acts_as}"
             problems.append(case.problem(("loads", spec.name), message, "Leave out `as`."))
+        elif (unlike := next((body for body, _ in targets if body.mesh.line is None), None)) is not None:
+            message = f"expected bodies along a line with {spec.load.name}, found '{unlike.name}'"
+            advice = "It follows the motion of the end of a bar, which other bodies do not have."
+            problems.append(case.problem(("loads", spec.name), message, advice))
         elif len(targets) != 1 or not targets[0][1]:
             found = "none" if not spec.on else ", ".join(map(str, spec.on))
             message = f"expected one end to act on, as {spec.load.name} follows its motion, found {found}"
             advice = f"Give one end, as `on: {targets[0][0].name}.left`, and each further end a load of its own."
             problems.append(case.problem(("loads", spec.name), message, advice))
         else:
-            (body, region), direction = targets[0], _direction(spec, targets[0][0])
+            body, region = targets[0]
+            direction = _direction(spec, body)
+            if direction is None:  # which is told already
+                continue
             node = body.node(region)
             held = Constraint(node, direction, spec, column)
             obstacle = _obstacle_to(held, constraints) or (f"the load '{owners[node]}'" if node in owners else "")
@@ -177,12 +187,12 @@ def _targets(spec: LoadSpec, bodies: Mapping[str, Body]) -> list[tuple[Body, str
     return [(bodies[address.body], address.region) for address in spec.on]
 
 
-def _direction(spec: LoadSpec, body: Body) -> Floats:
-    """Return the unit vector along which a load acts on a body."""
+def _direction(spec: LoadSpec, body: Body) -> Floats | None:
+    """Return the unit vector along which a load acts on a body; None if neither says it."""
     vector = spec.direction if spec.direction is not None else spec.load.vector()
     if vector is None:
-        return body.mesh.direction
-    direction = np.zeros(body.mesh.direction.size)
+        return body.mesh.direction if body.mesh.line is not None else None
+    direction = np.zeros(body.mesh.nodes.shape[1])
     direction[: len(vector)] = vector
     return direction / np.linalg.norm(direction)
 

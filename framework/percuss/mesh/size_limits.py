@@ -106,9 +106,9 @@ def check_bodies(case: Case, bodies: Mapping[str, Body]) -> None:
     """
     problems = []
     for name, body in bodies.items():
-        h = body.mesh.lengths
+        sizes = {"an element length": body.mesh.lengths} if body.mesh.line else {"a volume": body.volumes_of_cells}
         quantities: dict[str, Any] = {
-            "an element length": h,
+            **sizes,
             "a mass of a node": np.where(body.may_lack_mass & (body.mass == 0.0), LARGEST_NUMBER, body.mass),
             "a stiffness EA/h": body.stiffness,
             "a frequency 2c/h": body.frequency,
@@ -134,11 +134,13 @@ def _sizes_within_limits(body: Body) -> bool:
 
     If they do, a number that is not positive comes from the method for the mass or the element.
     """
+    if body.mesh.line is None:
+        return True
     material, h = body.spec.material, body.mesh.lengths
     sizes = [
         h,
-        material.rho * body.spec.area * h,
-        material.modulus * body.spec.area / h,
+        material.rho * body.spec.section * h,
+        material.modulus * body.spec.section / h,
         2.0 * math.sqrt(material.modulus / material.rho) / h if material.modulus > 0 < material.rho else 0.0 * h,
     ]
     return all(bool(within_limits(size).all()) for size in sizes)

@@ -1,115 +1,22 @@
-"""Stress and stiffness of single elements, from plain Python calls of the kernels of a body.
-
-The material kernel is replaced by one that records the stress it returns. The stress is therefore the one behind the
-element's force, whatever strain the element measures and whatever the element does with the stress.
-"""
+"""The stress field of a body, and whether a body is about rest as stiff as it says."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.compiler.specialise import Specialiser
-from percuss.mesh.cells import PROBING_STRAIN, cells_of, volumes_of
-from percuss.mesh.material_points import plain_slots, points_at_rest
-from percuss.methods import slots
-from percuss.methods.interfaces import BodyMesh, CellElement
-from percuss.methods.plugin_calls import answer
+from percuss.mesh.cells import PROBING_STRAIN
+from percuss.mesh.element_probe import ElementProbe
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
     from percuss.mesh.body import Body
-    from percuss.mesh.materials import MaterialPoints
-    from percuss.methods.interfaces import Element, Floats, Integers, Material
+    from percuss.methods.interfaces import Floats, Integers
 
 SAME_STIFFNESS = 1e-4  # largest relative difference between declared stiffness and stiffness about rest
 PROBED_ELEMENTS = 8
-
-
-class ElementProbe:
-    """Force and stress of single elements of one body.
-
-    Parameters
-    ----------
-    element, material
-        The methods of the body.
-    mesh
-        The body as `Element.bind` receives it.
-    """
-
-    def __init__(self, element: Element, material: Material, mesh: BodyMesh) -> None:
-        self.dim = mesh.mesh.nodes.shape[1]
-        volumes = volumes_of(element, mesh)
-        self.points_of_element = volumes.shape[1]
-        self.nodes_of_element = cells_of(mesh.mesh).shape[1]
-        self._points = points_at_rest(material, volumes.size)
-        self._stresses: list[tuple[float, float]] = []  # of each call: stress, and volume of its point
-        maker = Specialiser(plain_slots(material), jit=False)
-        stress: Callable[..., float] = maker.bind(maker.slots[slots.stress])
-
-        def recorded_stress(points: MaterialPoints, point: int, strain: float) -> float:
-            value = stress(points, point, strain)
-            self._stresses.append((float(value), float(volumes.flat[point])))
-            return value
-
-        specialiser = Specialiser({slots.stress: recorded_stress}, jit=False)
-        if isinstance(element, CellElement):
-            self._force = _force_of_cell(element, mesh, specialiser)
-        else:
-            arrays, force = answer(element, "bind", mesh), specialiser.bind(element.internal_force)
-            self._force = lambda points, number, u, f: force(arrays, points, number, self.dim, u, f)
-
-    def force(self, number: int, displacement: Floats, state: Floats | None = None) -> Floats:
-        """Return the force of an element on its nodes, (nodes of an element * dim,).
-
-        Parameters
-        ----------
-        number
-            Number of the element in the body.
-        displacement : (nodes of an element * dim,) array
-            Displacement of its nodes.
-        state : (points of an element, state variables) array
-            State variables of its material before the step; zeros where it is None.
-        """
-        force = np.zeros(self.nodes_of_element * self.dim)
-        points = self._points
-        if state is not None:
-            before = np.zeros_like(points.after)
-            first = number * self.points_of_element
-            before[first : first + self.points_of_element] = state
-            points = points._replace(before=before)
-        self._force(points, number, displacement, force)
-        return force
-
-    def stress(self, number: int, displacement: Floats, state: Floats | None = None) -> float:
-        """Return the stress in an element, the mean over its volume.
-
-        It is nan if the element does not call the stress kernel of its material. Parameters are those of `force`.
-        """
-        self._stresses.clear()
-        self.force(number, displacement, state)
-        if not self._stresses:
-            return np.nan
-        if self.points_of_element == 1:
-            return float(np.mean([stress for stress, _ in self._stresses]))
-        values, volumes = np.array(self._stresses).T
-        return float(values @ volumes / volumes.sum())
-
-
-def _force_of_cell(element: CellElement, mesh: BodyMesh, specialiser: Specialiser) -> Callable[..., None]:
-    """Return the force of single cells as a function of their points, number, displacement and, to be set, force."""
-    force, rule, cells = specialiser.bind(element.force), answer(element, "rule"), cells_of(mesh.mesh)
-    points_of_cell = volumes_of(element, mesh).shape[1]
-
-    def force_of_cell(points: Any, number: int, displacement: Floats, nodal: Floats) -> None:
-        shape = cells.shape[1], mesh.mesh.nodes.shape[1]
-        first = number * points_of_cell
-        coordinates = mesh.mesh.nodes[cells[number]]
-        force(rule, points, first, mesh.section, coordinates, displacement.reshape(shape), nodal.reshape(shape))
-
-    return force_of_cell
 
 
 def stress_field(body: Body, elements: Integers, displacement: Floats, states: Floats) -> Floats:
@@ -138,7 +45,7 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
     linear = not body.why_not_linear
     for column, number in enumerate(elements):
         if linear and body.of_cells:  # as below, relative to the first node
-            size = PROBING_STRAIN * float(body.mesh.lengths[number])
+            size = PROBING_STRAIN * (float(body.mesh.lengths[number]) if body.mesh.line is not None else body.shortest)
             stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(nodes * dim)[dim:]]
             relative = displacement[:, column, 1:] - displacement[:, column, :1]
             field[:, column] = relative.reshape(times, -1) @ np.array(stresses)

@@ -32,6 +32,7 @@ SINGULAR = {
     "elements": "element",
     "materials": "material",
     "masses": "mass",
+    "pairings": "pairing",
     "measures": "measure",
     "solutions": "exact solution",
 }

@@ -215,6 +215,7 @@ def snippet(component: type[Component], file: str) -> list[str]:
         "integrators": ["method:", f"  integrator: {named}"],
         "contacts": ["method:", f"  contact: {named}"],
         "masses": ["method:", f"  mass: {named}"],
+        "pairings": ["method:", f"  pairing: {named}"],
         "materials": ["bodies:", "  short:", f"    material: {named}"],
         "elements": ["bodies:", "  short:", f"    element: {named}"],
         "shapes": ["bodies:", "  short:", f"    {component.name}: {options}", *body],

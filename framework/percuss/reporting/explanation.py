@@ -12,7 +12,6 @@ from percuss.case.options import options_of
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.bound_law import OF_END_FORCE
-from percuss.contact.contact_problem import contact_problem
 from percuss.march.recording import recordable
 from percuss.mesh.cells import cells_of
 from percuss.methods.interfaces import Component
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
     from percuss.certificate.criteria import RunCriterion
     from percuss.certificate.verdict import Certificate
-    from percuss.contact.contact_points import ContactPoint
+    from percuss.contact.contact_point import ContactPoint
     from percuss.march.model import Model
     from percuss.mesh.body import Body
 
@@ -64,7 +63,7 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
 def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     """Yield the facts about a run in the order of the text: the verdict first, then the details."""
     case = model.case
-    engine, why_not_exact = engine_for(model, contact_problem(model), (model.steps + 1) * model.dt)
+    engine, _, why_not_exact = engine_for(model, (model.steps + 1) * model.dt)
     name, refused = engine.name if engine else "", case.time.on_unstable == "stop"
     words = list(check_verdict(model.steps, model.dt, verdict, name, why_not_exact, refused=refused))
     yield Fact("verdict", words, words)
@@ -134,7 +133,7 @@ def _body(body: Body) -> Fact:
         "h": [float(h.min()), float(h.max())],
         "c": c,
         "transit": float(h.sum()) / c,
-        "impedance": spec.area * math.sqrt(material.modulus * material.rho),
+        "impedance": spec.section * math.sqrt(material.modulus * material.rho),
         "why_not_linear": body.why_not_linear,
     }
     size = f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
@@ -144,7 +143,7 @@ def _body(body: Body) -> Fact:
     waves = ", ".join(f"{name} {value[name]:.6g}" for name in ("transit", "impedance"))
     words = [
         f"{body.name}: {spec.shape.name} of {h.size} elements{nodes}, {size}, {material.name} "
-        f"({_assignments(_non_default_options(material))}), area {spec.area:.6g}{moves}{fixed}",
+        f"({_assignments(_non_default_options(material))}), area {spec.section:.6g}{moves}{fixed}",
         f"  c = {c:.6g}, {waves}",
     ]
     if body.why_not_linear:
@@ -365,7 +364,7 @@ def _components(model: Model) -> list[Component]:
     ]
     components += [load.load for load in case.loads.values()]
     components += [part for body in case.bodies.values() for part in (body.shape, body.material, body.element)]
-    components.append(case.method.mass)
+    components += filter(None, (case.method.mass, *(contact.pairing for contact in case.contacts.values())))
     return list({type(component): component for component in components}.values())
 
 

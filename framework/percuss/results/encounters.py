@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from percuss.contact.contact_points import TOUCHING
+from percuss.contact.contact_point import TOUCHING
 from percuss.jsonable import Entries
 from percuss.march.march import March, Outcome
 from percuss.march.model import Model
@@ -36,7 +36,7 @@ class End:
 
 def _ends(model: Model) -> Iterator[End]:
     """Yield the ends of all bodies."""
-    for body in model.bodies.values():
+    for body in model.bodies.values() if model.of_lines else ():
         for region, (nodes, outward, _) in body.mesh.regions.items():
             if len(nodes) == 1:
                 yield End(f"{body.name}.{region}", body, body.start + nodes[0], outward, body.mesh.nodes[nodes[0]])
@@ -110,13 +110,13 @@ def encounters(march: March, outcome: Outcome, arrays: Entries) -> list[str]:
         if depth > _touching(end):
             notes.append(f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}")
     for number, contact_point in enumerate(model.contact_points):
-        if model.dim == 1 or len(contact_point.nodes) == 1:
+        if model.dim == 1 or contact_point.at_wall or not model.of_lines:
             continue
         relative = _relative(march, outcome, arrays, *contact_point.nodes)
         beside = np.linalg.norm(relative - np.outer(relative @ contact_point.normal, contact_point.normal), axis=1)
         pressing = arrays["contact_force"][-beside.size :, number] != 0.0
         # The faces are taken as squares: they have no point in common beyond half the sum of their sides.
-        width = 0.5 * sum(model.body_of(node).spec.area ** 0.5 for node in contact_point.nodes)
+        width = 0.5 * sum(model.body_of(node).spec.section ** 0.5 for node in contact_point.nodes)
         if (off := np.flatnonzero(pressing & (beside > width))).size:
             since = arrays["time"][-beside.size :][off[0]]
             notes.append(
@@ -129,7 +129,7 @@ def encounters(march: March, outcome: Outcome, arrays: Entries) -> list[str]:
 
 def _relative(march: March, outcome: Outcome, arrays: Entries, first: int, second: int) -> Floats:
     """Return the displacement of one node relative to another where it is known, (times, dim)."""
-    probes = probe_nodes(march.model)
+    probes = [node for (node, _), *_ in probe_nodes(march.model)]
     if first in probes and second in probes:
         of_probes = {node: arrays["displacement"][:, probes.index(node)] for node in (first, second)}
         relative: Floats = of_probes[second] - of_probes[first]

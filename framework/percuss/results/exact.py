@@ -46,9 +46,8 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     reason
         Why there is none, or why it ends before `end`; empty otherwise.
     """
-    problem = contact_problem(model)
-    engine, reason = engine_for(model, problem, end)
-    if engine is None:
+    engine, problem, reason = engine_for(model, end)
+    if engine is None or problem is None:
         return None, "", reason
     progress(0.0)
     solution = solve(engine, problem, end)
@@ -60,8 +59,14 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     return solution, engine.name, f"{engine.name} holds up to {solution.reached:.9g} only: {stop_reason}"
 
 
-def engine_for(model: Model, problem: ContactProblem, end: float) -> tuple[Solution | None, str]:
-    """Return the solution of the case, else the first registered one, that covers it; or None and the reasons."""
+def engine_for(model: Model, end: float) -> tuple[Solution | None, ContactProblem | None, str]:
+    """Return the solution of the case, else the first registered one, that covers it, with the problem that it solves.
+
+    If none covers it, both are None, and the text has the reasons.
+    """
+    if not model.of_lines:
+        return None, None, "no exact solution is known of bodies that are no bars"
+    problem = contact_problem(model)
     registry, chosen = model.case.registry, model.case.method.solution
     engines: Any = [chosen] if chosen else (registry.get("solutions", name)() for name in registry.names("solutions"))
     reasons = []
@@ -69,9 +74,9 @@ def engine_for(model: Model, problem: ContactProblem, end: float) -> tuple[Solut
         linear_only = model.why_not_linear if engine.linear_bodies_only else ""
         reason = linear_only or answer(engine, "covers", problem) or answer(engine, "too_costly", problem, end)
         if reason is None:
-            return engine, ""
+            return engine, problem, ""
         reasons.append(f"{engine.name}: {reason}")
-    return None, "; ".join(reasons) or "no solution engine is registered"
+    return None, None, "; ".join(reasons) or "no solution engine is registered"
 
 
 def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:

@@ -181,7 +181,7 @@ def _momentum_scale(model: Model, solution: Exact) -> float:
         length = float(body.mesh.lengths.sum())
         for x in (np.zeros(t.shape), np.full(t.shape, length)):
             moving += 0.5 * float(body.mass.sum()) * float(np.abs(solution.velocity(name, x, t)).max())
-            pressing += body.spec.area * float(np.trapezoid(np.abs(solution.stress(name, x, t)), t))
+            pressing += body.spec.section * float(np.trapezoid(np.abs(solution.stress(name, x, t)), t))
     return max(moving, pressing)
 
 

@@ -113,7 +113,9 @@ def components_used(case: Case, *, methods: bool = True, solution: str | None = 
     ]
     if methods:
         laws = [contact.law for contact in case.contacts.values()]
+        pairings = [contact.pairing for contact in case.contacts.values()]
         components += [case.method.integrator, case.method.contact, case.method.mass, *laws]
+        components += filter(None, (case.method.pairing, *pairings))
     used = {(component.family, component.name) for component in components}
     return sorted(used | ({("solutions", solution)} if solution else set()))
 
@@ -149,18 +151,18 @@ def origins(case: Case, components: Iterable[tuple[str, str]]) -> Entries:
 def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: Any) -> Entries:
     """Return the provenance of a result of a model that depends on some components, with what else was found.
 
-    A picture of the result needs two entries. ``geometry``: first and last node of each body, (2, dim), and body and
-    node of each side of a contact, at t = 0. ``expected_forces``: of each contact force that the case expects its
+    A picture of the result needs two entries. ``geometry``: first and last node of each bar, or corners of any other
+    body, (2, dim), and body and middle of each side of a contact, at t = 0. ``expected_forces``: of each contact force that the case expects its
     contact, statistic, value, largest allowed difference, and the times over which the statistic is taken, None for the
     whole run.
     """
     case, names = model.case, ("contact", "statistic", "value", "allowed", "during")
     forces = [expectation for expectation in case.expect if expectation.quantity == "contact_force"]
     found["geometry"] = {
-        "bodies": {name: body.mesh.nodes[[0, -1]].tolist() for name, body in model.bodies.items()},
+        "bodies": {name: body.extent.tolist() for name, body in model.bodies.items()},
         "contacts": {
-            contact_point.name: [[model.body_of(node).name, model.nodes[node].tolist()] for node in contact_point.nodes]
-            for contact_point in model.contact_points
+            name: [[side.body, model.bodies[side.body].middle(side.region).tolist()] for side in spec.sides]
+            for name, spec in model.case.contacts.items()
         },
     }
     found["expected_forces"] = [{name: getattr(expected, name) for name in names} for expected in forces]

@@ -223,10 +223,11 @@ def stop_message(stop: StopSummary) -> str:
 
 
 def nudged(case: Case, courant: float) -> Case:
-    """Return the case with the area of its first body increased by `NUDGE_OF_AREA`, at the same Courant number."""
+    """Return the case with a section of its first body larger by `NUDGE_OF_AREA`, at the same Courant number."""
     name, body = next(iter(case.bodies.items()))
+    section = "area" if body.area is not None else "thickness"
     fixed_courant = {"time.courant": courant} if case.time.courant == "auto" else {}
-    return case.with_overrides({f"bodies.{name}.area": body.area * (1.0 + NUDGE_OF_AREA), **fixed_courant})
+    return case.with_overrides({f"bodies.{name}.{section}": body.section * (1.0 + NUDGE_OF_AREA), **fixed_courant})
 
 
 def is_fragile(result: Result, twin: Result) -> bool:

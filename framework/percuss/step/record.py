@@ -44,7 +44,9 @@ class Record(NamedTuple):
     end_force: Floats  # (R, contacts)
     displacement: Floats  # (R, probes * dim)
     velocity: Floats  # (R, probes * dim)
-    probe: Integers  # (probes * dim,) indices of boundary degrees of freedom
+    probe_start: Integers  # (probes * dim + 1,) the first boundary degree of freedom of each motion of a probe
+    probe: Integers  # indices of boundary degrees of freedom
+    probe_share: Floats  # share of each in the motion of its probe
     energy: Any  # (R,) ENERGIES
     field_every: int  # steps between two snapshots, 0 for none
     field: Floats  # (F, recorded nodes * dim) displacement
@@ -109,10 +111,15 @@ def write_record(record: Record, step: Step, n: int, u: Floats, v: Floats, lag: 
         for k in range(law.start, law.stop):
             after += points.entries[k].normal * u[boundary[points.entries[k].place].dof]
         record.end_force[r, law.contact] += law.end_stiffness * max(-after, 0.0)
-    for k in range(record.probe.size):
-        q = boundary[record.probe[k]]
-        record.displacement[r, k] = q.old_u
-        record.velocity[r, k] = 0.5 * (q.old_v + q.new_v) if lag > 0.0 else q.old_v
+    for k in range(record.probe_start.size - 1):
+        displacement = 0.0
+        velocity = 0.0
+        for e in range(record.probe_start[k], record.probe_start[k + 1]):
+            q = boundary[record.probe[e]]
+            displacement += record.probe_share[e] * q.old_u
+            velocity += record.probe_share[e] * (0.5 * (q.old_v + q.new_v) if lag > 0.0 else q.old_v)
+        record.displacement[r, k] = displacement
+        record.velocity[r, k] = velocity
     energy = record.energy[r]
     energy.kinetic_energy = total.kinetic_energy
     energy.elastic_energy = total.elastic_energy

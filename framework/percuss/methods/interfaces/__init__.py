@@ -38,10 +38,11 @@ from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, Linear
 from percuss.methods.interfaces.integrator import ContactState, Implicit, Integrator, LeapFrog, Stages, end_of_step
 from percuss.methods.interfaces.load import FollowingLoad, Load, LoadedEnd
 from percuss.methods.interfaces.measure import Measure
+from percuss.methods.interfaces.pairing import PairedPoints, Pairing, Surface, Wall
 from percuss.methods.interfaces.problem import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
 from percuss.methods.interfaces.solution import Exact, ExactContact, Solution
 
 FAMILIES: dict[str, type[Component]] = {
     contract.family: contract
-    for contract in (Integrator, ContactLaw, Load, Shape, Element, Material, Mass, Solution, Measure)
+    for contract in (Integrator, ContactLaw, Pairing, Load, Shape, Element, Material, Mass, Solution, Measure)
 }

@@ -354,6 +354,11 @@ class CellElement(Element, contract="elements"):
     def volumes(self, body: BodyMesh) -> Floats:
         """Return the volume of each quadrature point of each cell, (elements, points) [length^3]."""
 
+    def volumes_of_cells(self, body: BodyMesh) -> Floats:
+        """Return the volume of each cell, (elements,) [length^3]; by default the sum of those of its points."""
+        volumes: Floats = np.sum(self.volumes(body), axis=1)
+        return volumes
+
     @staticmethod
     @abstractmethod
     def force(

@@ -23,9 +23,9 @@ from percuss.mesh.cells import (
     mesh_of_element,
     volumes_of,
 )
+from percuss.mesh.element_probe import ElementProbe
 from percuss.mesh.material_points import points_at_rest
 from percuss.mesh.materials import material_slots
-from percuss.mesh.stresses import ElementProbe
 from percuss.methods.interfaces import (
     BodyMesh,
     CellElement,

@@ -1,0 +1,96 @@
+"""The contact points of surfaces of bodies that are no lines, as a pairing makes them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from percuss.contact.contact_point import TOUCHING, ContactPoint
+from percuss.mesh.loads import ROUND_OFF
+from percuss.methods.interfaces import Surface, Wall
+from percuss.methods.plugin_calls import answer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from percuss.case.case import Case
+    from percuss.case.specs import ContactSpec
+    from percuss.errors import Problem
+    from percuss.mesh.body import Body
+    from percuss.mesh.surfaces import BodySurface
+    from percuss.methods.interfaces import Floats, PairedPoints
+
+
+def points_of_surfaces(case: Case, spec: ContactSpec, bodies: Mapping[str, Body]) -> Iterator[ContactPoint | Problem]:
+    """Yield the contact points of two surfaces, or of a surface and a wall; or what is wrong with them."""
+    path = ("contacts", spec.name)
+    sides = [bodies[side.body] for side in spec.sides]
+    if any(body.mesh.line is not None for body in sides):
+        message = f"expected two bars or two other bodies, found {spec.sides[0]} and {spec.sides[1]}"
+        yield case.problem(path, message, "Contact of a bar with another body is not built.")
+        return
+    if spec.pairing is None:
+        known = ", ".join(case.registry.names("pairings"))
+        message = f"missing (how the surfaces of {' and '.join(map(str, spec.sides))} make contact points)"
+        yield case.problem((*path, "pairing"), message, f"Add `pairing:` with one of: {known}.")
+        return
+    surfaces = [body.surface(side.region) for body, side in zip(sides, spec.sides, strict=True)]
+    first = surfaces[0].surface
+    second = surfaces[1].surface if len(surfaces) > 1 else wall_of(spec, first)
+    found: PairedPoints = answer(spec.pairing, "points", first, second)
+    if not found.gap.size:
+        yield case.problem(path, "expected surfaces that face each other, found no point of one that meets the other")
+        return
+    size = min(float(surface.heights.min()) for surface in surfaces)
+    deepest = float(found.gap.min())
+    if deepest < -TOUCHING * size:
+        message = f"expected bodies apart or touching, found an overlap of {-deepest:.6g}"
+        yield case.problem(path, message, f"Move them apart by {-deepest:.12g}, or drop the contact.")
+        return
+    number = list(case.contacts).index(spec.name)
+    for p in range(found.gap.size):
+        gradient: dict[int, Floats] = {}
+        for k in range(found.start[p], found.start[p + 1]):
+            node = int(found.node[k])
+            gradient[node] = gradient.get(node, 0.0) + found.value[k]
+        weight, gap = float(found.weight[p]), float(found.gap[p])
+        stiffness, frequency, equal = _scales(sides, surfaces, found.facets[p])
+        yield ContactPoint(
+            name=spec.name,
+            contact=number,
+            gradient=tuple(gradient.items()),
+            normal=found.normal[p],
+            at_wall=len(surfaces) == 1,
+            gap=0.0 if gap <= TOUCHING * size else gap,
+            law=spec.law,
+            stiffness=stiffness * weight,
+            frequency=frequency,
+            mass=2.0 * stiffness * weight / frequency**2,
+            equal_sides=equal,
+            weight=weight,
+        )
+
+
+def wall_of(spec: ContactSpec, surface: Surface) -> Wall:
+    """Return the plane wall that a surface meets: at a number along x, or through a point and across the surface."""
+    place, out = np.atleast_1d(np.asarray(spec.wall, dtype=float)), surface.areas @ surface.normals
+    if isinstance(spec.wall, tuple):
+        return Wall(place, -out / np.linalg.norm(out))
+    normal = np.zeros(surface.positions.shape[1])
+    normal[0] = -math.copysign(1.0, out[0])
+    return Wall(np.concatenate([place, np.zeros(normal.size - 1)]), normal)
+
+
+def _scales(
+    bodies: Sequence[Body], surfaces: Sequence[BodySurface], facets: Sequence[int]
+) -> tuple[float, float, bool]:
+    """Return M/h_n of the softer side and the smaller 2c/h_n, and whether both sides are alike."""
+    stiffness, frequency = [], []
+    for body, surface, facet in zip(bodies, surfaces, facets, strict=False):
+        material, height = body.spec.material, float(surface.heights[facet])
+        stiffness.append(material.modulus / height)
+        frequency.append(2.0 * math.sqrt(material.modulus / material.rho) / height)
+    alike = all(np.ptp(values) <= ROUND_OFF * max(values) for values in (stiffness, frequency))
+    return min(stiffness), min(frequency), bool(alike)

@@ -1,0 +1,114 @@
+"""Interface of a pairing: which points of two surfaces meet, and by which nodes the gap of each moves."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar, NamedTuple
+
+from percuss.methods.interfaces.base import Component, Floats, Integers
+
+
+class Surface(NamedTuple):
+    """The surface of a body in contact as it is at the start.
+
+    Attributes
+    ----------
+    nodes : (n,) array
+        Numbers of its nodes in the model.
+    positions : (n, dim) array
+        Positions of these nodes [length].
+    facets : (F, nodes of a facet) array
+        Nodes of each facet, as indices into `nodes`. In two dimensions a facet is an edge, and edges run with the body
+        on their left; in three its nodes run counter-clockwise as seen from outside.
+    normals : (F, dim) array
+        Unit vector out of the body at the middle of each facet.
+    areas : (F,) array
+        Area of each facet, in two dimensions length times thickness [length^2].
+    """
+
+    nodes: Integers
+    positions: Floats
+    facets: Integers
+    normals: Floats
+    areas: Floats
+
+
+class Wall(NamedTuple):
+    """A rigid plane wall.
+
+    Attributes
+    ----------
+    point : (dim,) array
+        A point of it [length].
+    normal : (dim,) array
+        Unit vector out of the wall, to the side where the body is.
+    """
+
+    point: Floats
+    normal: Floats
+
+
+class PairedPoints(NamedTuple):
+    """The contact points of two surfaces. The gap of point p is ``gap[p]`` plus the sum of ``value[k] @ u[node[k]]``.
+
+    The k are those from ``start[p]`` up to, but not including, ``start[p + 1]``. The force of a point on the node of an
+    entry is its multiplier times `value`.
+
+    Attributes
+    ----------
+    gap : (P,) array
+        Gap at the start, negative where the surfaces overlap [length].
+    weight : (P,) array
+        Area of the surface that belongs to the point [length^2].
+    normal : (P, dim) array
+        Unit vector from the first surface to the second one.
+    facets : (P, 2) array
+        A facet of each surface on which the point lies; -1 at a wall.
+    start : (P + 1,) array
+        First entry of each point.
+    node : (K,) array
+        Number in the model of the node of each entry.
+    value : (K, dim) array
+        Derivative of the gap by the displacement of that node.
+    """
+
+    gap: Floats
+    weight: Floats
+    normal: Floats
+    facets: Integers
+    start: Integers
+    node: Integers
+    value: Floats
+
+
+class Pairing(Component, contract="pairings"):
+    """A way to make contact points of two surfaces of bodies that are not lines.
+
+    Pairing and normals are those of the start; displacements are small.
+
+    Attributes
+    ----------
+    passes_patch_test
+        Whether a uniform pressure between meshes that do not match is transmitted exactly.
+    convex
+        Whether the gap of a point is a mean of those of its nodes, with shares that are not negative.
+    more_points_than_nodes
+        Whether there may be more points than nodes of the first surface. A law without compliance is then refused, as
+        the motion is right and the single forces are not.
+    """
+
+    passes_patch_test: ClassVar[bool] = False
+    convex: ClassVar[bool] = True
+    more_points_than_nodes: ClassVar[bool] = False
+
+    @abstractmethod
+    def points(self, first: Surface, second: Surface | Wall) -> PairedPoints:
+        """Return the contact points of two surfaces, or of a surface and a wall.
+
+        Parameters
+        ----------
+        first
+            The surface on which the points lie.
+        second
+            The surface or the wall that it meets.
+        """

@@ -1,0 +1,1 @@
+"""The pairings that come with percuss."""
