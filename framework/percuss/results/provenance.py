@@ -152,9 +152,9 @@ def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: 
     """Return the provenance of a result of a model that depends on some components, with what else was found.
 
     A picture of the result needs two entries. ``geometry``: first and last node of each bar, or corners of any other
-    body, (2, dim), and body and middle of each side of a contact, at t = 0. ``expected_forces``: of each contact force that the case expects its
-    contact, statistic, value, largest allowed difference, and the times over which the statistic is taken, None for the
-    whole run.
+    body, (2, dim), and body and middle of each side of a contact, at t = 0. ``expected_forces``: of each contact force
+    that the case expects its contact, statistic, value, largest allowed difference, and the times over which the
+    statistic is taken, None for the whole run.
     """
     case, names = model.case, ("contact", "statistic", "value", "allowed", "during")
     forces = [expectation for expectation in case.expect if expectation.quantity == "contact_force"]
