@@ -68,7 +68,7 @@ def test_a_ctrl_c_in_the_last_step_of_a_run_ends_the_study_around_it():
 
 
 def test_ctrl_c_ends_a_rehearsal_and_nothing_is_left(tmp_path, monkeypatch):
-    from percuss.studies import preflight
+    from percuss.studies import job_package
 
     rehearsed = []
 
@@ -78,7 +78,7 @@ def test_ctrl_c_ends_a_rehearsal_and_nothing_is_left(tmp_path, monkeypatch):
             press()  # as the run of one step, which is at its end, does not see it
         return SimpleNamespace(status="done", result=None), None
 
-    monkeypatch.setattr(preflight, "perform", perform)
+    monkeypatch.setattr(job_package, "perform", perform)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "case.yaml").write_text(repr(CASE))
     study = {"percuss-study": 1, "cases": ["case.yaml"], "methods": {"contacts": ["penalty", "lagrange"]}}

@@ -6,17 +6,15 @@ import dataclasses
 import os
 import threading
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 
-from percuss.case.case import Case
 from percuss.compiling import announced
 from percuss.errors import InputError
 from percuss.interrupt import interruptible
 from percuss.jsonable import Data
 from percuss.studies.job_package import Bench, Job
 from percuss.studies.perform import LOST
-from percuss.studies.preflight import rehearse
 from percuss.studies.spec import StudySpec
 from percuss.studies.store import Store
 from percuss.studies.stored_run import Record
@@ -63,7 +61,7 @@ def make(
             run_local(local, jobs, keep, stop)
 
 
-def summaries_of(local: LocalWorkers | None, cases: Mapping[str, Case], steps: Sequence[Task]) -> list[Data]:
+def summaries_of(local: LocalWorkers | None, bench: Bench, steps: Sequence[Task]) -> list[Data]:
     """Make the rehearsals of a study, by a local worker or else in this process, and return their summaries.
 
     Raises
@@ -71,20 +69,18 @@ def summaries_of(local: LocalWorkers | None, cases: Mapping[str, Case], steps: S
     KeyboardInterrupt
         If Ctrl-C ended them.
     """
-    summaries: list[Data] = []
+    summaries: list[Data | None] = []
     with interruptible() as stop:
         if local is not None:
             with announced():
-                summaries = local.rehearse(steps, stop)
-        else:
-            for step in steps:
-                summary = rehearse(cases[step.case], step)
-                summaries += [summary] if summary is not None else []
-                if stop.is_set():
-                    break
+                summaries += local.rehearse(steps, stop)
+        for step in steps if local is None else ():
+            summaries.append(bench.rehearse(step))
+            if stop.is_set():
+                break
         if stop.is_set():
             raise KeyboardInterrupt
-    return summaries
+    return [summary for summary in summaries if summary is not None]
 
 
 def local_workers(

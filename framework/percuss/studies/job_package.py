@@ -24,14 +24,14 @@ from percuss.case.source import Source
 from percuss.compiling import LOCK as ONE_AT_A_TIME
 from percuss.errors import PercussError, PluginError
 from percuss.heartbeat import beat
-from percuss.jsonable import Data, Entries
+from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import plugin_faults
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
 from percuss.results.provenance import components_used
 from percuss.studies.columns import RowSettings
-from percuss.studies.perform import LOST, perform_timed, tying_law
+from percuss.studies.perform import LOST, perform, perform_timed, tying_law
 from percuss.studies.stored_run import Record, record
 from percuss.studies.tasks import Task
 from percuss.version import __version__
@@ -128,14 +128,6 @@ class Keys:
                 yield f"{family}/{name}", self._digests.of(sources[family, name])
 
 
-class Interrupted(Exception):
-    """Exception after Ctrl-C ended a run of this process, with the records of the runs before it."""
-
-    def __init__(self, records: list[Record]) -> None:
-        super().__init__()
-        self.records = records
-
-
 class Job(NamedTuple):
     """A task and the key of its inputs."""
 
@@ -180,7 +172,7 @@ class Bench:
         return load(dataclasses.replace(self.cases[label], data_files=self.files[label]), registry=registry)
 
     def records(self, jobs: Sequence[Job], note: Callable[[str], None] | None = None) -> list[Record]:
-        """Return the records of the runs made until `LONGEST` has passed; the rest must be requested again.
+        """Return the records of the runs made until `LONGEST` has passed or Ctrl-C came; the rest is left.
 
         Parameters
         ----------
@@ -188,11 +180,6 @@ class Bench:
             Runs to make.
         note
             Called with the key of each run before it begins.
-
-        Raises
-        ------
-        Interrupted
-            If Ctrl-C reached this process.
         """
         started = time.perf_counter()
         records: list[Record] = []
@@ -210,24 +197,23 @@ class Bench:
                 continue
             run = perform_timed(case, task, nudge=self.settings.nudge, repeats=self.settings.repeats)
             if run.status == "interrupted":
-                raise Interrupted(records)
+                break
             wall = time.perf_counter() - began
             records.append(record(key, run, self.settings, wall, case.registry))
             if time.perf_counter() - started > LONGEST:
                 break
         return records
 
-    def rehearse(self, task: Task) -> Mapping[str, object] | None:
-        """Make one step of a run of one step; return its summary as plain data, or None if it fails."""
-        from percuss.jsonable import plain
-        from percuss.studies.preflight import rehearse
-
+    def rehearse(self, task: Task) -> Data | None:
+        """Make a run of one step and return its summary as plain data, or None if it fails: its run will say why."""
         try:
             with plugin_faults():
                 case = self._case_once(task.case)
         except Exception:  # noqa: BLE001 - the runs of this case will say why it cannot be read here
             return None
-        return plain(rehearse(case, task))  # type: ignore[no-any-return]
+        run, _ = perform(case, task)
+        summary: Data | None = plain(run.result.summary) if run.result is not None and run.status == "done" else None
+        return summary
 
     def _check_environment(self, registry: Registry, components: Mapping[str, str]) -> None:
         """Raise PluginError if numbers computed here could differ from those where the study began."""

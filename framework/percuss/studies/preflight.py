@@ -11,7 +11,6 @@ from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, Problem, refuse_if_any
 from percuss.jsonable import Data, Entries
 from percuss.studies.parameters import combinations
-from percuss.studies.perform import perform
 from percuss.studies.spec import StudySpec, mistake_in_study
 from percuss.studies.tasks import Task, tasks
 
@@ -135,20 +134,6 @@ def rehearsals(cases: Mapping[str, Case], planned: Sequence[Task]) -> list[Task]
         one_step = {**changes, "time": {**step, "steps": 1, "on_unstable": "warn"}}
         steps.append(type(task)(task.case, task.integrator, task.contact, task.varied, one_step, task.tied))
     return steps
-
-
-def rehearse(case: Case, task: Task) -> Data | None:
-    """Make one step and return its summary, or None if it fails: its run will say why.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If Ctrl-C ended it.
-    """
-    run, _ = perform(case, task)
-    if run.status == "interrupted":
-        raise KeyboardInterrupt
-    return run.result.summary if run.result is not None and run.status == "done" else None
 
 
 def check_measures(spec: StudySpec, summaries: Sequence[Data]) -> None:

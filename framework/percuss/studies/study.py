@@ -105,7 +105,7 @@ def study(
             with local_workers(bench, len(missing), workers, scheduler, spec.section.stalled_after) as local:
                 if missing:
                     steps = rehearsals(spec.cases, [job.task for job in missing])
-                    check_measures(spec, summaries_of(local, spec.cases, steps))
+                    check_measures(spec, summaries_of(local, bench, steps))
                 _begin(store, spec, jobs, bench, [Path(file) for file in plugins], _command(path, plugins), identity)
                 done = Study(store.path)
                 done.found = sum(job.key in finished for job in jobs)

@@ -39,7 +39,7 @@ from percuss.methods.process_guard import (
     where_is,
 )
 from percuss.process import processes_with
-from percuss.studies.job_package import Bench, Interrupted, Job
+from percuss.studies.job_package import Bench, Job
 from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
 from percuss.studies.stored_run import Record
@@ -105,11 +105,7 @@ def run_here(bench: Bench, jobs: Sequence[Job], keep: Keep, stop: threading.Even
     batches = Batches(jobs, 1)
     while batches.waiting and not stop.is_set():
         batch = batches.take()
-        try:
-            made = bench.records(batch)
-        except Interrupted as interrupted:
-            stop.set()
-            made = interrupted.records
+        made = bench.records(batch)
         keep(made)
         batches.put_back(batch, made)
 
@@ -240,18 +236,16 @@ class LocalWorkers:
             else:
                 yield worker, worker.given.popleft(), said
 
-    def rehearse(self, steps: Sequence[Task], stop: threading.Event) -> list[Data]:
-        """Make runs of one step, one after the other; return the summaries of those that succeed."""
-        summaries: list[Data] = []
+    def rehearse(self, steps: Sequence[Task], stop: threading.Event) -> list[Data | None]:
+        """Make runs of one step, one after the other; return their summaries, None for one that fails."""
+        summaries: list[Data | None] = []
         for step in steps:
             if not self._workers:
                 self._workers.append(_Worker(self._bench, self._stalled_after))
             self._workers[0].give([step])
             while self.busy and not stop.is_set():
                 # The runs of a kind whose rehearsal fails, or kills its worker, will say why.
-                summaries += [summary for _, _, summary in self.finished() if summary is not None]
-            if stop.is_set():
-                break
+                summaries += [summary for _, _, summary in self.finished()]
         return summaries
 
 
