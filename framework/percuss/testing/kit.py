@@ -20,30 +20,28 @@ from percuss.methods.first_run import asked_again
 from percuss.methods.interfaces import Component, ContactState, LeapFrog
 from percuss.methods.registry import Registry
 from percuss.testing.report import OTHERS, Outcome, Report
-from percuss.testing.subject import (
-    CHECKS,
-    DRAWS,
-    PARTNERS,
-    Check,
-    CheckFailed,
-    NotApplicable,
-    Subject,
-    named,
-    registered_checks,
-)
+from percuss.testing.subject import DRAWS, PARTNERS, Check, CheckFailed, NotApplicable, Subject, named
 
 
 def known_checks() -> list[Check]:
     """Return all checks of the kit in the order in which they are run."""
-    from percuss.testing.checks import bulk, common, contacts, integrators, loads, others, pairs  # noqa: F401
+    from percuss.testing.checks import bulk, common, contacts, integrators, loads, others, pairs
 
-    return list(CHECKS)
+    modules = (bulk, common, contacts, pairs, integrators, loads, others)
+    return [each for module in modules for each in vars(module).values() if isinstance(each, Check)]
 
 
 def checks_of(subject: Subject) -> Iterator[tuple[Check, str]]:
-    """Yield each check of a subject with an empty partner, or once with each partner if the check is run in pairs."""
-    known_checks()
-    yield from registered_checks(subject)
+    """Yield each check of a subject with an empty partner, or once with each partner if the check is made in pairs.
+
+    The check whether the subject runs at all comes first. Pairs with partners that do not judge the subject come last.
+    """
+    checks = sorted((one for one in known_checks() if subject.family in one.families), key=lambda one: not one.first)
+    for kit_check in checks:
+        yield from ((kit_check, partner) for partner in (subject.partners if kit_check.in_pairs else [""]))
+    others = subject.registry.names(PARTNERS[subject.family]) if subject.family in PARTNERS else []
+    for partner in (name for name in others if name not in subject.partners):
+        yield from ((kit_check, partner) for kit_check in checks if kit_check.in_pairs)
 
 
 def expected(kit_check: Check, subject: Subject, partner: str) -> str:
@@ -86,7 +84,9 @@ def perform(kit_check: Check, subject: Subject, partner: str = "") -> Outcome:
         law, integrator = (subject.name, partner) if subject.family == "contacts" else (partner, subject.name)
         message = f"{law} fails it with {fails_with} too: nothing follows for {integrator}"
         return Outcome(kit_check, partner, "not applicable", message, counts=counts)
-    subject = dataclasses.replace(subject, check=kit_check.name, loaded=[])
+    checks = list(checks_of(subject))
+    declarable = dict.fromkeys([*(one.name for one, _ in checks), *(named(*pair) for pair in checks)])
+    subject = dataclasses.replace(subject, check=kit_check.name, loaded=[], declarable=tuple(declarable))
     outcome = _performed(kit_check, subject, partner)
     case = subject.last_case() if outcome.status == "failed" else ""
     return dataclasses.replace(outcome, case=case, counts=counts)
@@ -97,7 +97,7 @@ def _performed(kit_check: Check, subject: Subject, partner: str) -> Outcome:
     reason = expected(kit_check, subject, partner)
     try:
         with asked_again(subject.component, subject.answers):
-            kit_check.function(subject, partner) if partner else kit_check.function(subject)
+            kit_check(subject, partner) if partner else kit_check(subject)
     except NotApplicable as exemption:
         return Outcome(kit_check, partner, "not applicable", str(exemption), reason)
     except ModuleNotFoundError as error:

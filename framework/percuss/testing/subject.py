@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -63,6 +63,8 @@ class Subject:
         Options of the component and name of its partner in the cases of a check that draws them.
     answers
         What the component has answered in the checks so far.
+    declarable
+        Names of checks, alone and with each partner, that the component may declare as expected failures.
     """
 
     component: type[Component]
@@ -74,6 +76,7 @@ class Subject:
     options: Data = field(default_factory=dict, repr=False)
     partner: str = ""
     answers: Answers = field(default_factory=Answers, compare=False, repr=False)
+    declarable: Sequence[str] = field(default=(), compare=False, repr=False)
 
     @staticmethod
     def of(component: type[Component], registry: Registry | None = None, draws: int = DRAWS) -> Subject:
@@ -277,44 +280,23 @@ class Check:
     in_pairs: bool
     first: bool
 
+    def __call__(self, subject: Subject, *partner: str) -> None:
+        """Check a subject, with the name of a partner where the check is made in pairs."""
+        self.function(subject, *partner)
 
-CHECKS: list[Check] = []
 
+def check(*families: str, in_pairs: bool = False, first: bool = False) -> Callable[[Callable[..., None]], Check]:
+    """Make the check ``energy-drift`` of some families, by default of all, of a function ``check_energy_drift``."""
 
-def check(
-    *families: str, in_pairs: bool = False, first: bool = False
-) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Register a function ``check_energy_drift`` as the check ``energy-drift`` of some families, by default of all."""
-
-    def register(function: Callable[..., None]) -> Callable[..., None]:
+    def made(function: Callable[..., None]) -> Check:
         name = function.__name__.removeprefix("check_").replace("_", "-")
         holds, _, demand = inspect.cleandoc(function.__doc__ or "").partition(".\n\n")
         demand = " ".join(demand.split())
-        CHECKS.append(Check(name, families or tuple(FAMILIES), holds, demand, function, in_pairs, first))
-        return function
+        return Check(name, families or tuple(FAMILIES), holds, demand, function, in_pairs, first)
 
-    return register
+    return made
 
 
 def named(kit_check: Check, partner: str) -> str:
     """Return the name of a check, followed by the name of the partner if there is one."""
     return f"{kit_check.name} with {partner}" if partner else kit_check.name
-
-
-def registered_checks(subject: Subject) -> Iterator[tuple[Check, str]]:
-    """Yield each check of a subject with an empty partner, or once with each partner if the check is made in pairs.
-
-    The check whether the subject runs at all comes first. Pairs with partners that do not judge the subject come last.
-    """
-    checks = sorted((one for one in CHECKS if subject.family in one.families), key=lambda one: not one.first)
-    for kit_check in checks:
-        yield from ((kit_check, partner) for partner in (subject.partners if kit_check.in_pairs else [""]))
-    others = subject.registry.names(PARTNERS[subject.family]) if subject.family in PARTNERS else []
-    for partner in (name for name in others if name not in subject.partners):
-        yield from ((kit_check, partner) for kit_check in checks if kit_check.in_pairs)
-
-
-def names_of_checks(subject: Subject) -> list[str]:
-    """Return the names of checks, alone and with each partner, that a subject may declare as expected failures."""
-    checks = list(registered_checks(subject))
-    return list(dict.fromkeys([*(kit_check.name for kit_check, _ in checks), *(named(*pair) for pair in checks)]))

@@ -18,7 +18,7 @@ from percuss.jsonable import Data, Entries
 from percuss.methods.blame import described
 from percuss.results.result import Result
 from percuss.testing.draws import TWO_BARS, for_all, must_agree, on_chains, option_values
-from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, check, names_of_checks
+from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, check
 
 # families of methods that take part in the time steps
 METHODS = ("integrators", "contacts", "elements", "materials", "masses")
@@ -98,12 +98,10 @@ def check_facts(subject: Subject) -> None:
         raise CheckFailed("`examples` is empty: ({},) runs the defaults")
     if not isinstance(cls.expected_failures, Mapping):
         raise CheckFailed(f"`expected_failures` is {cls.expected_failures!r}, expected a mapping of check to reason")
-    names = names_of_checks(subject)
     for name, reason in cls.expected_failures.items():
-        if name not in names:
-            raise CheckFailed(
-                f"`expected_failures` has '{name}', which is no check. {suggestion(name, names, 'check')}"
-            )
+        if name not in subject.declarable:
+            advice = suggestion(name, subject.declarable, "check")
+            raise CheckFailed(f"`expected_failures` has '{name}', which is no check. {advice}")
         if not (isinstance(reason, str) and reason.strip()):
             raise CheckFailed(f"`expected_failures` gives no reason for '{name}'")
 
