@@ -17,8 +17,8 @@ import pytest
 import percuss
 from command_line import percuss_command
 from percuss.errors import InputError
+from percuss.studies.job_package import Record
 from percuss.studies.store import FORMAT, Store
-from percuss.studies.stored_run import Record
 from percuss.studies.study_files import StudyFile
 from percuss.studies.study_table import Study
 

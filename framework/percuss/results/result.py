@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING
 
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import Exact, Floats
-from percuss.results.datasets import Source, definition_attributes, fields_dataset, histories_dataset, plain_arrays
-from percuss.results.netcdf import FORMAT, read, write
+from percuss.results.netcdf import (
+    FORMAT,
+    Source,
+    definition_attributes,
+    fields_dataset,
+    histories_dataset,
+    plain_arrays,
+    read,
+    write,
+)
 from percuss.results.summary import Summary
 
 if TYPE_CHECKING:

@@ -16,10 +16,9 @@ from typing import Any
 
 from percuss.compiling import LOCK
 from percuss.errors import RunError, wrong_input
-from percuss.studies.job_package import Bench, Job
+from percuss.studies.job_package import Bench, Job, Record
 from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
-from percuss.studies.stored_run import Record
 from percuss.studies.workers import Batches
 from percuss.version import __version__
 

@@ -13,11 +13,10 @@ from percuss.compiling import announced
 from percuss.errors import InputError
 from percuss.interrupt import interruptible
 from percuss.jsonable import Data
-from percuss.studies.job_package import Bench, Job
+from percuss.studies.job_package import Bench, Job, Record
 from percuss.studies.perform import LOST
 from percuss.studies.spec import StudySpec
 from percuss.studies.store import Store
-from percuss.studies.stored_run import Record
 from percuss.studies.tasks import Task
 from percuss.studies.workers import LocalWorkers
 

@@ -24,8 +24,8 @@ from percuss.errors import InputError, UnwrittenError, shortened, wrong_input
 from percuss.files import is_file, is_folder, place_whole
 from percuss.jsonable import Data, Entries
 from percuss.methods.source_digest import content_digest
+from percuss.studies.job_package import Record, unpacked
 from percuss.studies.perform import LOST, WAITING
-from percuss.studies.stored_run import Record, unpacked
 from percuss.studies.study_files import StudyFile
 
 Row: TypeAlias = tuple[Any, ...]  # of a table, as SQLite has it

@@ -2,9 +2,9 @@
 
 The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, `job_package` gives
 each a key, the file of rows is locked, `preflight` tries each kind of run, `dispatch` gives the tasks that are left to
-workers, where `job_package` reads their cases, `perform` makes the runs, `columns` measures them and `stored_run` packs
-them; `store` keeps the rows, the command of each (`row_command`) and the files that they came from (`study_files`), and
-`study_table` shows them.
+workers, where `job_package` reads their cases, `perform` makes the runs and `columns` measures them; `store` keeps the
+rows, the command of each (`row_command`) and the files that they came from (`study_files`), and `study_table` shows
+them.
 """
 
 from __future__ import annotations

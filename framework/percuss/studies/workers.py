@@ -39,10 +39,9 @@ from percuss.methods.process_guard import (
     where_is,
 )
 from percuss.process import processes_with
-from percuss.studies.job_package import Bench, Job
+from percuss.studies.job_package import Bench, Job, Record
 from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
-from percuss.studies.stored_run import Record
 from percuss.studies.tasks import Task
 
 SECONDS = 0.4  # intended time of a batch: short enough to lose little, long enough to cost nothing
