@@ -1,6 +1,7 @@
 """Studies for the tests of what is made of one: a small one that was really run, and a large one that is drawn."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -50,6 +51,10 @@ class FakeStudy:
         }
         self.table = table
         self.kept = kept or {}
+        self.path = Path("fake.sqlite")
+        self.files, self.row_commands = [], ([], [])
+        about = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key", *self.spec["vary"]}
+        self.columns = {str(name): f"what {name} is" for name in table.columns if name not in about}
 
     @property
     def with_histories(self):

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.case.arguments import expect_suffix
-from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.errors import InputError, PercussError, Problem
 from percuss.files import replacing
 from percuss.jsonable import Entries
@@ -18,14 +17,17 @@ from percuss.reporting.figures import (
     COLOURS,
     DASHES,
     FAINT,
+    FORCE,
     INK,
     OVERLAY,
     SOFT,
+    STRESS,
+    TIME,
     drawing,
     legend,
     new_figure,
     number,
-    powers,
+    set_labels,
     stopped_at,
     subtitle_lines,
     thinned,
@@ -144,12 +146,10 @@ def _stress_lines(axes: Axes, result: Result) -> Callable[[int], None]:
     nearest = np.abs(result.arrays["time"][:, None] - time).argmin(axis=0) if result.arrays["time"].size else time
     (pressed,) = axes.plot([], [], "o", color=INK, markersize=7, animated=True)
     body_names(axes, strips)
-    moment = axes.text(0.99, 0.97, "", transform=axes.transAxes, ha="right", va="top", parse_math=False, animated=True)
+    moment = axes.text(0.99, 0.97, "", transform=axes.transAxes, ha="right", va="top", animated=True)
     axes.set_ylim(-1.1 * largest, 1.1 * largest)
-    axes.set_xlabel(with_unit(label, "length", units), parse_math=False)
-    axes.set_ylabel(with_unit("stress", "force/length^2", units), parse_math=False)
+    set_labels(axes, units, xlabel=(label, "length"), ylabel=STRESS)
     axes.set_title("compression is negative; ● contact with force", loc="left", size=9, color=SOFT, y=1.1)
-    powers(axes)
 
     def show(frame: int) -> None:
         for name, strip in strips.items():
@@ -173,7 +173,5 @@ def _force_lines(axes: Axes, result: Result) -> Any:
     if entries:
         legend(axes, entries, room=100)
     axes.set_xlim(0, stopped_at(result))
-    axes.set_xlabel(with_unit("time", "time", result.units), parse_math=False)
-    axes.set_ylabel(with_unit(QUANTITIES["contact_force"].label, "force", result.units), parse_math=False)
-    powers(axes)
+    set_labels(axes, result.units, xlabel=TIME, ylabel=FORCE)
     return axes.axvline(0.0, color=ALARM, linewidth=1.2, animated=True)

@@ -7,20 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.jsonable import Data, Entries
 from percuss.reporting.figures import (
     ALARM,
     COLOURS,
     DASHES,
+    FORCE,
     INK,
     MOST_PANELS,
     OVERLAY,
+    TIME,
     legend,
     new_figure,
     number,
     one_line,
-    powers,
+    set_labels,
     stopped_at,
     thinned,
     wrapped,
@@ -52,7 +53,7 @@ def comparison_figure(rows: Sequence[Data]) -> Figure:
     names = runs[0][1].coordinates["contact"] if runs else []
     apart = len(runs) > OVERLAY
     down = -(-len(runs) // 3) if apart else min(max(len(names), 1), MOST_PANELS)
-    notes = [f"{QUANTITIES['contact_force'].label} in {len(runs)} of {len(rows)} runs"]
+    notes = [f"{FORCE[0]} in {len(runs)} of {len(rows)} runs"]
     if not apart:
         notes += contacts_left_out(names)
     height = max(4.6, 1.9 + 2.4 * down) + 0.2 * len(lost)
@@ -68,7 +69,7 @@ def comparison_figure(rows: Sequence[Data]) -> Figure:
                 entries |= _overlay_runs(axes, runs, name, alone=len(names) < 2)
             if entries:
                 legend(panels[0], entries, room=150)
-                panels[-1].set_xlabel(with_unit("time", "time", runs[0][1].units), parse_math=False)
+                set_labels(panels[-1], runs[0][1].units, xlabel=TIME)
                 panels[-1].set_xlim(0, _end_time(runs))
     return figure
 
@@ -96,9 +97,7 @@ def _overlay_runs(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, 
         write_reason(axes, "These runs have no contact.")
         return entries
     _limit_forces(axes, [result for _, result in runs])
-    label = QUANTITIES["contact_force"].label if alone else f"force at {name}"
-    axes.set_ylabel(with_unit(label, "force", runs[0][1].units), parse_math=False)
-    powers(axes)
+    set_labels(axes, runs[0][1].units, ylabel=FORCE if alone else (f"force at {name}", "force"))
     return entries | draw_references(axes, _run_with_exact(runs), [name])
 
 
@@ -141,12 +140,11 @@ def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) ->
         _mark_stop(axes, result)
         words = "\n".join(wrapped(_run_label(label, result), 44, 2))
         shade = INK if result.status == "done" else ALARM
-        axes.set_title(words, loc="left", size=10, color=shade, parse_math=False)
-        powers(axes)
+        axes.set_title(words, loc="left", size=10, color=shade)
         if k % 3 == 0:
-            axes.set_ylabel(with_unit(QUANTITIES["contact_force"].label, "force", result.units), parse_math=False)
+            set_labels(axes, result.units, ylabel=FORCE)
         if k + 3 >= len(runs):
-            axes.set_xlabel(with_unit("time", "time", result.units), parse_math=False)
+            set_labels(axes, result.units, xlabel=TIME)
             axes.tick_params(labelbottom=True)
     for axes in panels[len(runs) :]:
         axes.set_axis_off()

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.case.arguments import expect_suffix
+from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.errors import PercussError, printable
 from percuss.files import PACKAGE, replacing
 from percuss.jsonable import Data, Entries
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from percuss.results.result import Result
 
 
+TIME, FORCE = ("time", "time"), (QUANTITIES["contact_force"].label, "force")
+STRESS = ("stress", "force/length^2")
 INK, SOFT, FAINT, ALARM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00"
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "sigma": "σ", "theta": "θ"}
 RAISED = str.maketrans("0123456789-\u2212", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
@@ -115,7 +118,7 @@ def header(figure: Figure, title: str, small: Sequence[str], loud: Sequence[str]
     def write(lines: Iterable[str], size: float, colour: str, weight: str = "normal") -> None:
         nonlocal y
         for line in lines:
-            figure.text(left, y, printable(line), size=size, color=colour, weight=weight, va="top", parse_math=False)
+            figure.text(left, y, printable(line), size=size, color=colour, weight=weight, va="top")
             y -= 1.5 * size / 72 / height
 
     write(wrapped(title or "Untitled case", 88, 2), 17, INK, "bold")
@@ -154,6 +157,7 @@ def fix_layout(figure: Figure) -> Figure:
     Texts are measured as they are saved: at a lower resolution they are up to a tenth shorter or longer. Positions are
     rounded, because the solver of the layout differs in the last bits from run to run.
     """
+    _write_powers(figure.axes)
     shown = figure.get_dpi()
     figure.set_dpi(DOTS_PER_INCH)
     figure.draw_without_rendering()
@@ -166,18 +170,20 @@ def fix_layout(figure: Figure) -> Figure:
     return figure
 
 
+def set_labels(axes: Axes, units: Data, **labels: tuple[str, str]) -> None:
+    """Name the axes of a panel: `xlabel` and `ylabel` are labels with their units in words, which the case may name."""
+    axes.set(**{which: with_unit(*label, units) for which, label in labels.items()})
+
+
 def write_reason(axes: Axes, text: str) -> None:
     """Write into an empty panel the reason why it shows nothing."""
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="", facecolor="#f6f6f6")
     axes.spines[:].set_visible(False)
-    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=SOFT, parse_math=False)
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=SOFT)
 
 
 def legend(axes: Axes, entries: Data, *, room: int = 76, up: float = 1.0) -> None:
-    """Put a legend above a panel, where it hides no data, in as many columns as `room` letters allow.
-
-    The labels are texts of the user and are never read as mathematical text.
-    """
+    """Put a legend above a panel, where it hides no data, in as many columns as `room` letters allow."""
     lengths = [len(one_line(label)) + 10 for label in entries]
     for rows in range(1, len(lengths) + 1):
         columns = [max(lengths[k : k + rows]) for k in range(0, len(lengths), rows)]
@@ -187,7 +193,7 @@ def legend(axes: Axes, entries: Data, *, room: int = 76, up: float = 1.0) -> Non
 
 
 def legend_below(figure: Figure, entries: Entries, *, beside: bool = False) -> None:
-    """Put one legend below or beside all panels; names are texts of the user and never read as mathematical text."""
+    """Put one legend below or beside all panels."""
     if not entries:
         return
     longest = max(map(len, entries))
@@ -199,12 +205,10 @@ def legend_below(figure: Figure, entries: Entries, *, beside: bool = False) -> N
 def _add_legend(owner: Any, entries: Data, **options: Any) -> None:
     """Add a legend to a panel or a figure."""
     # The space keeps matplotlib from dropping a label that begins with an underscore.
-    box = owner.legend(list(entries.values()), [f" {one_line(label)}" for label in entries], **options)
-    for text in box.get_texts():
-        text.set_parse_math(False)
+    owner.legend(list(entries.values()), [f" {one_line(label)}" for label in entries], **options)
 
 
-def powers(*panels: Axes) -> None:
+def _write_powers(panels: Sequence[Axes]) -> None:
     """Write the powers of ten of axes as plain text, to the left of the axis where they hide nothing above the panel.
 
     Plain text is laid out ten times as fast as mathematical text.
@@ -216,8 +220,9 @@ def powers(*panels: Axes) -> None:
             return re.sub(r"1e([-\u2212]?\d+)", lambda match: "×10" + match[1].translate(RAISED), super().get_offset())
 
     for axes in panels:
-        axes.xaxis.set_major_formatter(Powers(useMathText=False))
-        axes.yaxis.set_major_formatter(Powers(useMathText=False))
+        for axis in (axes.xaxis, axes.yaxis):
+            if isinstance(axis.get_major_formatter(), ScalarFormatter):
+                axis.set_major_formatter(Powers(useMathText=False))
         axes.yaxis.get_offset_text().set(ha="right", x=-0.01)
         axes.yaxis.OFFSETTEXTPAD = 8  # The text must stay clear of a tick at the very top.
 

@@ -12,10 +12,12 @@ from percuss.jsonable import Entries
 from percuss.reporting.figures import (
     COLOURS,
     FAINT,
+    FORCE,
     INK,
     MOST_PANELS,
     PAPER,
     SOFT,
+    TIME,
     axis_end,
     drawing,
     fix_layout,
@@ -23,7 +25,7 @@ from percuss.reporting.figures import (
     legend,
     new_figure,
     one_line,
-    powers,
+    set_labels,
     stopped_at,
     subtitle_lines,
     thinned,
@@ -74,8 +76,8 @@ def force_figure(result: Result, until: float) -> Figure:
         figure = Figure(figsize=(7.6, 1.6 + 1.4 * count), facecolor="white", layout="constrained")
         panels = list(figure.subplots(count, 1, sharex=True, squeeze=False).flat)
         forces(panels, result)
-        label = with_unit("time", "time", result.units)
-        panels[-1].set_xlabel("\n".join([label, *contacts_left_out(result.coordinates["contact"])]), parse_math=False)
+        label = with_unit(*TIME, result.units)
+        panels[-1].set_xlabel("\n".join([label, *contacts_left_out(result.coordinates["contact"])]))
         panels[-1].set_xlim(0, until)
         for k, axes in enumerate(panels):
             hatch_after_stop(axes, result, until, word=k == 0)
@@ -101,9 +103,8 @@ def forces(panels: Sequence[Axes], result: Result) -> None:
     entries: Entries = {}
     for k, (axes, name) in enumerate(zip(panels, names, strict=False)):
         (entries[label],) = axes.plot(*thinned(time, result.arrays["contact_force"][:, k]), color=COLOURS[0])
-        axes.set_ylabel(with_unit(QUANTITIES["contact_force"].label, "force", result.units), parse_math=False)
-        axes.set_title(one_line(name), loc="right", size=10, parse_math=False)
-        powers(axes)
+        set_labels(axes, result.units, ylabel=FORCE)
+        axes.set_title(one_line(name), loc="right", size=10)
         entries |= draw_references(axes, result, [name])
     legend(panels[0], entries, room=max(30, 74 - len(names[0])))
 
@@ -152,9 +153,7 @@ def _energies(axes: Axes, result: Result) -> None:
         handles += line
     handles[2].set_zorder(1.9)
     axes.margins(y=0.18)  # The margin leaves the upper right corner free for the words.
-    axes.set_xlabel(with_unit("time", "time", result.units), parse_math=False)
-    axes.set_ylabel(with_unit(heads["energy"], "energy", result.units), parse_math=False)
-    powers(axes)
+    set_labels(axes, result.units, xlabel=TIME, ylabel=(heads["energy"], "energy"))
     closure = ledger_words(result.summary["energy"])
     axes.text(0.99, 0.975, closure, transform=axes.transAxes, ha="right", va="top", size=9, color=SOFT, bbox=PAPER)
     legend(axes, dict(zip(lines, handles, strict=True)))

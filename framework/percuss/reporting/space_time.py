@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.case.quantities import with_unit
 from percuss.jsonable import Data, Entries
-from percuss.reporting.figures import INK, hatch_after_stop, legend, powers, stopped_at, write_reason
+from percuss.reporting.figures import INK, STRESS, TIME, hatch_after_stop, legend, set_labels, stopped_at, write_reason
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,17 +91,14 @@ def space_time(axes: Axes, result: Result, until: float) -> None:
         mesh = axes.pcolormesh(strip.edges, rows, np.ma.masked_invalid(stress[:, strip.columns]), **style)
         axes.vlines(strip.edges[[0, -1]], 0, rows[-1], colors="#8a8a8a", linewidth=0.6, zorder=2.5)
     _contact_lines(axes, result, strips, up=body_names(axes, strips))
-    axes.set_xlabel(with_unit(label, "length", result.units), parse_math=False)
-    axes.set_ylabel(with_unit("time", "time", result.units), parse_math=False)
+    set_labels(axes, result.units, xlabel=(label, "length"), ylabel=TIME)
     axes.set_ylim(0, until)
     axes.grid(visible=False)
-    powers(axes)
     hatch_after_stop(axes, result, until, upwards=True)
     extend = "both" if largest > 1.001 * limit else "neither"
     bar = axes.figure.colorbar(mesh, ax=axes, aspect=45, pad=0.015, extend=extend)
-    powers(bar.ax)
-    middle = with_unit("stress", "force/length^2", result.units)
-    bar.ax.set_ylabel(f"compression  ←  {middle}  →  tension", parse_math=False)
+    middle = with_unit(*STRESS, result.units)
+    bar.ax.set_ylabel(f"compression  ←  {middle}  →  tension")
 
 
 def body_names(axes: Axes, strips: Mapping[str, _Strip]) -> float:
@@ -120,7 +117,7 @@ def body_names(axes: Axes, strips: Mapping[str, _Strip]) -> float:
         words = name if len(name) <= 16 or not upright else f"{name[:15]}…"
         anchor = (float(strips[name].edges[[0, -1]].mean()), 1.01)
         style: Entries = {"rotation": turn, "size": 9, "ha": "center", "va": "bottom"}
-        axes.text(*anchor, words, transform=frame, parse_math=False, **style)
+        axes.text(*anchor, words, transform=frame, **style)
         longest = max(longest, len(words))
     return 1.02 + 0.0155 * longest if upright else 1.045
 

@@ -137,7 +137,7 @@ def _draw_maps(figure: Figure, rows: list[Entries], vary: Axis, curves: Axis) ->
             lines = axes.contour(x, y, shown, levels=levels, colors=INK, linewidths=1.6 if boundary else 0.7)
             axes.clabel(lines, fmt="%.3g", fontsize=9)
         _set_scale(axes, vary, first, "x")
-        axes.set_title(curve, loc="left", size=11, parse_math=False)
+        axes.set_title(curve, loc="left", size=11)
         axes.set_xlabel(first)
         axes.grid(visible=False)
     _set_scale(panels[0], vary, second, "y")

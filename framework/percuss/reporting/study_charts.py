@@ -7,9 +7,9 @@ the captions.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -18,7 +18,10 @@ from percuss.case.yaml_text import flow
 from percuss.jsonable import Entries
 from percuss.reporting import study_data
 from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES
-from percuss.reporting.study_data import ColumnRoles, StudyLike
+from percuss.reporting.study_data import ColumnRoles
+
+if TYPE_CHECKING:
+    from percuss.studies.study_table import Study
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,36 +57,11 @@ MOST_TICKS = 8  # Up to this many distinct values each have their own tick.
 SPREAD = 0.64
 
 
-@dataclass(frozen=True)
-class Snapshot:
-    """A study with its table read once: a study reads and parses all its rows whenever its table is asked for."""
-
-    title: str
-    spec: Entries
-    provenance: Entries
-    table: pd.DataFrame
-    columns: dict[str, str]
-    registry: Any
-    histories: Callable[[Any], Entries | None]
-    files: list[Any]
-    row_commands: tuple[list[Any], list[int | None]]
-    with_histories: set[str]
-
-
-def snapshot(study: StudyLike) -> Snapshot:
-    """Return a study with everything read once that a report asks for."""
-    return Snapshot(
-        study.title,
-        study.spec,
-        study.provenance,
-        _with_lists_as_texts(study.table),
-        study_data.words(study),
-        getattr(study, "registry", None),
-        study.histories,
-        getattr(study, "files", []),
-        getattr(study, "row_commands", ([], [])),
-        study.with_histories,
-    )
+def snapshot(study: Study) -> Study:
+    """Return a study with everything read once that a report asks for: a study reads its file at each access."""
+    names = ("title", "spec", "provenance", "columns", "histories", "files", "row_commands", "with_histories")
+    read = {name: getattr(study, name) for name in names}
+    return cast("Study", SimpleNamespace(**read, table=_with_lists_as_texts(study.table)))
 
 
 def _with_lists_as_texts(table: pd.DataFrame) -> Any:
@@ -245,9 +223,9 @@ def work_lines(rows: pd.DataFrame, cost: str, error: str) -> tuple[Any, Entries]
         The front of all runs that compete, which are those without mesh tying, and the front of each pair of methods.
     """
     x, y = study_data.numbers(rows[cost]), study_data.numbers(rows[error])
-    pairs = np.array(study_data.methods(rows))
+    pairs = study_data.methods(rows)
     compete = ~np.isin(pairs, study_data.references(rows))
-    of_pairs = {pair: study_data.front(x[pairs == pair], y[pairs == pair]) for pair in dict.fromkeys(pairs.tolist())}
+    of_pairs = {pair: study_data.front(x[own], y[own]) for (pair,), own in study_data.groups(pairs).items()}
     return study_data.front(x[compete], y[compete]), {pair: line for pair, line in of_pairs.items() if line.size}
 
 

@@ -28,12 +28,14 @@ from percuss.reporting.figures import (
     write_reason,
 )
 from percuss.reporting.study_charts import Axis, Charts, LineStyle, ProfileChart
-from percuss.reporting.study_data import Cell, StudyLike
+from percuss.reporting.study_data import Cell
 from percuss.reporting.verdict import value_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from percuss.studies.study_table import Study
 
     Drawing: TypeAlias = Callable[[Axes], Entries]  # It draws a panel and returns the legend's entries by pair.
 
@@ -44,7 +46,7 @@ MOST_MARKS = 3000
 MOST_RANKED = 16  # pairs of methods in a panel of the best
 
 
-def study_figures(study: StudyLike, folder: str | os.PathLike[str], statistic: str = "best") -> list[Path]:
+def study_figures(study: Study, folder: str | os.PathLike[str], statistic: str = "best") -> list[Path]:
     """Write the figures of a study as svg and pdf files.
 
     Parameters
@@ -79,7 +81,7 @@ def study_figures(study: StudyLike, folder: str | os.PathLike[str], statistic: s
     return out
 
 
-def figures(study: StudyLike, statistic: str = "best") -> Iterator[tuple[str, Figure]]:
+def figures(study: Study, statistic: str = "best") -> Iterator[tuple[str, Figure]]:
     """Yield the file name without suffix and the figure, for each figure of a study."""
     study = study_charts.snapshot(study)
     roles = study_data.columns(study)
@@ -116,7 +118,7 @@ def _panels(
         entries: Entries = {}
         for axes, (heading, draw) in zip(grid, panels.items(), strict=False):
             entries |= draw(axes)
-            axes.set_title(one_line(heading), loc="left", size=11, parse_math=False)
+            axes.set_title(one_line(heading), loc="left", size=11)
         if not panels:
             write_reason(grid[0], empty)
         for axes in grid[max(len(panels), 1) :]:
@@ -127,8 +129,7 @@ def _panels(
 
 def _by_case(rows: Any) -> Entries:
     """Return the rows of each case."""
-    cases = np.array(study_data.texts(rows["case"]), dtype=object)
-    return {case: rows[cases == case] for case in dict.fromkeys(cases.tolist())}
+    return {case: rows.iloc[own] for (case,), own in study_data.groups(study_data.texts(rows["case"])).items()}
 
 
 def best_figure(title: str, table: Any, charts: Charts, name: str) -> Figure:
@@ -156,10 +157,8 @@ def _best_panel(axes: Axes, charts: Charts, name: str, of_case: dict[str, Cell])
         values = f"{best_text}, median {median_text}"
         words = "; ".join(filter(None, (values if cell.measured else "", cell.lost_words)))
         frame = axes.get_yaxis_transform()
-        axes.text(1.01, place, words, transform=frame, size=7.5, va="center", color=SOFT, parse_math=False)
+        axes.text(1.01, place, words, transform=frame, size=7.5, va="center", color=SOFT)
     axes.set_yticks(range(len(ranked)), [one_line(pair) for pair in ranked], fontsize=8)
-    for label in axes.get_yticklabels():
-        label.set_parse_math(False)
     axes.set_ylim(len(ranked) - 0.4, -0.6)
     _set_axis(axes, "x", charts.axes[name])
     return {}
@@ -225,7 +224,6 @@ def _name_points(axes: Axes, points: Entries, charts: Charts, pixels: float) -> 
             size=7,
             color=charts.styles[pair].colour,
             bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.4},
-            parse_math=False,
         )
 
 
@@ -343,7 +341,6 @@ def _set_axis(axes: Axes, which: str, axis: Axis) -> None:
     """Name an axis, make it logarithmic where it is, and put ticks at its words or at its values where they are few."""
     axes.set(**{f"{which}label": one_line(axis.label)})
     side = axes.xaxis if which == "x" else axes.yaxis
-    side.label.set_parse_math(False)
     if axis.log:
         log_axis(axes, which)
     if axis.ticks:
@@ -352,8 +349,6 @@ def _set_axis(axes: Axes, which: str, axis: Axis) -> None:
         none = f"no {axis.label.rpartition('.')[2]}"
         words = [study_data.as_label(one_line(word)) or none for word in axis.words]
         side.set_ticks(range(len(words)), words)
-        for label in side.get_ticklabels():
-            label.set_parse_math(False)
 
 
 def _sampling_note(rows: Any) -> list[str]:

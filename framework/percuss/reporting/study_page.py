@@ -21,12 +21,14 @@ from percuss.reporting import study_charts, study_data
 from percuss.reporting.component import docs
 from percuss.reporting.figures import one_line
 from percuss.reporting.study_charts import Charts, count_of
-from percuss.reporting.study_data import ColumnRoles, StudyLike
+from percuss.reporting.study_data import ColumnRoles
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from percuss.methods.interfaces import Array
     from percuss.methods.registry import Registry
+    from percuss.studies.study_table import Study
 
 AGAIN = "study.yaml"
 MOST_REASONS = 100
@@ -34,7 +36,7 @@ MOST_VALUES = 12  # Of a varied path with more values only the range is shown.
 DOI = re.compile(r"\s*\bdoi:?\s*(10\.\d{4,9}/[^\s,;]*[^\s,;.)])", re.IGNORECASE)
 
 
-def study_report(study: StudyLike, path: str | os.PathLike[str], statistic: str = "best") -> list[Path]:
+def study_report(study: Study, path: str | os.PathLike[str], statistic: str = "best") -> list[Path]:
     """Write the report of a study as one HTML file that needs no other file and no network.
 
     Parameters
@@ -51,7 +53,7 @@ def study_report(study: StudyLike, path: str | os.PathLike[str], statistic: str 
     list of Path
         The written files: the page, and a csv file of all rows where the study has more rows than a page can carry.
     """
-    inputs = [("study", study.path)] if hasattr(study, "path") else []
+    inputs = [("study", study.path)]
     study = study_charts.snapshot(study)
     target = Path(path)
     beside = target.with_suffix(".csv") if len(study.table) > study_data.MOST_ROWS else None
@@ -65,7 +67,7 @@ def study_report(study: StudyLike, path: str | os.PathLike[str], statistic: str 
     return [target] if beside is None else [target, beside]
 
 
-def report_html(study: StudyLike, beside: str = "", statistic: str = "best") -> str:
+def report_html(study: Study, beside: str = "", statistic: str = "best") -> str:
     """Return the report of a study as HTML; the same study gives the same text.
 
     Parameters
@@ -110,7 +112,7 @@ def report_html(study: StudyLike, beside: str = "", statistic: str = "best") -> 
 # ----------------------------------------------------------------------------------------------------- data
 
 
-def payload(study: StudyLike, roles: ColumnRoles, charts: Charts) -> Entries:
+def payload(study: Study, roles: ColumnRoles, charts: Charts) -> Entries:
     """Return the data that the page's scripts draw, in the types of JSON; arrays of numbers are base64 texts."""
     carried = study_data.carried(study.table, roles)
     sampled = len(study.table) > study_data.MOST_ROWS
@@ -174,12 +176,12 @@ def _packed_column(table: pd.DataFrame, kept: pd.DataFrame, name: str, roles: Co
     return column | {"kind": "text", "levels": levels, "data": study_data.packed(code_of_row, "<u2")}
 
 
-def _packed_commands(study: StudyLike, kept: pd.DataFrame) -> Entries | None:
+def _packed_commands(study: Study, kept: Array) -> Entries | None:
     """Return the templates of the commands of the kept rows, and the template of each row; None without commands."""
-    templates, index_of_row = getattr(study, "row_commands", ([], []))
-    if not templates or len(index_of_row) != len(study.table):
+    templates, template_of_row = study.row_commands
+    if not templates:
         return None
-    indices = np.array([-1 if index is None else index for index in index_of_row])[kept]
+    indices = np.array([-1 if index is None else index for index in template_of_row])[kept]
     used, index_of_row = np.unique(indices, return_inverse=True)
     pieces = [
         [piece if isinstance(piece, str) else [piece["value"], piece["whole"]] for piece in templates[index]]
@@ -219,7 +221,7 @@ def _answer_html(sentences: list[str], charts: Charts) -> str:
     return "".join(f"<li>{bold.sub(lambda name: f'<b>{name[0]}</b>', line)}</li>" for line in lines)
 
 
-def _question_html(study: StudyLike, data: Entries) -> str:
+def _question_html(study: Study, data: Entries) -> str:
     question = study.spec.get("question")
     question_html = f'<p class="question">{escape(str(question))}</p>' if question else ""
     counts = study.table["status"].replace(study_data.WAITING, "still to be made").value_counts()
@@ -247,7 +249,7 @@ def _sampling_notice(data: Entries, beside: str) -> str:
     )
 
 
-def _varied_table(study: StudyLike, roles: ColumnRoles) -> str:
+def _varied_table(study: Study, roles: ColumnRoles) -> str:
     lines = []
     for path in roles.varied:
         column = study.table[path]
@@ -273,17 +275,12 @@ def _varied_table(study: StudyLike, roles: ColumnRoles) -> str:
 # ---------------------------------------------------------------------------------------- further sections
 
 
-def _measures_table(study: StudyLike, roles: ColumnRoles) -> str:
-    descriptions = study_data.words(study)
+def _measures_table(study: Study, roles: ColumnRoles) -> str:
     lines = [
-        [
-            escape(label),
-            f"<code>{escape(name)}</code>",
-            escape(descriptions.get(name, "")),
-        ]
+        [escape(label), f"<code>{escape(name)}</code>", escape(study.columns.get(name, ""))]
         for name, label in roles.measures.items()
     ]
-    return _table_html(["measure", "column", "what it is"], lines) if descriptions else ""
+    return _table_html(["measure", "column", "what it is"], lines)
 
 
 def _losses_html(table: pd.DataFrame) -> str:
@@ -308,10 +305,10 @@ def _losses_html(table: pd.DataFrame) -> str:
     return still + note + _table_html(["status", "runs", "method", "reason"], lines) + more
 
 
-def _methods_html(study: StudyLike) -> str:
+def _methods_html(study: Study) -> str:
     from percuss.methods.registry import Registry
 
-    registry: Registry = getattr(study, "registry", None) or Registry.load()
+    registry = Registry.load()
     families = {"integrators": "integrator", "contacts": "contact"}
     articles = [
         _component_html(registry, family, name, variants)
@@ -367,19 +364,19 @@ def _reference_html(reference: str) -> str:
     return f'{escape(before)} <a rel="noreferrer" href="https://doi.org/{doi}">doi {doi}</a>{after}'
 
 
-def _command_and_file(study: StudyLike) -> str:
+def _command_and_file(study: Study) -> str:
     command = study.provenance.get("command")
     words = command if isinstance(command, str) else shlex.join(map(str, command or ("percuss", "study", AGAIN)))
     saved = f"<p>With the file below saved as <code>{AGAIN}</code> where its cases are found from:</p>"
     run = f'{"" if command else saved}<pre class="command">{escape(words)}</pre>'
-    if any(file.role == "study" and file.text is not None for file in getattr(study, "files", [])):
+    if any(file.role == "study" and file.text is not None for file in study.files):
         return f'{run}<p>The study file and the files that it names stand <a href="#files">below</a>.</p>'
     return f"{run}<p>The study file, as it was read:</p><pre>{escape(_yaml(study.spec))}</pre>"
 
 
-def _files_html(study: StudyLike) -> str:
+def _files_html(study: Study) -> str:
     """Return the files that the study came from, each with its digest and its text, folded in."""
-    files = getattr(study, "files", [])
+    files = study.files
     if not files:
         return "<p>No files were kept with this study.</p>"
     note = (

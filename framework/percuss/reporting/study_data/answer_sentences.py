@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss.case.quantities import ranking
 from percuss.reporting.figures import number
 from percuss.reporting.study_data.roles import ColumnRoles, references
-from percuss.reporting.study_data.values import WAITING, methods, numbers, texts
+from percuss.reporting.study_data.values import WAITING, groups, methods, numbers, texts
 from percuss.reporting.verdict import best_words, is_same
 
 if TYPE_CHECKING:
@@ -36,9 +36,10 @@ def answer(table: pd.DataFrame, roles: ColumnRoles) -> list[str]:
 
 
 def _best_sentences(table: pd.DataFrame, roles: ColumnRoles, name: str) -> list[str]:
-    values, pairs, cases = numbers(table[name]), np.array(methods(table)), np.array(texts(table["case"]))
+    values, pairs = numbers(table[name]), np.array(methods(table))
     compared = (table["status"] == "done").to_numpy() & np.isfinite(values) & ~np.isin(pairs, references(table))
-    of_cases = {case: np.flatnonzero(compared & (cases == case)) for case in dict.fromkeys(cases[compared].tolist())}
+    rows_compared = np.flatnonzero(compared)
+    of_cases = {case: rows_compared[own] for (case,), own in groups(texts(table["case"][compared])).items()}
     what = roles.measures[name].removesuffix(" [%]")
     if not of_cases:
         return [f"No run has a value of the {what}."]
@@ -89,10 +90,8 @@ def _dependence_sentence(table: pd.DataFrame, roles: ColumnRoles, name: str) -> 
 
 def _factor(done: pd.DataFrame, roles: ColumnRoles, path: str, name: str) -> float:
     """Return the median ratio of largest to smallest error over one varied value with all others held; else nan."""
-    groups: dict[Any, dict[str, float]] = {}
     held = [texts(done[other]) for other in (*roles.varied, "case") if other != path]
-    for value, error, *key in zip(texts(done[path]), numbers(done[name]), methods(done), *held, strict=True):
-        if value and error > 0:
-            groups.setdefault(tuple(key), {})[value] = error
-    ratios = [max(own.values()) / min(own.values()) for own in groups.values() if len(own) > 1]
+    values, errors = np.array(texts(done[path]), dtype=object), numbers(done[name])
+    alike = (rows[(values[rows] != "") & (errors[rows] > 0)] for rows in groups(methods(done), *held).values())
+    ratios = [errors[rows].max() / errors[rows].min() for rows in alike if len(set(values[rows])) > 1]
     return float(np.median(ratios)) if ratios else np.nan

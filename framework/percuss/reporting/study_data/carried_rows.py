@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from percuss.case.quantities import ranking
 from percuss.reporting.study_data.roles import ColumnRoles
-from percuss.reporting.study_data.values import methods, numbers, texts
+from percuss.reporting.study_data.values import groups, methods, numbers, texts
 from percuss.studies.pareto import front_of
 
 if TYPE_CHECKING:
@@ -65,7 +64,8 @@ def best_runs(table: pd.DataFrame, roles: ColumnRoles) -> Any:
     costs = [numbers(table[name]) for name in roles.costs]
     errors = [numbers(table[name]) for name in ranking(roles.measures)]
     best = np.zeros(len(table), dtype=bool)
-    for rows in _by_case_and_method(table, done):
+    for own in groups(texts(table["case"]), methods(table)).values():
+        rows = own[done[own]]
         for error in errors:
             finite = rows[np.isfinite(error[rows])]
             if finite.size:
@@ -73,17 +73,6 @@ def best_runs(table: pd.DataFrame, roles: ColumnRoles) -> Any:
             for cost in costs:
                 best[rows[front_of(cost[rows], error[rows])]] = True
     return best
-
-
-def _by_case_and_method(table: pd.DataFrame, mask: Any) -> Iterator[Any]:
-    """Yield the row numbers of each case and pair of methods, among the rows selected by a mask."""
-    rows = np.flatnonzero(mask)
-    labels = [f"{case}\0{method}" for case, method in zip(texts(table["case"]), methods(table), strict=True)]
-    groups = np.unique(np.array(labels, dtype=object)[rows].astype(str), return_inverse=True)[1] if rows.size else rows
-    order = np.argsort(groups, kind="stable")
-    for part in np.split(rows[order], np.flatnonzero(np.diff(groups[order])) + 1):
-        if part.size:
-            yield part
 
 
 def front(cost: Any, error: Any) -> Any:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections import Counter
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss.jsonable import Entries
-from percuss.reporting.study_data.values import WAITING, methods, numbers, texts
+from percuss.reporting.study_data.values import WAITING, groups, methods, numbers, texts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,31 +48,27 @@ class Cell:
 
 def cells(table: pd.DataFrame, name: str) -> dict[str, dict[str, Cell]]:
     """Return the cells of one measure: for each case a mapping from the pair of methods to its cell."""
-    pairs, cases = np.array(methods(table), dtype=object), np.array(texts(table["case"]), dtype=object)
     status, values = np.array(texts(table["status"]), dtype=object), numbers(table[name])
     out: dict[str, dict[str, Cell]] = {}
-    for case in dict.fromkeys(cases.tolist()):
-        for pair in dict.fromkeys(pairs[cases == case].tolist()):
-            own = np.flatnonzero((pairs == pair) & (cases == case) & (status != WAITING))
-            if not own.size:
-                continue
-            measured = (status[own] == "done") & np.isfinite(values[own])
-            valid, ends = values[own[measured]], status[own[~measured]].tolist()
-            lost = Counter("without a number" if end == "done" else end for end in ends)
-            row = int(own[measured][np.argmin(valid)]) if valid.size else -1
-            best, median = (float(valid.min()), float(np.median(valid))) if valid.size else (np.nan, np.nan)
-            out.setdefault(case, {})[pair] = Cell(best, median, row, valid.size, own.size, dict(lost))
+    for (case, pair), rows in groups(texts(table["case"]), methods(table)).items():
+        own = rows[status[rows] != WAITING]
+        has_value = (status[own] == "done") & np.isfinite(values[own])
+        measured, lost = own[has_value], Counter(status[own[~has_value]].tolist())
+        lost = Counter({"without a number" if end == "done" else end: count for end, count in lost.items()})
+        best, median, row = np.nan, np.nan, -1
+        if measured.size:
+            row = int(measured[np.argmin(values[measured])])
+            best, median = float(values[row]), float(np.median(values[measured]))
+        if own.size:
+            out.setdefault(case, {})[pair] = Cell(best, median, row, measured.size, own.size, dict(lost))
     return out
 
 
 def lost(table: pd.DataFrame) -> list[Entries]:
     """Return the reasons why runs are not done, most frequent first; reasons that differ by numbers alone are one."""
     rows = table[~table["status"].isin(["done", WAITING])]
-    pairs = methods(rows)
-    sources, reasons, status = (texts(rows[name]) for name in ("said_by", "reason", "status"))
-    groups: dict[Any, Entries] = {}
-    for entry in zip(status, pairs, sources, reasons, strict=True):
-        kind = (*entry[:3], re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", entry[3]))
-        group = groups.setdefault(kind, dict(zip(("status", "method", "said_by", "reason"), entry, strict=True)))
-        group["count"] = group.get("count", 0) + 1
-    return sorted(groups.values(), key=lambda group: -int(group["count"]))
+    told = {name: texts(rows[name]) for name in ("status", "said_by", "reason")} | {"method": methods(rows)}
+    kinds = [re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", reason) for reason in told["reason"]]
+    alike = groups(told["status"], told["method"], told["said_by"], kinds).values()
+    found = [{name: column[own[0]] for name, column in told.items()} | {"count": own.size} for own in alike]
+    return sorted(found, key=lambda group: -group["count"])

@@ -5,14 +5,16 @@ from __future__ import annotations
 import base64
 import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss.jsonable import Entries
 from percuss.reporting.figures import thinned
-from percuss.reporting.study_data.roles import StudyLike
-from percuss.reporting.study_data.values import methods, numbers, texts
+from percuss.reporting.study_data.values import groups, methods, numbers, texts
+
+if TYPE_CHECKING:
+    from percuss.studies.study_table import Study
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,19 +34,16 @@ def packed(values: object, kind: str = "<f4") -> str:
         return base64.b64encode(np.asarray(values, dtype=float).astype(kind).tobytes()).decode("ascii")
 
 
-def kept_histories(study: StudyLike, table: pd.DataFrame, ranked: Sequence[str]) -> dict[int, Entries]:
+def kept_histories(study: Study, table: pd.DataFrame, ranked: Sequence[str]) -> dict[int, Entries]:
     """Return thinned histories by row number, for as many of the rows as a page can carry.
 
     The rows are taken from each pair of methods in each case in turn, by the first of the `ranked` measures: what a
     page leaves out are the worst runs of each pair.
     """
-    kept, turns = study.with_histories, dict[Any, list[int]]()
+    kept = table["key"].isin(list(study.with_histories)).to_numpy()
     errors = numbers(table[ranked[0]].where(table["status"] == "done")) if ranked else np.zeros(len(table))
-    names = zip(texts(table["case"]), methods(table), table["key"], strict=True)
-    for row, (case, method, key) in enumerate(names):
-        if key in kept:
-            turns.setdefault((case, method), []).append(row)
-    queues = [np.array(rows)[np.argsort(errors[rows], kind="stable")].tolist() for rows in turns.values()]
+    own = [rows[kept[rows]] for rows in groups(texts(table["case"]), methods(table)).values()]
+    queues = [rows[np.argsort(errors[rows], kind="stable")].tolist() for rows in own]
     out: dict[int, Entries] = {}
     letters = 0
     for row in (row for turn in itertools.zip_longest(*queues) for row in turn if row is not None):

@@ -10,7 +10,7 @@ import numpy as np
 
 from percuss.jsonable import Entries
 from percuss.reporting.study_data.roles import references
-from percuss.reporting.study_data.values import STATISTICS, WAITING, methods, numbers, texts
+from percuss.reporting.study_data.values import STATISTICS, WAITING, groups, methods, numbers, texts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +36,7 @@ class Problems:
     """
 
     solvers: list[str]
-    rows: list[list[list[int]]]
+    rows: list[list[Any]]
     left_out: int
 
 
@@ -45,10 +45,10 @@ def problems(table: pd.DataFrame, varied: Sequence[str]) -> Problems:
     method_of_row, excluded = methods(table), set(references(table))
     solvers = [method for method in dict.fromkeys(method_of_row) if method not in excluded]
     paths = ["case", *(path for path in varied if path.split(".")[0] != "method")]
-    runs: dict[Any, dict[str, list[int]]] = {}
-    for row, (method, *point) in enumerate(zip(method_of_row, *(texts(table[path]) for path in paths), strict=True)):
+    runs: dict[Any, dict[str, Any]] = {}
+    for (method, *point), rows in groups(method_of_row, *(texts(table[path]) for path in paths)).items():
         if method not in excluded:
-            runs.setdefault(tuple(point), {}).setdefault(method, []).append(row)
+            runs.setdefault(tuple(point), {})[method] = rows
     kept = [[own[method] for method in solvers] for own in runs.values() if len(own) == len(solvers)]
     return Problems(solvers, kept, len(runs) - len(kept))
 

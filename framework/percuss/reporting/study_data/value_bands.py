@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.reporting.study_data.axis_bins import binned_column
-from percuss.reporting.study_data.values import WAITING, methods, numbers
+from percuss.reporting.study_data.values import WAITING, groups, methods, numbers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,9 +21,7 @@ def lacking(table: pd.DataFrame, path: str) -> set[str]:
 
     Their runs are the same at every value of the path.
     """
-    present = table[path].notna().to_numpy()
-    method_of_row = methods(table)
-    return set(method_of_row) - {method for method, has_value in zip(method_of_row, present, strict=True) if has_value}
+    return set(methods(table)) - set(methods(table[table[path].notna()]))
 
 
 def bands(table: pd.DataFrame, names: Sequence[str], path: str) -> Iterator[tuple[str, str, Any]]:
@@ -42,15 +40,12 @@ def bands(table: pd.DataFrame, names: Sequence[str], path: str) -> Iterator[tupl
     if not places.size:
         return
     bin_of = bin_of[is_made]
-    method_of_row, done = np.array(methods(made)), (made["status"] == "done").to_numpy()
+    done = (made["status"] == "done").to_numpy()
     without = lacking(made, path) if numbers(table[path]) is not None else set()
     measured = made[list(names)].astype(float).to_numpy()
-    for method in dict.fromkeys(method_of_row.tolist()):
-        own = method_of_row == method
-        bins = (
-            [(np.nan, own)] if method in without else [(place, own & (bin_of == k)) for k, place in enumerate(places)]
-        )
-        runs = [(place, np.flatnonzero(in_bin & done), int(in_bin.sum())) for place, in_bin in bins]
+    for (method,), own in groups(methods(made)).items():
+        bins = [(np.nan, own)] if method in without else [(x, own[bin_of[own] == k]) for k, x in enumerate(places)]
+        runs = [(place, in_bin[done[in_bin]], in_bin.size) for place, in_bin in bins]
         for n, name in enumerate(names):
             yield method, name, _band(runs, measured[:, n])
 

@@ -19,15 +19,9 @@ STATISTICS: dict[str, Callable[[Any], Any]] = {"best": np.min, "median": np.medi
 
 def numbers(column: Any) -> Any:
     """Return a column as float64 with nan for missing values, or None if it holds anything but numbers."""
-    if column.dtype.kind in "iuf":
-        return _as_floats(column)
-    present = column[column.notna()]
+    present = [] if column.dtype.kind in "iuf" else column[column.notna()]
     if not all(isinstance(v, (int, float, np.number)) and not isinstance(v, (bool, np.bool_)) for v in present):
         return None
-    return _as_floats(column)
-
-
-def _as_floats(column: Any) -> Any:
     return column.to_numpy(dtype=float, na_value=np.nan)
 
 
@@ -64,6 +58,14 @@ def methods(table: pd.DataFrame) -> list[str]:
     """Return the pair of methods of each row as one text: integrator + contact law."""
     pairs = zip(texts(table["integrator"]), texts(table["contact"]), strict=True)
     return [f"{integrator} + {contact}" for integrator, contact in pairs]
+
+
+def groups(*keys: Sequence[str]) -> dict[tuple[str, ...], Any]:
+    """Return the row numbers of each combination of texts, in the order in which the combinations appear."""
+    out: dict[tuple[str, ...], list[int]] = {}
+    for row, key in enumerate(zip(*keys, strict=True)):
+        out.setdefault(key, []).append(row)
+    return {key: np.array(rows) for key, rows in out.items()}
 
 
 def in_order(values: Sequence[str]) -> list[str]:
