@@ -19,6 +19,7 @@ from percuss.reporting.component import Explanation, docs
 from percuss.reporting.verdict import check_verdict
 from percuss.results.encounters import expected_meetings
 from percuss.results.exact import engine_for
+from percuss.step.parts import own_steps
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
@@ -97,15 +98,13 @@ def _group(key: str, heading: str, facts: Iterable[Fact]) -> Fact:
     return Fact(key, {fact.key: fact.value for fact in facts}, [heading, *lines] if heading else lines)
 
 
-def _non_default_options(component: Component) -> dict[str, str]:
-    """Return the options of a component that differ from their defaults, as a case would write them."""
-    values = {
-        option.key: (getattr(component, option.field), option.default)
+def _options(component: Component, *, with_defaults: bool) -> dict[str, str]:
+    """Return the options of a component as a case would write them: those given, or all that differ from defaults."""
+    pairs = {
+        option.key: (getattr(component, option.field), None if with_defaults else option.default)
         for option in options_of(type(component)).values()
     }
-    return {
-        key: _short_text(value) for key, (value, default) in values.items() if value is not default and value != default
-    }
+    return {key: _short_text(value) for key, (value, usual) in pairs.items() if value is not usual and value != usual}
 
 
 def _short_text(value: Any) -> str:
@@ -143,7 +142,7 @@ def _body(body: Body) -> Fact:
     waves = ", ".join(f"{name} {value[name]:.6g}" for name in ("transit", "impedance"))
     words = [
         f"{body.name}: {spec.shape.name} of {h.size} elements{nodes}, {size}, {material.name} "
-        f"({_assignments(_non_default_options(material))}), area {spec.section:.6g}{moves}{fixed}",
+        f"({_assignments(_options(material, with_defaults=False))}), area {spec.section:.6g}{moves}{fixed}",
         f"  c = {c:.6g}, {waves}",
     ]
     if body.why_not_linear:
@@ -217,7 +216,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
         "gap": contact_point.gap,
         "law": law.name,
-        "given": _non_default_options(law),
+        "given": _options(law, with_defaults=False),
         "resolved": {key: one for key, one in model.parameters()[contact_point.name].items() if key != "law"},
         "chosen": dict(law.chosen(model.points([number], model.dt), model.dt)),
         "point": dict(zip(names, at_end, strict=True))
@@ -258,7 +257,7 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
     if linear is None or model.implicit:
         return None
     record = model.records_of(bound_law, model.tables[-1], bound_law.points.delassus)[bound_law.where.index(number)]
-    w = float(record["response"])
+    numbers = {name: float(record[field]) for name, field in OF_RECORD.items()}
     judged = "predicted" if record["sees_predicted_gap"] else "current"
     end_force = model.end_forces(0.5 * model.dt).get(number)
     if end_force is not None:
@@ -267,15 +266,11 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
         "at": linear.at,
         "judged": "balanced" if model.points_without_mass[number] else judged,
         "sees_acceleration": bool(record["sees_acceleration"]),
-        "sigma": float(record["sigma"]),
-        "gap": float(record["weight_gap"]),
-        "rate": float(record["weight_rate"]),
-        "acceleration": float(record["weight_acceleration"]),
         "active": linear.active,
         "sign": linear.sign,
-        "w": w,
+        **numbers,
         **{name: float(getattr(linear, name)[bound_law.where.index(number)]) for name in OF_END_FORCE},
-        "stiffness": 1.0 / (float(record["sigma"]) + w * s),
+        "stiffness": 1.0 / (numbers["sigma"] + numbers["w"] * s),
     }
 
 
@@ -286,6 +281,14 @@ def _names_at_end(model: Model, contact_point: ContactPoint) -> tuple[str, str, 
     return "EA/h", "rho A h / 2", "2c/h"
 
 
+# The numbers of a linear law, by their names in the record of a contact point.
+OF_RECORD = {
+    "sigma": "sigma",
+    "gap": "weight_gap",
+    "rate": "weight_rate",
+    "acceleration": "weight_acceleration",
+    "w": "response",
+}
 BALANCED_GAP = "the gap at t_n, in static balance of the end without mass, whatever the integrator"
 
 
@@ -331,26 +334,14 @@ def _linear_law_lines(law: Mapping[str, Any]) -> Iterator[str]:
 
 def _load(spec: LoadSpec) -> Fact:
     """Return a load: where and when it acts, and its options."""
-    targets = ", ".join(str(address) for address in spec.on) or "every body"
-    when = "".join(
-        f" {word} {instant:.6g}"
-        for word, instant in (("from", spec.start), ("until", spec.stop))
-        if math.isfinite(instant)
-    )
+    targets = ", ".join(map(str, spec.on)) or "every body"
+    times = {"from": spec.start, "until": spec.stop}
+    when = "".join(f" {word} {instant:.6g}" for word, instant in times.items() if math.isfinite(instant))
     clock = "; its time counts from there" if math.isfinite(spec.start) and spec.start > 0 else ""
     along = f"along {list(spec.direction)}" if spec.direction is not None else "along the body"
-    options = {
-        option.key: _short_text(getattr(spec.load, option.field))
-        for option in options_of(type(spec.load)).values()
-        if getattr(spec.load, option.field) is not None
-    }
+    options = _options(spec.load, with_defaults=True)
     formula = docs(type(spec.load)).formula
-    value = {
-        "load": spec.load.name,
-        "as": spec.acts_as,
-        "on": [str(address) for address in spec.on],
-        "options": options,
-    }
+    value = {"load": spec.load.name, "as": spec.acts_as, "on": list(map(str, spec.on)), "options": options}
     text = f"{spec.name}: {spec.load.name} as {spec.acts_as} on {targets} {along}{when}{clock}; {_assignments(options)}"
     return Fact(spec.name, value, [text, *([f"  {' '.join(formula.split())}"] if formula else [])])
 
@@ -358,10 +349,7 @@ def _load(spec: LoadSpec) -> Fact:
 def _components(model: Model) -> list[Component]:
     """Return one instance of each component that the run uses, without the exact solution."""
     case = model.case
-    components: list[Component] = [
-        case.method.integrator,
-        *(contact_point.law for contact_point in model.contact_points),
-    ]
+    components: list[Component] = [case.method.integrator, *(point.law for point in model.contact_points)]
     components += [load.load for load in case.loads.values()]
     components += [part for body in case.bodies.values() for part in (body.shape, body.material, body.element)]
     components += filter(None, (case.method.mass, *(contact.pairing for contact in case.contacts.values())))
@@ -387,33 +375,7 @@ def _method(model: Model, component: Component) -> Fact:
     properties += [f"conserves {' and '.join(facts['conserves'])} without contact"] if facts.get("conserves") else []
     words += [f"  {'; '.join(properties)}"] if properties else []
     words += [f"  see {reference}" for reference in component.references]
-    words += _stage_lines(model) if component.family == "integrators" else []
+    if component.family == "integrators":
+        scheme = model.implicit or model.stages
+        words += [f"  {line}" for line in (*own_steps.in_words(model), *(scheme.in_words if scheme else ()))]
     return Fact(f"{component.family}/{component.name}", value, words)
-
-
-def _stage_lines(model: Model) -> list[str]:
-    """Return the lines about the stages of a multi-stage scheme; none for a leap-frog scheme."""
-    if model.own_steps:
-        steps = ", ".join(f"{number} in '{name}'" for name, number in zip(model.bodies, model.own_steps, strict=True))
-        return [
-            f"  bodies have steps of their own: steps from one action of the internal forces to the next, {steps}; "
-            "contacts and loads on ends act in every step",
-        ]
-    if model.implicit:
-        return [
-            "  implicit, in NumPy and SciPy: a reference that shows what implicit costs, and no contender; contact "
-            "is solved at the end of each step, an explicit penalty too",
-            "  forces, works and energies are those at t_n; what the scheme takes from bodies is dissipated energy",
-        ]
-    if model.stages is None:
-        return []
-    times = ", ".join(f"{time:.6g}" for time in model.stages.times)
-    end = (
-        "is evaluated there too, ahead to the next stage" if model.stages.end else "has no place in it, and is refused"
-    )
-    return [
-        f"  no leap-frog scheme: accelerations, contact included, at {times} of each step; a law evaluated at "
-        f"the end of the step {end}",
-        "  forces and impulses are those of whole steps; energies stand at the end of each, and their closure counts "
-        "what the scheme itself gains or loses",
-    ]

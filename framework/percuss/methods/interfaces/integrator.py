@@ -91,6 +91,18 @@ class Stages(NamedTuple):
     velocity: tuple[float, ...] = ()
     start: tuple[float, ...] = ()
 
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """What is special about such a scheme, in sentences for a reader of a case."""
+        times = ", ".join(f"{time:.6g}" for time in self.times)
+        end = "is evaluated there too, ahead to the next stage" if self.end else "has no place in it, and is refused"
+        return (
+            f"no leap-frog scheme: accelerations, contact included, at {times} of each step; a law evaluated at "
+            f"the end of the step {end}",
+            "forces and impulses are those of whole steps; energies stand at the end of each, and their closure counts "
+            "what the scheme itself gains or loses",
+        )
+
 
 class Implicit(NamedTuple):
     """An implicit scheme of Newmark's family, contact solved at the end of the step: a reference in NumPy and SciPy.
@@ -113,6 +125,15 @@ class Implicit(NamedTuple):
     beta: float
     gamma: float
     alpha: float = 0.0
+
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """What is special about such a scheme, in sentences for a reader of a case."""
+        return (
+            "implicit, in NumPy and SciPy: a reference that shows what implicit costs, and no contender; contact "
+            "is solved at the end of each step, an explicit penalty too",
+            "forces, works and energies are those at t_n; what the scheme takes from bodies is dissipated energy",
+        )
 
 
 class Integrator(Component, contract="integrators"):

@@ -26,7 +26,17 @@ from percuss.step.bulk import (
 from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
+    from percuss.contact.model_arrays import ModelArrays
     from percuss.methods.interfaces import Floats, Integers
+
+
+def in_words(model: ModelArrays) -> list[str]:
+    """Return in sentences which bodies have steps of their own, nothing where none has."""
+    steps = zip(model.bodies, model.own_steps, strict=True) if model.own_steps else ()
+    told = ", ".join(f"{number} in '{name}'" for name, number in steps)
+    every = "contacts and loads on ends act in every step"
+    between = "steps from one action of the internal forces to the next"
+    return [f"bodies have steps of their own: {between}, {told}; {every}"] if told else []
 
 
 class Ahead(NamedTuple):
