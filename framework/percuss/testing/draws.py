@@ -10,19 +10,24 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 from unittest import mock
 
 import numpy as np
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+from hypothesis.errors import Flaky
+from hypothesis.strategies import SearchStrategy
 
+from percuss.case.options import options_of
 from percuss.case.quantities import COMPARED_BY_KIT
+from percuss.case.type_words import bounds, is_union
 from percuss.errors import InputError, PercussError, RefusedPair, RunError
+from percuss.methods.interfaces import DataFile
 from percuss.results.result import Result
 from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject
 
 if TYPE_CHECKING:
-    from hypothesis.strategies import SearchStrategy
-
     from percuss.jsonable import Data, Entries
 
 
@@ -61,9 +66,6 @@ def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any
     are skipped, `NotApplicable` is raised with the first reason. Of the values that fail, the one with the shortest
     case is reported: the first one, unless `Subject.shrinks`.
     """
-    from hypothesis import HealthCheck, Phase, given, seed, settings
-    from hypothesis.errors import Flaky
-
     skipped: list[Exception] = []
     applied: list[bool] = []
     failures: list[tuple[int, str, list[Data]]] = []  # length of the case, message, case
@@ -123,8 +125,6 @@ def without_constants_of_modules() -> Iterator[None]:
 
 def number(low: float, high: float) -> SearchStrategy[float]:
     """Return a strategy for numbers of two decimals, which are easy to read in a failing example."""
-    from hypothesis import strategies as st
-
     return st.integers(round(low * 100), round(high * 100)).map(lambda k: k / 100)
 
 
@@ -174,7 +174,6 @@ def bar_chains(
     steps
         Largest number of time steps.
     """
-    from hypothesis import strategies as st
 
     @st.composite
     def drawn(draw: Callable[[SearchStrategy[Any]], Any]) -> Entries:
@@ -207,13 +206,6 @@ def bar_chains(
 
 def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:  # noqa: PLR0911  one return for each kind of type
     """Return a strategy for values that the annotation of an option allows, numbers of the magnitude of its default."""
-    from typing import Annotated, Literal, get_args, get_origin
-
-    from hypothesis import strategies as st
-
-    from percuss.case.type_words import bounds, is_union
-    from percuss.methods.interfaces import DataFile
-
     if get_origin(annotation) is Annotated:
         low, high, at_low, at_high = bounds(annotation)
         size = abs(default) if isinstance(default, int | float) and default and math.isfinite(default) else 1.0
@@ -244,8 +236,6 @@ def _numbers(
     low: float, high: float, at_low: bool, at_high: bool, size: float, *, whole: bool
 ) -> SearchStrategy[float]:
     """Return a strategy for whole or real numbers within bounds; `size` is the magnitude of unbounded real numbers."""
-    from hypothesis import strategies as st
-
     if whole:
         return st.integers(
             math.floor(low) + (not at_low) if math.isfinite(low) else -5,
@@ -331,7 +321,6 @@ def converted(case: Data) -> Entries:
 
 def converted_options(subject: Subject) -> Entries:
     """Return the options of a subject converted to the other units by their units, with defaults that change."""
-    from percuss.case.options import options_of
 
     def scaled(value: Any, scale: float) -> Any:
         if isinstance(value, tuple | list):
@@ -436,8 +425,6 @@ def on_chains(share: int = 1, **chains: Any) -> Callable[[ChainCheck], Callable[
     def decorated(function: ChainCheck) -> Callable[[Subject], None]:
         @functools.wraps(function)
         def made(subject: Subject) -> None:
-            from hypothesis import strategies as st
-
             def body(drawn: tuple[Any, ...]) -> None:
                 case, *choices = drawn
                 for options, partner in choices:

@@ -24,9 +24,19 @@ from percuss.testing.subject import DRAWS, PARTNERS, Check, CheckFailed, NotAppl
 
 
 def known_checks() -> list[Check]:
-    """Return all checks of the kit in the order in which they are run."""
-    from percuss.testing.checks import bulk, common, contacts, integrators, loads, others, pairs
+    """Return all checks of the kit in the order in which they are run.
 
+    Raises
+    ------
+    PluginError
+        If Hypothesis is missing, with which they draw cases.
+    """
+    try:
+        from percuss.testing.checks import bulk, common, contacts, integrators, loads, others, pairs
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "hypothesis":
+            raise
+        raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'") from None
     modules = (bulk, common, contacts, pairs, integrators, loads, others)
     return [each for module in modules for each in vars(module).values() if isinstance(each, Check)]
 
@@ -100,10 +110,6 @@ def _performed(kit_check: Check, subject: Subject, partner: str) -> Outcome:
             kit_check(subject, partner) if partner else kit_check(subject)
     except NotApplicable as exemption:
         return Outcome(kit_check, partner, "not applicable", str(exemption), reason)
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] == "hypothesis":
-            raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'") from None
-        return Outcome(kit_check, partner, "failed", _error_with_line(error, subject))
     except (CheckFailed, PercussError) as error:
         message = str(error) if isinstance(error, CheckFailed) else _error_with_line(error, subject)
         return Outcome(kit_check, partner, "expected failure" if reason else "failed", message, reason)

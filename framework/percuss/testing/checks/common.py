@@ -12,12 +12,16 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from hypothesis import strategies as st
+from hypothesis.errors import Unsatisfiable
 
+from percuss.case.json_schema import schema_of
+from percuss.case.options import options_of
 from percuss.errors import InputError, RefusedPair, RunError, suggestion
-from percuss.jsonable import Data, Entries
+from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import described
 from percuss.results.result import Result
-from percuss.testing.draws import TWO_BARS, for_all, must_agree, on_chains, option_values
+from percuss.testing.draws import TWO_BARS, for_all, must_agree, on_chains, option_values, unit_factor
 from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, check
 
 # families of methods that take part in the time steps
@@ -144,10 +148,6 @@ def check_options_documented(subject: Subject) -> None:
     Every option has a description, `Doc("...")`, and every number a unit, such as `Unit("force/length")`. The
     schema, the messages and the check `units` use the unit.
     """
-    from percuss.case.json_schema import schema_of
-    from percuss.case.options import options_of
-    from percuss.testing.draws import unit_factor
-
     schema = schema_of(subject.component)["properties"]
     for key, option in options_of(subject.component).items():
         if not option.doc:
@@ -165,11 +165,6 @@ def check_options_bounded(subject: Subject) -> None:
     A value within the bounds of an option works, or is refused with a reason. Any other value is refused. If a
     value is accepted and then gives nonsense or a Python error, a bound is missing.
     """
-    from hypothesis import strategies as st
-    from hypothesis.errors import Unsatisfiable
-
-    from percuss.case.options import options_of
-
     for key, option in options_of(subject.component).items():
         for invalid in (math.nan, {"no": "mapping"}):
             try:
@@ -226,9 +221,6 @@ def check_schema(subject: Subject) -> None:
     The schema can be written as JSON and allows the defaults and examples of the options. Editors complete cases
     with the schema, and other tools check cases against it.
     """
-    from percuss.case.json_schema import schema_of
-    from percuss.jsonable import plain
-
     schema = schema_of(subject.component)
     json.dumps(plain(schema), allow_nan=False)
     try:

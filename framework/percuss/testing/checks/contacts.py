@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from percuss.case.options import options_of
+from percuss.case.type_words import branches
 from percuss.contact.bound_law import COEFFICIENTS, bind_law
 from percuss.errors import InputError, RefusedPair, RunError, suggestion
 from percuss.jsonable import Data, Entries
+from percuss.march.model import Model
 from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
 from percuss.methods.kernel_trial import COUPLED, multipliers_of, plain_kernel, trial_of
 from percuss.testing.draws import (
@@ -189,10 +192,6 @@ def _case_at_one_end(subject: Subject, partner: str, *options: Data) -> Entries:
 
 def _nudged(subject: Subject, case: Data, options: Data) -> Iterator[tuple[Entries, Entries]]:
     """Yield pairs of options that differ by little in one number, for each number that the law uses in a case."""
-    from percuss.case.options import options_of
-    from percuss.case.type_words import branches
-    from percuss.march.model import Model
-
     used = Model(subject.load(case)).parameters()["ab"]
     for key, option in options_of(subject.component).items():
         value = options.get(key, used.get(key, option.default))

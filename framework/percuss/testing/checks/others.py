@@ -7,7 +7,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from percuss.contact.contact_problem import contact_problem
 from percuss.jsonable import Entries
+from percuss.march.model import Model
 from percuss.methods.plugin_calls import answer
 from percuss.testing.draws import TWO_BARS, on_chains
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
@@ -25,9 +27,6 @@ def _solved(subject: Subject, case: Entries) -> tuple[Any, float]:
     CheckFailed
         If it gives no reason for not covering the case, or for ending early.
     """
-    from percuss.contact.contact_problem import contact_problem
-    from percuss.march.model import Model
-
     model = Model(subject.load(case))
     problem = contact_problem(model)
     engine = subject.make(subject.options)

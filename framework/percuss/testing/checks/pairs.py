@@ -8,11 +8,16 @@ from collections.abc import Iterator
 from typing import Any, cast
 
 import numpy as np
+from hypothesis import strategies as st
 
 from percuss.case import defaults
 from percuss.case.quantities import COMPARED_BY_KIT, QUANTITIES
+from percuss.certificate import verdict
+from percuss.certificate.closed_contacts import closed_contacts
+from percuss.certificate.criteria import operator_criterion, step_criterion
 from percuss.errors import InputError, RunError
 from percuss.jsonable import Data, Entries
+from percuss.march.model import Model
 from percuss.methods.interfaces import LeapFrog
 from percuss.results.ledger import STORED_BY_LAWS
 from percuss.results.result import Result
@@ -73,7 +78,6 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
     critical step is known, it is halved until the default method runs with the same partner. With a wrong sign, a
     force applied twice, an ignored time step or the gap of an earlier step the impulse has another limit.
     """
-    from hypothesis import strategies as st
 
     def check_convergence(drawn: tuple[float, float, float]) -> None:
         errors: list[float] = []
@@ -97,9 +101,6 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
 
 def _run_at_stable_step(subject: Subject, case: Entries, partner: str) -> Result:
     """Return the result of a run, with a step at which the pair can be expected to run if that of the case is above."""
-    from percuss.certificate import verdict
-    from percuss.march.model import Model
-
     wanted = case["time"]["courant"]
     try:
         return subject.run(case)
@@ -144,9 +145,6 @@ def below_limit(subject: Subject, case: Data, courant: float) -> float:
     """
     if subject.family != "integrators":
         return courant
-    from percuss.certificate import verdict
-    from percuss.march.model import Model
-
     limit = subject.component.critical_courant  # type: ignore[attr-defined]
     if limit is None:
         free = {**case, "contacts": {}, "method": {"integrator": case["method"]["integrator"]}}
@@ -166,8 +164,6 @@ def check_energy_never_grows(subject: Subject, partner: str) -> None:
     law's own word. Otherwise the energy never exceeds its initial value and never rises from one state with all
     contacts open to the next. A scheme that gives bodies steps of their own is exempt, whatever the contact law.
     """
-    from hypothesis import strategies as st
-
     other = subject.registry.components[PARTNERS[subject.family], partner]
     pairs = list(itertools.product(subject.examples, other.examples))
 
@@ -207,8 +203,6 @@ def energy_growth(subject: Subject, case: Data, result: Result) -> float:
     NotApplicable
         If a law ties meshes.
     """
-    from percuss.march.model import Model
-
     model = Model(subject.load(case))
     laws = [bound_law.linear for bound_law in model.laws]
     if any(law is not None and np.any(law.rate) and law.sign == "free" and law.active == "all" for law in laws):
@@ -313,8 +307,6 @@ def check_no_contact(subject: Subject, case: Entries) -> None:
     Bodies without contacts, or with contacts that never close, move as if there were no contact law. This detects a
     contact force at a distance, and a method that needs at least one contact.
     """
-    from percuss.march.model import Model
-
     open_case = copy.deepcopy({**case, "loads": {}})
     for index, body in enumerate(open_case["bodies"].values()):
         body["at"] += 10.0 * index
@@ -347,10 +339,6 @@ def check_certificate(subject: Subject, case: Entries) -> None:
     The critical step computed from linear laws and integrator is the step at which the motion itself begins to
     grow. If the linear laws of a pair do not describe what its runs do, its certificate is wrong.
     """
-    from percuss.certificate.closed_contacts import closed_contacts
-    from percuss.certificate.criteria import operator_criterion, step_criterion
-    from percuss.march.model import Model
-
     model = Model(subject.load(subject.placed(case)))
     if model.implicit:
         raise NotApplicable("the scheme is implicit, and has no critical step")
