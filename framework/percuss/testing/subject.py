@@ -1,4 +1,4 @@
-"""The subject of the conformance kit, a component under test, and the register of checks of each family."""
+"""The subject of the conformance kit, a component under test, and what a check of it is."""
 
 from __future__ import annotations
 
