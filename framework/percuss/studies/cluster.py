@@ -10,7 +10,6 @@ import logging
 import pickle
 import threading
 import time
-from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from typing import Any
 
@@ -19,28 +18,24 @@ from percuss.errors import RunError, wrong_input
 from percuss.studies.job_package import Bench, Job, Record
 from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
-from percuss.studies.workers import Batches
+from percuss.studies.workers import Batches, Made
 from percuss.version import __version__
-
-Keep = Callable[[Sequence[Record]], None]
 
 FIRST_WORD, LATER_WORDS = 5.0, 60.0  # seconds without workers until it is said, and until it is said again
 LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
 
 
-def run_cluster(bench: Bench, jobs: Sequence[Job], address: str, keep: Keep, stop: threading.Event) -> None:
-    """Make the runs on the workers of the scheduler at `address`.
+def made_on_cluster(bench: Bench, address: str, batches: Batches, stop: threading.Event) -> Made:
+    """Make the runs on the workers of the scheduler at `address` and yield each finished batch with its records.
 
     Parameters
     ----------
     bench
         Everything the workers need: cases, plug-ins and tables as text. Packages of methods must be installed there.
-    jobs
-        Runs to make.
     address
         Address of the scheduler, as ``tcp://10.0.0.1:8786``.
-    keep
-        Called with the records of each finished batch.
+    batches
+        Runs to make.
     stop
         Event that ends the work when it is set.
 
@@ -54,7 +49,7 @@ def run_cluster(bench: Bench, jobs: Sequence[Job], address: str, keep: Keep, sto
     client = _client(address)
     try:
         with client.as_current():
-            _distribute(client, pickle.dumps(bench), jobs, keep, stop)
+            yield from _made(client, pickle.dumps(bench), batches, stop)
     except (CancelledError, OSError) as error:
         message = "the scheduler is gone; the rows made so far are kept, and the same command continues"
         raise RunError(f"{address}: {message} ({type(error).__name__})") from error
@@ -77,17 +72,16 @@ def _client(address: str) -> Any:
         raise wrong_input(f"--scheduler {address}", f"nobody answers: {error}", advice) from None
 
 
-def _distribute(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop: threading.Event) -> None:
+def _made(client: Any, bench: bytes, batches: Batches, stop: threading.Event) -> Made:
     from distributed import KilledWorker
 
-    workers = max(1, sum(client.nthreads().values()))
-    batches = Batches(jobs, workers)
+    batches.workers = max(1, sum(client.nthreads().values()))
     in_flight: dict[Any, list[Job]] = {}
     # Addresses of workers that cannot make runs of this study: they would use up all runs at once by failing them.
     unfit: set[str] = set()
     waiting = _WaitForWorkers(client)
     while (batches.waiting or in_flight) and not stop.is_set():
-        while batches.waiting and len(in_flight) < 2 * workers:
+        while batches.waiting and len(in_flight) < 2 * batches.workers:
             batch = batches.take()
             fit_workers = [address for address in client.nthreads() if address not in unfit] if unfit else []
             placement = {"workers": fit_workers} if fit_workers else {}
@@ -105,8 +99,7 @@ def _distribute(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop
                 unfit.add(address)
                 if set(client.nthreads()) - unfit:  # other workers may be able to make the runs
                     records = [record for record in records if not record.misfit]
-            keep(records)
-            batches.put_back(batch, records)
+            yield batch, records
     client.cancel(list(in_flight))
 
 

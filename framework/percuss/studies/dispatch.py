@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, closing, nullcontext
 
 from percuss.compiling import announced
 from percuss.errors import InputError
@@ -36,28 +35,24 @@ def make(
 
     They are made by the workers of the scheduler, or else by the local workers, or else in this process.
     """
-    from percuss.studies.workers import run_here, run_local
+    from percuss.studies.workers import Batches, made_here, made_locally
 
-    tasks = {job.key: job.task for job in jobs}
-
-    def keep(records: Sequence[Record]) -> None:
-        records = [_record_to_store(record, tasks[record.key], spec) for record in records]
-        if records:
-            store.add(records)
-            count(records)
-
-    stop: threading.Event
+    tasks, batches = {job.key: job.task for job in jobs}, Batches(jobs)
     with interruptible() as stop:
         count([])
         if scheduler is not None:
-            from percuss.studies.cluster import run_cluster
+            from percuss.studies.cluster import made_on_cluster
 
-            run_cluster(bench, jobs, scheduler, keep, stop)
-            return
-        if local is None:
-            run_here(bench, jobs, keep, stop)
+            made = made_on_cluster(bench, scheduler, batches, stop)
         else:
-            run_local(local, jobs, keep, stop)
+            made = made_here(bench, batches, stop) if local is None else made_locally(local, batches, stop)
+        with closing(made):
+            for batch, records in made:
+                kept = [_record_to_store(record, tasks[record.key], spec) for record in records]
+                if kept:
+                    store.add(kept)
+                    count(kept)
+                batches.put_back(batch, records)
 
 
 def summaries_of(local: LocalWorkers | None, bench: Bench, steps: Sequence[Task]) -> list[Data]:

@@ -17,7 +17,7 @@ import tempfile
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as first_of
 from pathlib import Path
@@ -57,15 +57,15 @@ SHORTEST_SERVICE = 60.0
 # The variable of Python's option -P, and what it is where the user has not set it.
 SAFE_PATH, SET_HERE = "PYTHONSAFEPATH", "set by percuss"
 
-Keep = Callable[[Sequence[Record]], None]
+Made = Generator[tuple[Sequence[Job], Sequence[Record]]]  # batches with the records of the runs made of each
 
 
 class Batches:
     """Waiting jobs, handed out in batches that take about `SECONDS`."""
 
-    def __init__(self, jobs: Sequence[Job], workers: int) -> None:
+    def __init__(self, jobs: Sequence[Job]) -> None:
         self.waiting = deque(jobs)
-        self.workers = workers
+        self.workers = 1  # that share them
         self.seconds: float | None = None  # of a run, from the last batches
         self.alone: set[str] = set()  # keys of runs suspected of killing workers
 
@@ -99,47 +99,38 @@ class Batches:
             self.seconds = mean if self.seconds is None else 0.5 * (self.seconds + mean)
 
 
-def run_here(bench: Bench, jobs: Sequence[Job], keep: Keep, stop: threading.Event) -> None:
-    """Make the runs in this process, batch by batch."""
-    batches = Batches(jobs, 1)
+def made_here(bench: Bench, batches: Batches, stop: threading.Event) -> Made:
+    """Make the runs in this process and yield each batch with its records, until none is left or `stop` is set."""
     while batches.waiting and not stop.is_set():
         batch = batches.take()
-        made = bench.records(batch)
-        keep(made)
-        batches.put_back(batch, made)
+        yield batch, bench.records(batch)
 
 
-def run_local(local: LocalWorkers, jobs: Sequence[Job], keep: Keep, stop: threading.Event) -> None:
-    """Make the runs in worker processes.
+def made_locally(local: LocalWorkers, batches: Batches, stop: threading.Event) -> Made:
+    """Make the runs in worker processes and yield each finished batch with its records.
 
     Parameters
     ----------
     local
         The workers.
-    jobs
+    batches
         Runs to make.
-    keep
-        Called with the records of each finished batch.
     stop
-        Event that ends the work when it is set; batches that are finished by then are kept.
+        Event that ends the work when it is set; batches that are finished by then are yielded.
 
     Raises
     ------
     RunError
         If the workers die again and again before they make any run.
     """
-    batches, strikes = Batches(jobs, local.number), Counter[str]()
-    try:
-        while (batches.waiting or local.busy) and not stop.is_set():
-            local.hand_out(batches)
-            for worker, batch, made in local.finished():
-                records = _records_of_dead(worker, batch, batches, strikes) if made is None else made
-                keep(records)
-                batches.put_back(batch, records)
-    finally:
-        if stop.is_set():  # finished batches are kept, those under way are not waited for
-            for _, _, made in local.finished(0.0):
-                keep(made or [])
+    batches.workers, strikes = local.number, Counter[str]()
+    while (batches.waiting or local.busy) and not stop.is_set():
+        local.hand_out(batches)
+        for worker, batch, made in local.finished():
+            yield batch, _records_of_dead(worker, batch, batches, strikes) if made is None else made
+    if stop.is_set():  # those under way are not waited for
+        for _, batch, made in local.finished(0.0):
+            yield batch, made or []
 
 
 def _records_of_dead(worker: _Worker, batch: Sequence[Job], batches: Batches, strikes: Counter[str]) -> list[Record]:
