@@ -68,7 +68,7 @@ def two_bars(contact="penalty", courant=0.5, soft=40, **time):
 def test_motion_forces_and_energies_are_those_of_full_matrices(contact):
     law = {"name": contact} | ({} if contact == "lagrange" else {"beta_s": 0.3})
     case = three_bars(law, on_unstable="warn")
-    assert Model(percuss.load(case)).own_steps == (1, 10, 3)
+    assert Model(percuss.load(case)).leaps == (1, 10, 3)
     result, reference = run(case), dense.march(case)
     force = result.arrays["contact_force"]
     assert (force != 0.0).any(axis=0).all()  # both contacts close
@@ -116,7 +116,7 @@ def test_in_two_dimensions_and_with_cells_the_same_impact_gives_the_same_force()
 def test_bodies_alike_make_central_difference_to_the_last_bit():
     case = two_bars(steps=300)
     case["bodies"]["stiff"]["material"] = SOFT
-    assert Model(percuss.load(case)).own_steps == ()
+    assert Model(percuss.load(case)).period == 1
     ours = run(case)
     case["method"]["integrator"] = "central-difference"
     theirs = run(case)
@@ -223,7 +223,7 @@ def test_one_mass_between_two_springs_has_the_resonance_of_the_text():
     for courant in courants:
         case["time"]["courant"] = float(courant)
         model = Model(percuss.load(case))
-        assert model.own_steps == (1, 4)
+        assert model.leaps == (1, 4)
         said.append(certificate(model)["stable"])
         h, fast, slow = model.dt, 1600.0 / 0.01, 100.0 / 0.01  # springs over the mass of the joined ends
         period = np.eye(2)

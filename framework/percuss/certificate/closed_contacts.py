@@ -11,6 +11,7 @@ import numpy as np
 
 from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.contact.bound_law import OF_END_FORCE
+from percuss.contact.features import first_of
 from percuss.step.integrator_check import kernel_of, unchecked_scheme, uses_internal
 from percuss.step.parts.end_forces import end_forces, sees_end_force
 
@@ -41,11 +42,6 @@ DRIVES = (
 )
 OVERSHOOTS = "the force takes back more than the overlap that it sees in one step"
 ALONE = "asks for the internal forces without those of contact, so that a closed contact does not act as a stiffness"
-DISSIPATES = "viscosity takes energy in every step: no balance of elastic and kinetic energy is kept"
-IMPLICIT = "a multiplier solved for at the end of a step gives and takes energy as its contact closes or opens"
-OWN_STEPS = "bodies have steps of their own: internal forces that do not act in every step balance no contact in it"
-ASYNCHRONOUS = "gives bodies steps of their own, so that a closed contact does not act as a stiffness"
-VISCOUS = "is viscous in the bodies and not in their contacts, so that a closed contact does not act as a stiffness"
 OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and loads for linear bodies only"
 
 
@@ -97,7 +93,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     def add_unknown(name: str, reason: str, energy: tuple[str, str] | None = None) -> None:
         unknown.append(name)
         doubts.append(reason)
-        if energy or not (model.own_steps or model.implicit):  # of these it is known: nothing is guaranteed
+        if energy or not any(feature.of_all_laws for feature in model.features):
             guarantees.append(energy or (UNKNOWN, reason))
 
     stages, (*_, table) = unchecked_scheme(model.case.method.integrator, dt)
@@ -186,12 +182,7 @@ def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[
     guarantees = [(NEVER_GROWS, BY_END) if model.contact_points else (BETWEEN, NO_CONTACT)]
     if model.why_not_linear:
         guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
-    if model.viscosity:
-        guarantees.append((NOT_GUARANTEED, DISSIPATES))
-    if model.implicit:
-        guarantees.append((NOT_GUARANTEED, IMPLICIT))
-    if model.own_steps and model.contact_points:
-        guarantees.append((NOT_GUARANTEED, OWN_STEPS))
+    guarantees += [(NOT_GUARANTEED, feature.not_guaranteed) for feature in model.features if feature.not_guaranteed]
     if stages is not None:
         guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     return guarantees
@@ -200,13 +191,8 @@ def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[
 def _why_no_springs(model: Model, stages: Stages | None) -> str:
     """Return why closed contacts do not act in the step as the springs of a mesh do; empty where they do."""
     integrator = model.case.method.integrator
-    if model.viscosity:
-        return f"{integrator.name} {VISCOUS}"
-    if model.own_steps:
-        return f"{integrator.name} {ASYNCHRONOUS}"
-    if model.implicit:
-        return f"{integrator.name} solves for its contacts at the end of a step, together with the bodies"
-    return f"{integrator.name} {ALONE}" if stages is not None and uses_internal(kernel_of(integrator)) else ""
+    alone = stages is not None and uses_internal(kernel_of(integrator))
+    return first_of(feature.no_springs for feature in model.features) or (f"{integrator.name} {ALONE}" if alone else "")
 
 
 def _reason_unknown(linear: LinearLaw, law: str, *, multistage: bool) -> str:

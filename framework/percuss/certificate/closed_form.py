@@ -9,6 +9,7 @@ import numpy as np
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.lines import held_throughout
 from percuss.certificate.search import largest_step_below, signed_distance
+from percuss.contact.features import first_of
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -29,11 +30,9 @@ def unlike_plain_bars(model: Model) -> str:
     reasons = {
         model.why_not_linear: bool(model.why_not_linear),
         f"{name} is no leap-frog scheme": model.multistage,
-        f"{name} is viscous": bool(model.viscosity),
-        f"{name} is implicit": model.implicit is not None,
-        f"with {name} bodies have steps of their own": bool(model.own_steps),
     }
-    return next((reason for reason, holds in reasons.items() if holds), next(cells, ""))
+    of_features = (feature.unlike_plain_bars for feature in model.features)
+    return first_of((*(reason for reason, holds in reasons.items() if holds), *of_features, *cells))
 
 
 class ClosedFormCriterion:

@@ -126,7 +126,7 @@ class ClosedStep:
         # The gaps of open contacts stay as wide as they are: their laws act, if at all, where they are about to close.
         points.initial_gap = BASE_OVERLAP * np.where(signs > 0, self.motions.shortest_element, -unit)[order]
         # Over several stages or steps the loop holds contacts closed whose law is linear and acts at that time.
-        several = self.model.multistage or bool(self.model.own_steps)
+        several = self.model.multistage or self.model.period > 1
         linear = self._held_by_loop = (points.source == FROM_LINE) & (points.always != NEVER) & several
         if several:
             closed = signs[order] < 0

@@ -57,7 +57,7 @@ def operator_criterion(model: Model, closed: ClosedContacts | None = None) -> Op
         (delassus, coupling),
         laws_at,
         contact_names(model),
-        limit_ratio=limit_ratio(model.case.method.integrator, model.stages, model.dt, model.viscosity),
+        limit_ratio=limit_ratio(model),
         tied=model.tied_points,
         apart=lambda: bars_alone(model) if model.of_lines else assembled_operator(model, tied=False),
         above_theta_of_one=(lambda: StepCriterion(model)) if asked else None,

@@ -50,7 +50,7 @@ def closed_form(model: Model) -> type[DecoupledGapsCriterion] | None:
     stages, (table, *_) = unchecked_scheme(model.case.method.integrator, model.dt)
     if (
         stages is not None
-        or model.viscosity
+        or any(feature.no_springs for feature in model.features)
         or not model.laws
         or len(model.contact_points) > MOST_POINTS
         or why_beyond_pencil(model)

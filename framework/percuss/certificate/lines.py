@@ -253,8 +253,8 @@ def _bars(model: Model) -> _Bars:
     for body in model.bodies.values():
         axis, without_mass, ends = body.mesh.direction, body.ends_without_mass, (body.start, body.stop - 1)
         band = body.axial_band.copy()
-        if model.own_steps:  # m-fold forces in every m-th step are stable where m^2 K is in every step
-            band *= float(model.own_steps[body.number] ** 2)
+        # m-fold forces in every m-th step are stable where m^2 K is in every step
+        band *= float(model.leaps[body.number] ** 2)
         for node in set(ends) & springs.keys():
             band[0, node - body.start] += springs[node]
         for node, beside in without_mass.items():
@@ -327,7 +327,7 @@ def bars_alone(model: Model) -> LineOperator:
 
 def line_operator(model: Model) -> LineOperator:
     """Return the operator of the bars of a stretch of a run, those as one that are tied throughout it."""
-    tied = () if model.own_steps else model.tied_points
+    tied = () if model.period > 1 else model.tied_points
     if not tied:
         return bars_alone(model)
     bars, ties = _bars(model), dict[int, list[tuple[int, float]]]()

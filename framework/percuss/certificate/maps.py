@@ -21,6 +21,7 @@ from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
 from percuss.certificate.criteria import RunCriterion, operator_criterion, step_criterion
 from percuss.certificate.verdict import settled
+from percuss.contact.features import first_of
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
 from percuss.files import replacing
 from percuss.jsonable import Data, Entries
@@ -165,16 +166,11 @@ def _why_unknown(model: Model, way: str, doubts: Sequence[str]) -> str:
 
 def _why_no_critical_step(model: Model) -> str:
     """Return why no criterion has a critical step of a model; empty where one may have it."""
-    name = model.case.method.integrator.name
     if model.why_not_linear:
         return f"{model.why_not_linear}, and its critical step changes with the strain"
     if why := following_loads.why_unknown(model):
         return f"{why}, which changes the critical step"
-    if model.implicit:
-        return f"{name} is implicit: it has no critical step"
-    if model.own_steps and model.contact_points:
-        return f"with {name} steps resonate: a longer one may be stable, a shorter one not"
-    return ""
+    return first_of(feature.no_critical_step for feature in model.features)
 
 
 def _row(varied: Data, way: str, critical: float | None, reason: str, model: Any = None) -> Entries:

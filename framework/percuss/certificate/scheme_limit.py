@@ -1,4 +1,4 @@
-"""The stability limit of a multi-stage scheme, from its amplification of single oscillators."""
+"""The stability limit of a scheme; of a multi-stage scheme from its amplification of single oscillators."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from percuss.methods.interfaces import Integrator, Stages
 from percuss.step.integrator_check import plain_step
 
 if TYPE_CHECKING:
+    from percuss.march.model import Model
     from percuss.methods.interfaces import Floats
 
 # Growth in a step up to which it counts as round-off.
@@ -52,19 +53,15 @@ def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Fl
     return out
 
 
-def limit_ratio(integrator: Integrator, stages: Stages | None, dt: float, viscosity: float = 0.0) -> float:
-    """Return the largest stable omega dt of a scheme over that of central difference, which is 2.
-
-    Of a viscous leap-frog scheme, ``v += dt f, u += dt v`` with ``f = -omega^2 (u + viscosity dt v)``, the step has the
-    trace ``2 - x (1 + viscosity)`` and the determinant ``1 - x viscosity``, x = (omega dt)^2. It is stable while
-    1 + trace + determinant is positive, ``x (1 + 2 viscosity) < 4``.
-    """
+def limit_ratio(model: Model) -> float:
+    """Return the largest stable omega dt of the scheme of a model over that of central difference, which is 2."""
+    integrator, stages = model.case.method.integrator, model.stages
     if stages is None:
-        return 1.0 / math.sqrt(1.0 + 2.0 * viscosity)
+        return math.prod((feature.limit_ratio for feature in model.features), start=1.0)
     try:
-        return _limit_ratio(integrator, stages, dt)
+        return _limit_ratio(integrator, stages, model.dt)
     except TypeError:  # The options of the integrator may be unhashable, which the cache does not accept.
-        return _limit_ratio.__wrapped__(integrator, stages, dt)
+        return _limit_ratio.__wrapped__(integrator, stages, model.dt)
 
 
 @functools.lru_cache(maxsize=1024)

@@ -184,7 +184,7 @@ def _other_lines(step: ClosedStep) -> Iterator[ClosedStep]:
 def _stability(step: ClosedStep) -> ClosedStepStability:
     """Return the stability of a linear step, as `examine` does."""
     motions, dt = step.motions, step.model.dt
-    one_force = not (step.model.multistage or step.model.own_steps)
+    one_force = not step.model.multistage and step.model.period == 1
     theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and one_force else None
     size = step.parts * step.size
     if size > LARGEST_DENSE_STATE and theta is not None and not step.model.followers:
@@ -312,9 +312,7 @@ class StepCriterion:
     @cached_property
     def free(self) -> float:
         """Largest step that is stable with no contact closed but ties."""
-        model = self.model
-        ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt, model.viscosity)
-        return self.motions.operator.free_step() * ratio
+        return self.motions.operator.free_step() * limit_ratio(self.model)
 
     @cached_property
     def _combinations(self) -> list[tuple[int, ...]]:
@@ -411,7 +409,7 @@ class StepCriterion:
         """
         if self.free in {0.0, np.inf}:
             return self.free
-        if self.model.own_steps:  # steps of different lengths resonate: a longer step may be stable, a shorter one not
+        if self.model.period > 1:  # steps of different lengths resonate: a longer step may be stable, a shorter one not
             return np.nan
         results = [
             (closed, self._examine(self.free * (1.0 - MARGINAL_DISTANCE), closed)) for closed in self._combinations

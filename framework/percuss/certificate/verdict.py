@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from percuss.certificate.criteria import RunCriterion, contact_names, operator_c
 from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
 from percuss.certificate.decoupled_gaps import closed_form
 from percuss.certificate.search import MARGINAL_DISTANCE
+from percuss.contact.features import Verdict, first_of
 from percuss.errors import InputError, refuse_if_any
 from percuss.garbage import collection_paused
 from percuss.march.model import Model
@@ -32,11 +33,6 @@ SMALLEST_SHARE_OF_FREE_STEP = 1e-4
 DISTANCE_ABOVE_CRITICAL = 1e-6
 # Share of the critical step that is chosen where the case leaves the step open.
 SHARE_OF_CRITICAL_STEP = 0.9
-# Largest number of steps until all bodies act together of which the amplification matrix is computed.
-LONGEST_PERIOD = 256
-
-
-Verdict = Literal["yes", "marginal", "no", "unknown"]
 
 
 class Certificate(TypedDict):
@@ -136,9 +132,8 @@ def _with_step(case: Case) -> SettledRun:
         return SettledRun(model, None)
     unknown = "No step is known to be stable: give one."
     changes = f"The highest frequency changes with the strain, so that {unknown[0].lower()}{unknown[1:]}"
-    implicit = f"the implicit {case.method.integrator.name}" if model.implicit else ""
     for expected, found, advice in (
-        ("an explicit integrator, found", implicit, "No step is critical: give one."),
+        *filter(None, (feature.no_choice_of_step for feature in model.features)),
         ("loads of which the critical step is known, found that", following_loads.why_unknown(model), unknown),
         ("a diagonal mass and ends in contact with mass, or linear laws, found that", unknown_by_mass(model), unknown),
         ("linear bodies, found that", model.why_not_linear, changes),
@@ -201,11 +196,13 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
         Whether to search the critical step too where only the step itself can tell it, which takes many times as long
         as to examine the step of the run; without it that is not known.
     """
-    if model.implicit:
-        return _certificate_of_implicit_scheme(model)
+    for feature in model.features:
+        if feature.verdict is not None:
+            stable, why = feature.verdict()
+            return _unknown_certificate(closed_contacts(model, model.dt), model, why) | {"stable": stable}
     if model.why_not_linear:
         found = _certificate_of_nonlinear_bodies(model)
-    elif why := unknown_by_mass(model) or unknown_with_own_steps(model):
+    elif why := unknown_by_mass(model) or first_of(feature.unknown() for feature in model.features):
         found = _unknown_certificate(closed_contacts(model, model.dt), model, why)
     else:
         found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), with_critical_step)
@@ -221,7 +218,7 @@ def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_cr
     # Where nothing is certain about the step itself nothing is about longer ones, and a search takes long.
     searched = assessment.conclusive and (with_critical_step or criterion.kind is not step_criterion)
     critical = criterion.critical_step if searched else np.nan
-    if searched and np.isnan(critical) and criterion.kind is step_criterion and not model.own_steps:
+    if searched and np.isnan(critical) and criterion.kind is step_criterion and model.period == 1:
         unsure: Answer = "no growth found" if assessment.stable else "unknown"
         assessment = dataclasses.replace(
             assessment, answer=unsure, doubt="the closed step is not linear at longer steps"
@@ -268,69 +265,6 @@ def unknown_by_mass(model: Model) -> str:
         return ""
     doubts = closed_contacts(model, model.dt).doubts
     return f"{what}, and {'; '.join(doubts)}" if doubts else ""
-
-
-def _certificate_of_implicit_scheme(model: Model) -> Certificate:
-    """Return the certificate of a run with an implicit scheme, from what is known of Newmark's family.
-
-    Without contact it is unconditionally stable for ``gamma = 1/2 - alpha``, ``beta >= (1 - alpha)^2 / 4`` and alpha
-    from -1/3 to 0. For alpha = 0 a closed contact with a compliance adds to the stiffness, and a tie of rates takes
-    motions away: both leave the step stable. A contact with a compliance may open and close, though, and by that add
-    energy again and again. A gap that is held closed without a compliance has no velocity in the mean, but its velocity
-    changes its sign in every step and the multiplier grows with each, without bound.
-    """
-    beta, gamma, alpha = model.implicit or (0.0, 0.0, 0.0)
-    name = model.case.method.integrator.name
-    found = _unknown_certificate(closed_contacts(model, model.dt), model, "")
-    tolerance = 1e-12
-    known = abs(gamma - (0.5 - alpha)) <= tolerance and beta >= (1.0 - alpha) ** 2 / 4.0 - tolerance
-    if not known or alpha < -1.0 / 3.0 - tolerance:
-        found["why"] = f"with beta {beta:.6g}, gamma {gamma:.6g} and alpha {alpha:.6g} nothing is known of its steps"
-        return found
-    without_contact = "without contact every step is stable"
-    rigid = [
-        bound.law.name
-        for bound in model.laws
-        if bound.linear is not None and np.any(bound.linear.gap) and not np.all(bound.linear.sigma)
-    ]
-    if model.contact_points and alpha < 0.0:
-        found["why"] = f"{without_contact}; {name} lags internal forces and not those of contact, which is not examined"
-    elif rigid:
-        found["why"] = (
-            f"{without_contact}; held closed by {rigid[0]}, a gap turns its velocity around in every step, and its "
-            "multiplier grows in proportion to their number: a compliance or alpha below 0 prevents that"
-        )
-    else:
-        found["stable"] = "yes"
-        found["why"] = (
-            "every step is stable, as a closed contact adds to the stiffness; those that open and close may add energy "
-            "again and again"
-            if model.contact_points
-            else without_contact
-        )
-    return found
-
-
-def unknown_with_own_steps(model: Model) -> str:
-    """Return why no criterion covers bodies with steps of their own; empty if one does, or if there are none."""
-    if not model.own_steps:
-        return ""
-    name = model.case.method.integrator.name
-    with_kernels = list(dict.fromkeys(bound.law.name for bound in model.laws if bound.linear is None))
-    if with_kernels:
-        laws = " and ".join(with_kernels)
-        return (
-            f"with {name} contacts are held closed over several steps, and {laws} has a kernel, which does not say so"
-        )
-    if model.followers:
-        load = model.followers[0].load.name
-        return f"load '{load}' acts in every step at an end of a body whose internal forces may not, under {name}"
-    if model.contact_points and model.period > LONGEST_PERIOD:
-        return (
-            f"under {name} the bodies act together in every {model.period}-th step alone, and periods of up to "
-            f"{LONGEST_PERIOD} steps are examined"
-        )
-    return ""
 
 
 def _unknown_certificate(laws: ClosedContacts, model: Model, why: str) -> Certificate:

@@ -14,18 +14,15 @@ import numpy as np
 
 from percuss.contact.contact_rows import Side, delassus_rows
 from percuss.mesh.loads import latest
-from percuss.methods.interfaces import Floats, Implicit, LeapFrog, Stages
-from percuss.methods.plugin_calls import answer
+from percuss.methods.interfaces import Floats, LeapFrog, Stages
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.contact.bound_law import BoundLaw
     from percuss.contact.contact_point import ContactPoint
+    from percuss.contact.features import Feature
     from percuss.mesh.body import Body
     from percuss.mesh.loads import BodyForce, Constraint, Follower, NodalForce
-
-# Relative round-off of the ratio of two frequencies: equal bodies in other units have the same step.
-OWN_STEP_TOLERANCE = 1e-9
 
 
 class ContactRows(NamedTuple):
@@ -120,37 +117,19 @@ class ModelArrays:
         """Whether the integrator is a multi-stage scheme; if not, it is a leap-frog scheme."""
         return self.stages is not None
 
-    @property
-    def keeps_constraints(self) -> bool:
-        """Whether a support or drive that is not active stays in the list of constraints of the loop.
-
-        An acceleration kept from the step before may contain the reaction of one that is no longer active: its impulse
-        still has to be counted.
-        """
-        return self.multistage or self.implicit is not None
-
-    @property
-    def viscosity(self) -> float:
-        """Time of the viscosity of a leap-frog scheme over the step, `percuss.LeapFrog.viscosity`."""
-        return 0.0 if self.multistage else self.tables[0].viscosity
-
     @cached_property
-    def implicit(self) -> Implicit | None:
-        """The scheme of an implicit integrator; None for an explicit one."""
-        definition = answer(self.case.method.integrator, "bind", self.dt)
-        return definition if isinstance(definition, Implicit) else None
+    def features(self) -> tuple[Feature, ...]:
+        """The facts about the optional features that the model has."""
+        raise NotImplementedError
 
-    @cached_property
-    def own_steps(self) -> tuple[int, ...]:
-        """The number of steps from one action of the internal forces of each body to the next, `LeapFrog.own_steps`.
+    def why_without(self, name: str) -> str:
+        """Return why a feature of the model does not go with the one of this name; empty if all do."""
+        return next((why for feature in self.features if (why := feature.goes_without.get(name))), "")
 
-        It is empty where internal forces act in every step in all bodies.
-        """
-        if self.multistage or not self.tables[0].own_steps:
-            return ()
-        ratios = [self.omega / float(body.frequency.max()) for body in self.bodies.values()]
-        numbers = tuple(max(1, int(ratio * (1.0 + OWN_STEP_TOLERANCE))) for ratio in ratios)
-        return numbers if max(numbers) > 1 else ()
+    @property
+    def leaps(self) -> tuple[int, ...]:
+        """The number of steps from one action of the internal forces of each body to the next."""
+        return next((feature.leaps for feature in self.features if feature.leaps), (1,) * len(self.bodies))
 
     @property
     def shifts(self) -> bool:
@@ -160,7 +139,7 @@ class ModelArrays:
     @property
     def period(self) -> int:
         """The number of steps after which the internal forces of all bodies act in the same step again."""
-        return math.lcm(*self.own_steps)
+        return math.lcm(*self.leaps)
 
     @property
     def why_not_linear(self) -> str:
@@ -174,7 +153,8 @@ class ModelArrays:
         In linear bodies both are the same under a leap-frog scheme without viscosity whose internal forces act in every
         step. Of a multi-stage scheme the work has no such form.
         """
-        return not self.multistage and bool(self.why_not_linear or self.viscosity or self.own_steps or self.implicit)
+        of_feature = any(feature.sums_internal_work for feature in self.features)
+        return not self.multistage and bool(self.why_not_linear or of_feature)
 
     @property
     def acted_nodes(self) -> list[int]:

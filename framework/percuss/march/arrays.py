@@ -11,6 +11,7 @@ from percuss.compiler.record_arrays import empty_records, record_array
 from percuss.contact.contact_rows import carry_over, point_records
 from percuss.contact.points import NEVER
 from percuss.contact.state_variables import StateVariables
+from percuss.march.features import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
 from percuss.mesh.block import Block
 from percuss.mesh.cells import cell_arrays, element_slots, has_cells
@@ -20,34 +21,12 @@ from percuss.step import bulk, uniform_rows
 from percuss.step.actions import BULK, INTERNAL_FORCES, INTERNAL_FORCES_ASIDE, KINETIC_ENERGY, STRAIN_ENERGY, Action
 from percuss.step.law_kernels import kernel_laws
 from percuss.step.part import Part, Setting
-from percuss.step.parts.coupled_masses import CoupledMasses
-from percuss.step.parts.end_forces import EndForcesOfLaws
-from percuss.step.parts.ends_without_mass import EndsWithoutMass
-from percuss.step.parts.followers import Followers
-from percuss.step.parts.internal_work import InternalWork
-from percuss.step.parts.own_steps import OwnSteps
-from percuss.step.parts.shifts import Shifts
-from percuss.step.parts.state_variables import StateVariablesKept
-from percuss.step.parts.viscosity import Viscosity
 from percuss.step.records import BOUNDARY_DOF, CONSTRAINT, NODAL_FORCE, NOW, SHARE, TOTAL, Loads, Step
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
     from percuss.march.model import Model
     from percuss.methods.interfaces import Array, Floats
-
-# The optional parts of a step, in the order in which they act at one place.
-PARTS: tuple[type[Part[Any]], ...] = (
-    CoupledMasses,
-    Followers,
-    EndForcesOfLaws,
-    EndsWithoutMass,
-    InternalWork,
-    Shifts,
-    Viscosity,
-    OwnSteps,
-    StateVariablesKept,
-)
 
 
 class Arrays:
@@ -127,10 +106,11 @@ class Arrays:
 
     def _stretch(self, midpoint: float, *, first: bool) -> None:
         model = self.model
+        keeps_all = model.multistage or any(feature.keeps_constraints for feature in model.features)
         constraints = [
             (index, constraint)
             for index, constraint in enumerate(model.constraints)
-            if model.keeps_constraints or constraint.active(midpoint)
+            if keeps_all or constraint.active(midpoint)
         ]
         self.active_constraints = [index for index, _ in constraints]
         of_points = model.sides(midpoint)

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from percuss.step.record import Record
     from percuss.step.records import Step
 
-NOT_COMPILED = "{} is an implicit reference in NumPy and SciPy"
-
 
 class ImplicitAmplitudes(NamedTuple):
     """Amplitudes of the loads for T consecutive steps, one column for each load; column 0 is zero."""

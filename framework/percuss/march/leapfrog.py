@@ -74,10 +74,10 @@ class LeapFrogStepper:
         for body_force in model.body_forces:
             column = loads.index(body_force.load) + 1
             factor = amplitudes[:, column]
-            if model.own_steps and (own_step := model.own_steps[body_force.body]) > 1:
+            if (leap := model.leaps[body_force.body]) > 1:
                 # It acts together with the internal forces of the body, for as many steps.
-                factor = own_step * amplitude(body_force.load, t, own_step * model.dt, average=True)
-                factor[(first + np.arange(count)) % own_step > 0] = 0.0
+                factor = leap * amplitude(body_force.load, t, leap * model.dt, average=True)
+                factor[(first + np.arange(count)) % leap > 0] = 0.0
             start = 2 * self.columns + body_force.body * dim
             amplitudes[:, start : start + dim] += factor[:, None] * body_force.acceleration
         return amplitudes

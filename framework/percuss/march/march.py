@@ -20,7 +20,8 @@ from percuss.errors import PercussError
 from percuss.heartbeat import beat
 from percuss.march import diagnosis
 from percuss.march.arrays import Arrays
-from percuss.march.implicit import NOT_COMPILED, ImplicitStepper
+from percuss.march.implicit import ImplicitStepper
+from percuss.march.implicit_check import ImplicitSteps
 from percuss.march.leapfrog import LeapFrogStepper
 from percuss.march.multistage import MultistageStepper
 from percuss.march.starting_state import initial_velocity
@@ -88,8 +89,8 @@ class March:
         self.dim = model.dim
         self._beginning: list[bytes] = []
         self.kernels = kernels(compiled=compiled)
-        if model.implicit is not None:
-            self.kernels = Kernels(False, (NOT_COMPILED.format(model.case.method.integrator.name),))
+        if reasons := tuple(feature.not_compiled for feature in model.features if feature.not_compiled):
+            self.kernels = Kernels(False, reasons)
         self.arrays = Arrays(model)
         self._is_compiled = False
         self._begin()
@@ -117,10 +118,10 @@ class March:
         model = self.model
         self.reactions = np.zeros(len(model.constraints))
         self.stepper: Stepper
-        if model.implicit is not None:
-            self.stepper = ImplicitStepper(model, model.implicit)
-        else:
-            self.stepper = LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
+        self.stepper = LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
+        for feature in model.features:
+            if isinstance(feature, ImplicitSteps):
+                self.stepper = ImplicitStepper(model, feature.scheme)
         self.u, self.v = self.stepper.u, self.stepper.v
         self.arrays.begin(self._momenta() if model.body_forces else np.zeros(0))
         for part in self.arrays.parts:

@@ -19,6 +19,7 @@ from percuss.contact.model_arrays import ModelArrays
 from percuss.contact.points import LAW, NOTHING
 from percuss.contact.stiffness_limits import stiffness_limits
 from percuss.errors import Problem, refuse_if_any
+from percuss.march.features import features_of
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
 from percuss.mesh import size_limits
 from percuss.mesh.body import Body
@@ -38,6 +39,7 @@ from percuss.step.parts.ends_without_mass import lines_in_balance
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.case.specs import Address
+    from percuss.contact.features import Feature
 
 
 class Stretch(NamedTuple):
@@ -198,6 +200,11 @@ class Model(ModelArrays):
                 listed[constraints, inactive] = Stretch(start, max(stop, start), constraints, inactive, model)
         return list(listed.values())
 
+    @cached_property
+    def features(self) -> tuple[Feature, ...]:
+        """The facts about the optional features that the model has."""
+        return features_of(self)
+
     # -- bodies and time ---------------------------------------------------------------------------------
 
     @property
@@ -341,10 +348,11 @@ class Model(ModelArrays):
         order = [point for bound_law in self.laws for point in bound_law.where]
         parts = [self.records_of(bound_law, table, delassus[list(bound_law.where)]) for bound_law in self.laws]
         records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
-        if self.stages is not None or self.implicit:
+        solved_at_end = any(feature.solves_contact for feature in self.features)
+        if self.stages is not None or solved_at_end:
             records["stores"] = NOTHING
-        if self.implicit:
-            records["end_stiffness"] = np.nan  # every law is solved for at the end of the step
+        if solved_at_end:
+            records["end_stiffness"] = np.nan
         return order, records
 
     def records_of(self, bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:

@@ -43,8 +43,8 @@ def starting_velocity(model: Model) -> Floats:
     bodies = list(model.bodies.values())
     for body_force in model.body_forces:
         body = bodies[body_force.body]
-        own_step = model.dt * (model.own_steps or (1,) * len(bodies))[body.number]
-        fall = _impulse_before_start(body_force.load, own_step) * body_force.acceleration
+        duration = model.dt * model.leaps[body.number]
+        fall = _impulse_before_start(body_force.load, duration) * body_force.acceleration
         velocity[body.start : body.stop] -= fall
         before[body.start : body.stop] -= fall
     _impose_velocities(model, velocity, -0.5 * model.dt)

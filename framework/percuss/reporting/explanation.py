@@ -12,6 +12,7 @@ from percuss.case.options import options_of
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.bound_law import OF_END_FORCE
+from percuss.contact.features import first_of
 from percuss.march.recording import recordable
 from percuss.mesh.cells import cells_of
 from percuss.methods.interfaces import Component
@@ -19,7 +20,6 @@ from percuss.reporting.component import Explanation, docs
 from percuss.reporting.verdict import check_verdict
 from percuss.results.encounters import expected_meetings
 from percuss.results.exact import engine_for
-from percuss.step.parts import own_steps
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
@@ -239,8 +239,8 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     if frequency == "omega":
         words.append("  m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2")
     words += [f"  {_assignments(_numbers_as_text(value['resolved']))}"] if value["resolved"] else []
-    if model.implicit:
-        words.append("  solved at the end of the step with N^T K_eff^-1 N of the whole bodies, which adds to sigma")
+    if solved := first_of(feature.solves_contact for feature in model.features):
+        words.append(f"  {solved}")
     elif value["row"] is None:
         words.append(f"  {law.name} is no row of the contact equation: its own kernel gives the force")
     else:
@@ -254,7 +254,7 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
     """Return the linear law of a contact as the integrator evaluates it, or None where the law has its own kernel."""
     bound_law = next(bound_law for bound_law in model.laws if number in bound_law.where)
     linear = bound_law.linear
-    if linear is None or model.implicit:
+    if linear is None or any(feature.solves_contact for feature in model.features):
         return None
     record = model.records_of(bound_law, model.tables[-1], bound_law.points.delassus)[bound_law.where.index(number)]
     numbers = {name: float(record[field]) for name, field in OF_RECORD.items()}
@@ -376,6 +376,6 @@ def _method(model: Model, component: Component) -> Fact:
     words += [f"  {'; '.join(properties)}"] if properties else []
     words += [f"  see {reference}" for reference in component.references]
     if component.family == "integrators":
-        scheme = model.implicit or model.stages
-        words += [f"  {line}" for line in (*own_steps.in_words(model), *(scheme.in_words if scheme else ()))]
+        explained = [line for feature in model.features for line in feature.explained]
+        words += [f"  {line}" for line in (*explained, *(model.stages.in_words if model.stages else ()))]
     return Fact(f"{component.family}/{component.name}", value, words)

@@ -12,7 +12,6 @@ from percuss.certificate.verdict import Certificate
 from percuss.compiling import Stopwatch
 from percuss.garbage import collection_paused
 from percuss.jsonable import Entries, plain
-from percuss.march.implicit import NOT_COMPILED
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.march.model import Model
 from percuss.march.recording import field_nodes, recorded_elements
@@ -132,14 +131,11 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
         warnings.append(
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
         )
-    if march.model.implicit:
-        warnings.append(f"{NOT_COMPILED.format(name)}, and its time is that of these")
+    warnings += [feature.warning for feature in march.model.features if feature.warning]
     bodies_error = energy["bodies_error"] or 0.0
-    if march.model.own_steps and bodies_error > ledger.BODIES_TOLERANCE:
-        warnings.append(
-            f"{name} has not kept the energy: what its internal forces did and what the bodies store differ by "
-            f"{percent(bodies_error)} of the largest energy"
-        )
+    if bodies_error > ledger.BODIES_TOLERANCE:
+        lost = (feature.loses_energy for feature in march.model.features)
+        warnings += [f"{words} {percent(bodies_error)} of the largest energy" for words in lost if words]
     total = march.totals
     allowed = CONTACT_WORK_GROWTH * (total.began_with + total.largest_work) + march.noise
     if outcome.status != "unstable" and not total.contact_work <= allowed:

@@ -136,9 +136,7 @@ def uniform_bars(model: ModelArrays, boundary_nodes: Sequence[int]) -> Any:
     if (
         model.dim == 1
         and not model.multistage
-        and not model.viscosity
-        and not model.own_steps
-        and not model.implicit
+        and not any(feature.no_row_kernel for feature in model.features)
         and not model.body_forces
         and not model.shifts
         and ends.issuperset(boundary_nodes)

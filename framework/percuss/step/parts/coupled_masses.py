@@ -243,8 +243,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem]:
     if not model.couples_nodes:
         return
     mass, case = model.case.method.mass.name, model.case
-    if model.implicit or model.own_steps:
-        what = "an implicit scheme" if model.implicit else "bodies with steps of their own"
+    if what := model.why_without("coupled masses"):
         integrator = case.method.integrator.name
         message = f"expected a diagonal mass with {integrator}, found {mass}, which couples nodes"
         advice = f"Masses that couple nodes are not built for {what}: take lumped, or central-difference."

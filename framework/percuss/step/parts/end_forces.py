@@ -329,10 +329,8 @@ def refusals(model: ModelArrays) -> Iterator[RefusedPair]:
         bodies = {model.body_of(node).name: node for p in bound_law.where for node in model.contact_points[p].nodes}
         if model.multistage:
             reason = f"{what}, which is evaluated in leap-frog schemes alone"
-        elif model.viscosity:
-            reason = f"{what}, and that of {integrator} has a viscous part, which is not known when it is evaluated"
-        elif model.implicit or model.own_steps:
-            reason = f"{what}, and under {integrator} the internal forces of a step are not those at its begin"
+        elif why := model.why_without("end forces"):
+            reason = f"{what}, and {why}"
         elif model.couples_nodes:
             reason = f"{what}, which moves other nodes than its own where the mass couples nodes"
         elif model.points_without_mass[list(bound_law.where)].any():

@@ -216,10 +216,8 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
             reason = _why_no_balance(bound_law)
             if model.multistage:
                 reason = f"{BALANCE}, and {integrator} evaluates contact in the stages of its step"
-            elif model.viscosity:
-                reason = f"{BALANCE}, and the viscous force of {integrator} in its end element is not part of that"
-            elif model.own_steps:
-                reason = f"{BALANCE}, and with {integrator} its end element does not act in every step"
+            elif why := model.why_without("ends without mass"):
+                reason = f"{BALANCE}, and {why}"
         if reason:
             yield RefusedPair(integrator, law.name, reason, name)
 

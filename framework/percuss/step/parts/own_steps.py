@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from percuss.compiler.marks import called
 from percuss.compiler.record_arrays import Records
+from percuss.contact.features import Feature
 from percuss.step.actions import AFTER_STRAIN_ENERGY, BEFORE_STRAIN_ENERGY, SNAPSHOT, Action
 from percuss.step.bulk import (
     Bulk,
@@ -29,14 +31,10 @@ if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
     from percuss.methods.interfaces import Floats, Integers
 
-
-def in_words(model: ModelArrays) -> list[str]:
-    """Return in sentences which bodies have steps of their own, nothing where none has."""
-    steps = zip(model.bodies, model.own_steps, strict=True) if model.own_steps else ()
-    told = ", ".join(f"{number} in '{name}'" for name, number in steps)
-    every = "contacts and loads on ends act in every step"
-    between = "steps from one action of the internal forces to the next"
-    return [f"bodies have steps of their own: {between}, {told}; {every}"] if told else []
+# Relative round-off of the ratio of two frequencies: equal bodies in other units have the same step.
+TOLERANCE = 1e-9
+# Largest number of steps until all bodies act together of which the amplification matrix is computed.
+LONGEST_PERIOD = 256
 
 
 class Ahead(NamedTuple):
@@ -69,9 +67,9 @@ class OwnSteps(Part[Ahead]):
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
         """Return the part, None where the internal forces of all bodies act in every step."""
         model, record, dim = setting.model, setting.record, setting.model.dim
-        if not model.own_steps:
+        if model.period == 1:
             return None
-        own_steps = np.array(model.own_steps, dtype=np.int64)
+        own_steps = np.array(model.leaps, dtype=np.int64)
         boundary = setting.step.boundary
         of_nodes = np.repeat(own_steps, [body.mass.size * dim for body in model.bodies.values()])
         of_boundary, field_dof = of_nodes[boundary["dof"]], record.field_dof
@@ -141,3 +139,70 @@ def shift_snapshot_back(data: Ahead, n: int, u: Floats, v: Floats, a: Floats) ->
     for k in range(data.of_field.size):
         if data.of_field[k] > 1:
             data.field[r, k] -= (-n) % data.of_field[k] * data.now[0].dt * v[data.field_dof[k]]
+
+
+# ------------------------------------------------------------------------------------------------------------- facts
+
+
+def feature(model: ModelArrays) -> Feature | None:
+    """Return what is to know of bodies with steps of their own; None where the scheme gives them none."""
+    if model.multistage or not model.tables[0].own_steps:
+        return None
+    ratios = [model.omega / float(body.frequency.max()) for body in model.bodies.values()]
+    leaps = tuple(max(1, int(ratio * (1.0 + TOLERANCE))) for ratio in ratios)
+    if max(leaps) == 1:
+        return Feature(name="own steps", built_for_bars=True)
+    name = model.case.method.integrator.name
+    steps = ", ".join(f"{number} in '{body}'" for body, number in zip(model.bodies, leaps, strict=True))
+    return Feature(
+        name="own steps",
+        goes_without={
+            "coupled masses": "bodies with steps of their own",
+            "end forces": f"under {name} the internal forces of a step are not those at its begin",
+            "ends without mass": f"with {name} its end element does not act in every step",
+        },
+        leaps=leaps,
+        no_row_kernel=True,
+        built_for_bars=True,
+        sums_internal_work=True,
+        loses_energy=(
+            f"{name} has not kept the energy: what its internal forces did and what the bodies store differ by"
+        ),
+        not_guaranteed=(
+            "bodies have steps of their own: internal forces that do not act in every step balance no contact in it"
+            if model.contact_points
+            else ""
+        ),
+        of_all_laws=True,
+        no_springs=f"{name} gives bodies steps of their own, so that a closed contact does not act as a stiffness",
+        unlike_plain_bars=f"with {name} bodies have steps of their own",
+        no_critical_step=(
+            f"with {name} steps resonate: a longer one may be stable, a shorter one not" if model.contact_points else ""
+        ),
+        unknown=partial(_why_unknown, model),
+        cure="take another step, or the same step in all bodies: steps of unlike length resonate",
+        explained=(
+            f"bodies have steps of their own: steps from one action of the internal forces to the next, {steps}; "
+            "contacts and loads on ends act in every step",
+        ),
+    )
+
+
+def _why_unknown(model: ModelArrays) -> str:
+    """Return why no criterion covers bodies with steps of their own; empty if one does."""
+    name = model.case.method.integrator.name
+    with_kernels = list(dict.fromkeys(bound.law.name for bound in model.laws if bound.linear is None))
+    if with_kernels:
+        laws = " and ".join(with_kernels)
+        return (
+            f"with {name} contacts are held closed over several steps, and {laws} has a kernel, which does not say so"
+        )
+    if model.followers:
+        load = model.followers[0].load.name
+        return f"load '{load}' acts in every step at an end of a body whose internal forces may not, under {name}"
+    if model.contact_points and model.period > LONGEST_PERIOD:
+        return (
+            f"under {name} the bodies act together in every {model.period}-th step alone, and periods of up to "
+            f"{LONGEST_PERIOD} steps are examined"
+        )
+    return ""

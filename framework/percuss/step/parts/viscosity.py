@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
+from percuss.contact.features import Feature
 from percuss.mesh.cell_kernels import add_up_forces
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import internal_force
@@ -34,8 +36,8 @@ class Viscosity(Part[float]):
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
         """Return the part, None where the scheme has no viscosity."""
-        model = setting.model
-        return cls(model.viscosity * model.dt) if model.viscosity else None
+        model, viscosity = setting.model, viscosity_of(setting.model)
+        return cls(viscosity * model.dt) if viscosity else None
 
     def changed(self, action: Action) -> Action | None:
         """Return the update of a block with forces that look ahead."""
@@ -66,9 +68,43 @@ def force_of_cells_ahead(data: Bulk, material: MaterialPoints, b: int, u: Floats
     add_up_forces(data.block.element, material, b, data.part.displacement[: u.size], force)
 
 
+def viscosity_of(model: ModelArrays) -> float:
+    """Return the time of the viscosity of a leap-frog scheme over the step, `percuss.LeapFrog.viscosity`."""
+    return 0.0 if model.multistage else model.tables[0].viscosity
+
+
+def feature(model: ModelArrays) -> Feature | None:
+    """Return what is to know of viscous bodies; None where the scheme has no viscosity.
+
+    With ``v += dt f, u += dt v`` and ``f = -omega^2 (u + viscosity dt v)`` the step has the trace
+    ``2 - x (1 + viscosity)`` and the determinant ``1 - x viscosity``, x = (omega dt)^2. It is stable while
+    1 + trace + determinant is positive, ``x (1 + 2 viscosity) < 4``.
+    """
+    viscosity, name = viscosity_of(model), model.case.method.integrator.name
+    if not viscosity:
+        return None
+    return Feature(
+        name="viscous bodies",
+        goes_without={
+            "end forces": f"that of {name} has a viscous part, which is not known when it is evaluated",
+            "ends without mass": f"the viscous force of {name} in its end element is not part of that",
+        },
+        limit_ratio=1.0 / math.sqrt(1.0 + 2.0 * viscosity),
+        no_row_kernel=True,
+        sums_internal_work=True,
+        dissipates=True,
+        not_guaranteed="viscosity takes energy in every step: no balance of elastic and kinetic energy is kept",
+        no_springs=(
+            f"{name} is viscous in the bodies and not in their contacts, so that a closed contact does not act as a "
+            "stiffness"
+        ),
+        unlike_plain_bars=f"{name} is viscous",
+    )
+
+
 def refusals(model: ModelArrays) -> Iterator[Problem]:
     """Yield a problem where bodies are not linear: the viscosity is that of a stiffness."""
-    if model.viscosity and model.why_not_linear:
+    if viscosity_of(model) and model.why_not_linear:
         name = model.case.method.integrator.name
         message = f"expected linear bodies with the viscous {name}, found that {model.why_not_linear}"
         advice = "Its viscosity is that of a stiffness, which these bodies do not have: take central-difference."

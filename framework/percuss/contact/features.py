@@ -1,0 +1,93 @@
+"""What a model says of its optional features: facts for everything that does not know these by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Verdict = Literal["yes", "marginal", "no", "unknown"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Feature:
+    """The facts about an optional feature that a model has; each default is that of a model without it.
+
+    Attributes
+    ----------
+    name
+        By which other features know it.
+    goes_without
+        Why the features of these names do not go with it, in words that they complete to a sentence.
+    leaps
+        Number of steps from one action of the internal forces of each body to the next.
+    limit_ratio
+        Largest stable step over that of central difference.
+    no_row_kernel
+        Whether the kernel for bars of equal elements, which knows nothing but these, cannot advance them.
+    built_for_bars
+        Whether it is built for bars alone.
+    keeps_constraints
+        Whether a support or drive that is not active stays in the list of constraints of the loop. An acceleration kept
+        from the step before may contain the reaction of one that is no longer active: its impulse still has to be
+        counted.
+    solves_contact
+        How the scheme solves for its contacts at the end of the step, as a run explains it.
+    not_compiled
+        Why its steps are not compiled.
+    sums_internal_work, dissipates
+        Whether the energy ledger counts the work of the internal forces in the place of the elastic energy, and whether
+        linear bodies dissipate what they do not store of it.
+    loses_energy
+        The warning, up to a percentage, where internal forces did other work than the bodies store; the ledger may then
+        be closed all the same.
+    not_guaranteed
+        Why energy is not guaranteed to stay bounded as contacts open and close.
+    of_all_laws
+        Whether that is so with any contact law, even one of which nothing is known.
+    no_springs
+        Why closed contacts do not act in the step as the springs of a mesh do.
+    unlike_plain_bars
+        What sets the model apart from linear bars under a leap-frog scheme, of which closed forms are known.
+    no_critical_step
+        Why the model has no critical step, or none that can be found by a search.
+    no_choice_of_step
+        What is expected and what was found where a case leaves its step open, and what to do.
+    verdict
+        Returns the stability of any step and the reason for it, where these follow from the scheme.
+    unknown
+        Returns why no criterion covers the model; empty if one does.
+    cure
+        What helps against an unstable step whose critical step is not known.
+    warning, explained
+        What every run says of it, and the lines about the step of the integrator in an explanation.
+    """
+
+    name: str
+    goes_without: Mapping[str, str] = field(default_factory=dict)
+    leaps: tuple[int, ...] = ()
+    limit_ratio: float = 1.0
+    no_row_kernel: bool = False
+    built_for_bars: bool = False
+    keeps_constraints: bool = False
+    solves_contact: str = ""
+    not_compiled: str = ""
+    sums_internal_work: bool = False
+    dissipates: bool = False
+    loses_energy: str = ""
+    not_guaranteed: str = ""
+    of_all_laws: bool = False
+    no_springs: str = ""
+    unlike_plain_bars: str = ""
+    no_critical_step: str = ""
+    no_choice_of_step: tuple[str, str, str] | None = None
+    verdict: Callable[[], tuple[Verdict, str]] | None = None
+    unknown: Callable[[], str] = str
+    cure: str = ""
+    warning: str = ""
+    explained: tuple[str, ...] = ()
+
+
+def first_of(reasons: Iterable[str]) -> str:
+    """Return the first reason that is not empty; empty if all are."""
+    return next(filter(None, reasons), "")

@@ -1,0 +1,46 @@
+"""The optional features of a model: the one table of the parts of a step, and of what else says facts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from percuss.march import implicit_check
+from percuss.step.part import Part
+from percuss.step.parts import own_steps, viscosity
+from percuss.step.parts.coupled_masses import CoupledMasses
+from percuss.step.parts.end_forces import EndForcesOfLaws
+from percuss.step.parts.ends_without_mass import EndsWithoutMass
+from percuss.step.parts.followers import Followers
+from percuss.step.parts.internal_work import InternalWork
+from percuss.step.parts.shifts import Shifts
+from percuss.step.parts.state_variables import StateVariablesKept
+
+if TYPE_CHECKING:
+    from percuss.contact.features import Feature
+    from percuss.contact.model_arrays import ModelArrays
+
+# The optional parts of a step, in the order in which they act at one place.
+PARTS: tuple[type[Part[Any]], ...] = (
+    CoupledMasses,
+    Followers,
+    EndForcesOfLaws,
+    EndsWithoutMass,
+    InternalWork,
+    Shifts,
+    viscosity.Viscosity,
+    own_steps.OwnSteps,
+    StateVariablesKept,
+)
+# What says the facts about each feature, None of a model without it; of several facts that exclude each other the first
+# one counts.
+FEATURES: tuple[Callable[[ModelArrays], Feature | None], ...] = (
+    viscosity.feature,
+    own_steps.feature,
+    implicit_check.feature,
+)
+
+
+def features_of(model: ModelArrays) -> tuple[Feature, ...]:
+    """Return the facts about the optional features that a model has."""
+    return tuple(filter(None, (feature(model) for feature in FEATURES)))
