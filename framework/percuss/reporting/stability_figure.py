@@ -4,23 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.case.quantities import QUANTITIES
 from percuss.certificate.maps import STEP
 from percuss.jsonable import Entries
-from percuss.reporting.figures import (
-    COLOURS,
-    DASHES,
-    INK,
-    SOFT,
-    log_axis,
-    new_figure,
-    number,
-    write_reason,
-)
+from percuss.reporting.figures import COLOURS, DASHES, INK, SOFT, log_axis, new_figure, number, write_reason
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,117 +42,117 @@ def stability_figure(rows: list[Entries], vary: Axis, curves: Axis, title: str, 
         Title of the figure, and the line of methods below it.
     """
     subject = "stability of the closed linear step, in the worst combination of contacts"
-    with new_figure(9.6, 6.4, title, [methods, subject, *_notes_on_omissions(rows, vary, curves)]) as figure:
+    drawn = _Drawn.of(rows, vary, curves)
+    with new_figure(9.6, 6.4, title, [methods, subject, *_notes_on_omissions(rows, drawn)]) as figure:
         if not any(row["courant_critical"] is not None for row in rows):
             write_reason(figure.subplots(), f"nothing to draw: {rows[0]['reason']}")
         elif len(vary) == 2:
-            _draw_maps(figure, rows, vary, curves)
+            _draw_maps(figure, drawn)
         else:
-            _draw_curves(figure, rows, vary, curves)
+            _draw_curves(figure, drawn)
     return figure
 
 
-def _notes_on_omissions(rows: list[Entries], vary: Axis, curves: Axis) -> list[str]:
+class _Drawn(NamedTuple):
+    """What a figure of stability shows.
+
+    Attributes
+    ----------
+    quantity
+        Key of the drawn quantity: the critical Courant number; theta or margin where the step is varied.
+    vary
+        Values of the paths along the axes.
+    criteria
+        The criteria by which it was found.
+    curves
+        The rows of each curve or map, by its label.
+    """
+
+    quantity: str
+    vary: Axis
+    criteria: list[str]
+    curves: dict[str, list[Entries]]
+
+    @classmethod
+    def of(cls, rows: list[Entries], vary: Axis, curves: Axis) -> _Drawn:
+        """Return what a figure of some rows shows."""
+        by_label: dict[str, list[Entries]] = {}
+        for row in rows:
+            label = ", ".join(f"{path.rsplit('.', 1)[-1]} = {number(row[path])}" for path in curves)
+            by_label.setdefault(label, []).append(row)
+        quantity = "courant_critical"
+        if set(STEP) & set(vary):
+            quantity = "theta" if any(row.get("theta") is not None for row in rows) else "margin"
+        return cls(quantity, vary, list(dict.fromkeys(row["by"] for row in rows)), by_label)
+
+
+def _notes_on_omissions(rows: list[Entries], drawn: _Drawn) -> list[str]:
     """Return notes on parts that are not drawn: points without a number, curves without a map, and further criteria."""
-    quantity = _quantity(rows, vary)
-    without_number = [row for row in rows if row.get(quantity) is None]
+    without_number = [row for row in rows if row.get(drawn.quantity) is None]
     words = []
     if without_number:
         reason, count = Counter(row["reason"] or "no reason given" for row in without_number).most_common(1)[0]
         often = f" ({count} of them)" if count < len(without_number) else ""
         words.append(f"{len(without_number)} of {len(rows)} points have no number and are left blank: {reason}{often}")
-    labels, criteria = list(_by_curve(rows, curves)), list(dict.fromkeys(row["by"] for row in rows))
-    if len(vary) == 2 and len(labels) > MOST_MAPS:
-        words.append(f"the first {MOST_MAPS} of {len(labels)} curves have a map")
-    if len(vary) == 2 and len(criteria) > 1:
-        words.append(f"the maps are those of the {criteria[0]}; not drawn: {', '.join(criteria[1:])}")
+    first, *others = drawn.criteria
+    if len(drawn.vary) == 2 and len(drawn.curves) > MOST_MAPS:
+        words.append(f"the first {MOST_MAPS} of {len(drawn.curves)} curves have a map")
+    if len(drawn.vary) == 2 and others:
+        words.append(f"the maps are those of the {first}; not drawn: {', '.join(others)}")
     return words
 
 
-def _draw_curves(figure: Figure, rows: list[Entries], vary: Axis, curves: Axis) -> None:
-    axes = figure.subplots()
-    path = next(iter(vary))
-    criteria = list(dict.fromkeys(row["by"] for row in rows))
-    quantity = _quantity(rows, vary)
-    for k, (curve, of_curve) in enumerate(_by_curve(rows, curves).items()):
-        colour = COLOURS[k % len(COLOURS)]
-        for j, criterion in enumerate(criteria):
-            points = [point for point in of_curve if point["by"] == criterion and point.get(quantity) is not None]
-            x, y = [_coordinate(point[path]) for point in points], [point[quantity] for point in points]
-            label = "  ".join(part for part in (curve, criterion if len(criteria) > 1 else "") if part)
+def _draw_curves(figure: Figure, drawn: _Drawn) -> None:
+    axes, (path,) = figure.subplots(), drawn.vary
+    for k, (curve, of_curve) in enumerate(drawn.curves.items()):
+        colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
+        for j, criterion in enumerate(drawn.criteria):
+            points = [row for row in of_curve if row["by"] == criterion and row.get(drawn.quantity) is not None]
+            x, y = [_coordinate(row[path]) for row in points], [row[drawn.quantity] for row in points]
+            label = "  ".join(filter(None, (curve, criterion if len(drawn.criteria) > 1 else ""))) or criterion
             if j == 0:
-                axes.plot(
-                    x, y, color=colour, linestyle=DASHES[k % len(DASHES)], linewidth=1.8, label=label or criterion
-                )
+                axes.plot(x, y, color=colour, linestyle=dashes, linewidth=1.8, label=label)
                 continue
-            thin = slice(None, None, max(1, len(x) // 15))
-            axes.plot(
-                x[thin], y[thin], MARKS[(j - 1) % len(MARKS)], color=colour, fillstyle="none", markersize=7, label=label
-            )
-    _set_scale(axes, vary, path, "x")
-    axes.set(xlabel=path, ylabel=WORDS[quantity])
+            thin, mark = slice(None, None, max(1, len(x) // 15)), MARKS[(j - 1) % len(MARKS)]
+            axes.plot(x[thin], y[thin], mark, color=colour, fillstyle="none", markersize=7, label=label)
+    _set_scale(axes, drawn.vary, path, "x")
+    axes.set(xlabel=path, ylabel=WORDS[drawn.quantity])
     axes.set_ylim(bottom=0)
-    axes.legend(fontsize=9, loc="best", ncols=len(criteria))
+    axes.legend(fontsize=9, loc="best", ncols=len(drawn.criteria))
 
 
-def _draw_maps(figure: Figure, rows: list[Entries], vary: Axis, curves: Axis) -> None:
-    first, second = vary
-    drawn = dict(list(_by_curve(rows, curves).items())[:MOST_MAPS])
-    quantity = _quantity(rows, vary)
-    panels = figure.subplots(1, len(drawn), sharey=True, squeeze=False)[0]
-    x, y = ([_coordinate(value) for value in vary[path]] for path in (first, second))
+def _draw_maps(figure: Figure, drawn: _Drawn) -> None:
+    first, second = drawn.vary
+    labels = list(drawn.curves)[:MOST_MAPS]
+    panels = figure.subplots(1, len(labels), sharey=True, squeeze=False)[0]
+    x, y = ([_coordinate(value) for value in drawn.vary[path]] for path in (first, second))
     grids = []
-    for of_curve in drawn.values():
-        value_at = {(row[first], row[second]): row.get(quantity) for row in of_curve if row["by"] == rows[0]["by"]}
-        grids.append(
-            np.array([[value_at.get((across, up)) for across in vary[first]] for up in vary[second]], dtype=float)
-        )
-    boundary = quantity != "courant_critical"
-    finite = np.concatenate([grid[np.isfinite(grid)] for grid in grids])
-    low, high = (0.0, 2.0) if boundary else (0.0, float(finite.max()))
-    for axes, grid, curve in zip(panels, grids, drawn, strict=True):
+    for label in labels:
+        rows = [row for row in drawn.curves[label] if row["by"] == drawn.criteria[0]]
+        value_at = {(row[first], row[second]): row.get(drawn.quantity) for row in rows}
+        values = [[value_at.get((across, up)) for across in drawn.vary[first]] for up in drawn.vary[second]]
+        grids.append(np.array(values, dtype=float))
+    boundary = drawn.quantity != "courant_critical"
+    high = 2.0 if boundary else max(float(grid[np.isfinite(grid)].max(initial=0.0)) for grid in grids)
+    levels = [1.0] if boundary else [level for level in np.linspace(0.1, 1.0, 10) if 0.0 < level < high]
+    style: Entries = {"cmap": "RdBu_r" if boundary else "viridis", "vmin": 0.0, "vmax": high, "shading": "nearest"}
+    for axes, grid, label in zip(panels, grids, labels, strict=True):
         # Where no step is stable the ratio of the step to the critical one is infinite, which is drawn as a colour.
         shown = np.ma.masked_invalid(np.where(grid == np.inf, 10 * high, grid))
-        mesh = axes.pcolormesh(
-            x,
-            y,
-            shown,
-            cmap="RdBu_r" if boundary else "viridis",
-            vmin=low,
-            vmax=high,
-            shading="nearest",
-            rasterized=True,
-        )
-        levels = [1.0] if boundary else [level for level in np.linspace(0.1, 1.0, 10) if low < level < high]
+        mesh = axes.pcolormesh(x, y, shown, rasterized=True, **style)
         if min(grid.shape) > 1 and shown.count():
             lines = axes.contour(x, y, shown, levels=levels, colors=INK, linewidths=1.6 if boundary else 0.7)
             axes.clabel(lines, fmt="%.3g", fontsize=9)
-        _set_scale(axes, vary, first, "x")
-        axes.set_title(curve, loc="left", size=11)
+        _set_scale(axes, drawn.vary, first, "x")
+        axes.set_title(label, loc="left", size=11)
         axes.set_xlabel(first)
         axes.grid(visible=False)
-    _set_scale(panels[0], vary, second, "y")
+    _set_scale(panels[0], drawn.vary, second, "y")
     panels[0].set_ylabel(second)
-    figure.colorbar(mesh, ax=list(panels), extend="max" if boundary else "neither", label=WORDS[quantity])
+    figure.colorbar(mesh, ax=list(panels), extend="max" if boundary else "neither", label=WORDS[drawn.quantity])
 
 
-def _quantity(rows: list[Entries], vary: Axis) -> str:
-    """Return the key of the drawn quantity: the critical Courant number; theta or margin where the step is varied."""
-    if not set(STEP) & set(vary):
-        return "courant_critical"
-    return "theta" if any(row.get("theta") is not None for row in rows) else "margin"
-
-
-def _by_curve(rows: list[Entries], curves: Axis) -> dict[str, list[Entries]]:
-    """Return the rows of each curve, by its label."""
-    out: dict[str, list[Entries]] = {}
-    for row in rows:
-        label = ", ".join(f"{path.rsplit('.', 1)[-1]} = {number(row[path])}" for path in curves)
-        out.setdefault(label, []).append(row)
-    return out
-
-
-def _coordinate(value: Any) -> Any:
+def _coordinate(value: float | str) -> float | str:
     return float(value) if isinstance(value, (int, float)) else str(value)
 
 
