@@ -147,10 +147,10 @@ def test_a_report_does_not_take_the_place_of_its_study(bench):
 
 
 def test_the_table_beside_a_page_does_not_take_the_place_of_its_study(bench, tmp_path, monkeypatch):
-    from percuss.reporting import study_data
+    from percuss.reporting import page_rows
     from percuss.reporting.study_page import study_report
 
-    monkeypatch.setattr(study_data, "MOST_ROWS", 1)
+    monkeypatch.setattr(page_rows, "MOST_ROWS", 1)
     rows = tmp_path / "rows.csv"
     rows.write_bytes((bench / "rows.sqlite").read_bytes())
     with pytest.raises(percuss.InputError, match=r"rows\.csv: expected a file to write, found the study"):

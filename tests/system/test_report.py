@@ -20,7 +20,8 @@ import percuss
 from fake_studies import TWO_BARS, FakeStudy, drawn_study, run_study, several_cases
 from opened_page import Opened
 from percuss.cli.main import app
-from percuss.reporting import study_charts, study_data
+from percuss.reporting import page_rows, study_charts, study_data
+from percuss.reporting.study_answer import answer
 from percuss.reporting.study_figures import figures, study_figures
 from percuss.reporting.study_page import report_html, study_report
 from percuss.studies.columns import metric
@@ -151,7 +152,7 @@ def test_a_table_larger_than_a_page_is_sampled_and_says_so(large, tmp_path):
     html = paths[0].read_text(encoding="utf-8")
     data = data_of(html)
     assert (data["total"], data["seed"]) == (20_000, 0)
-    assert data["rows"] - len(data["added"]) == study_data.MOST_ROWS
+    assert data["rows"] - len(data["added"]) == page_rows.MOST_ROWS
     assert f"{data['rows']:,} of the 20,000 rows: a random sample of 5,000 (seed 0), and all" in html
     assert "large.csv" in html
     assert len(html) < 3_500_000
@@ -284,18 +285,18 @@ def test_histories_are_few_and_thin_and_the_best_of_each_pair_and_case(small):
     study = copy.deepcopy(small)
     long = {"time": np.linspace(0, 1, 50_000), "contact_force": np.zeros((50_000, 6)), "contact_force_exact": None}
     study.kept = dict.fromkeys(study.table["key"], long)
-    kept = study_data.kept_histories(study, study.table, ["force_error_l1"])
-    assert 60 < len(kept) <= study_data.MOST_HISTORIES < len(study.table)
-    assert len(json.dumps(kept)) < 1.05 * study_data.MOST_LETTERS
+    kept = page_rows.kept_histories(study, study.table, ["force_error_l1"])
+    assert 60 < len(kept) <= page_rows.MOST_HISTORIES < len(study.table)
+    assert len(json.dumps(kept)) < 1.05 * page_rows.MOST_LETTERS
     for _, own in study.table.groupby(np.array(study_data.methods(study.table))):
         errors = own["force_error_l1"].where(own["status"] == "done").fillna(np.inf)
         here = [row in kept for row in own.index]
         assert any(here)
         assert max(errors[here]) <= min(errors[~np.array(here)], default=np.inf)
     one = next(iter(kept.values()))
-    assert len(one["force"]) == study_data.MOST_CONTACTS
+    assert len(one["force"]) == page_rows.MOST_CONTACTS
     assert one["exact"] == []
-    assert len(one["force"][0][0]) < 4 * study_data.POINTS * 2
+    assert len(one["force"][0][0]) < 4 * page_rows.POINTS * 2
     data = data_of(report_html(study))
     assert sorted([*data["not_in_page"], *map(int, data["histories"])]) == list(range(len(study.table)))
 
@@ -350,8 +351,8 @@ def test_the_best_runs_are_always_in_the_page(large):
 
 def test_the_sample_of_a_page_stays_random(large):
     known = study_data.columns(large)
-    carried = study_data.carried(large.table, known)
-    drawn = np.random.default_rng(study_data.SEED).choice(20_000, study_data.MOST_ROWS, replace=False)
+    carried = page_rows.carried(large.table, known)
+    drawn = np.random.default_rng(page_rows.SEED).choice(20_000, page_rows.MOST_ROWS, replace=False)
     assert carried.table["key"][carried.drawn].tolist() == large.table["key"].iloc[np.sort(drawn)].tolist()
 
 
@@ -382,7 +383,7 @@ def test_a_run_without_a_true_error_is_never_ranked(lines):
     table = drawn_table(lines)
     study = FakeStudy(table)
     known = study_data.columns(study)
-    best = study_data.best_runs(table, known)
+    best = page_rows.best_runs(table, known)
     assert table.loc[best, "status"].eq("done").all()
     assert table.loc[best, "force_error_l1"].notna().all()
     for _, own in table[table["force_error_l1"].notna()].groupby(["case", "integrator"]):
@@ -466,7 +467,7 @@ def test_the_best_and_the_median_of_a_pair_in_a_case(several):
 
 def answer_of(study):
     known = study_data.columns(study)
-    return study_data.answer(study.table, known)
+    return answer(study.table, known)
 
 
 def test_the_answer_is_that_of_the_rows(several, small):
@@ -697,7 +698,7 @@ def test_a_report_reads_the_table_of_a_study_once(several, tmp_path, monkeypatch
         table = property(lambda self: reads.append(1) or self.rows, lambda self, rows: setattr(self, "rows", rows))
 
     study = Counted(several.table)
-    monkeypatch.setattr(study_data, "MOST_ROWS", 100)
+    monkeypatch.setattr(page_rows, "MOST_ROWS", 100)
     assert len(study_report(study, tmp_path / "page.html")) == 2
     assert len(reads) == 1
 
@@ -895,7 +896,7 @@ def test_a_sampled_page_says_of_what_its_lines_are(browser, pages, large):
               return [cells.flat().reduce((sum, cell) => sum + cell.made, 0), Math.min(...best)];
             }"""
         )
-        assert made == study_data.MOST_ROWS
+        assert made == page_rows.MOST_ROWS
         assert best == 100.0 * large.table["force_error_l1"].min()
 
 

@@ -15,7 +15,7 @@ from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
 from percuss.case.quantities import TRUE_ERRORS, percent
 from percuss.errors import InputError, PercussError, RunError
-from percuss.reporting import animation, comparison_figure, convergence_figure, figures, report, run_figure
+from percuss.reporting import animation, comparison_figure, figures, report, run_figure
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run
 
@@ -459,7 +459,7 @@ def test_a_convergence_figure_shows_errors_in_per_cent_orders_and_a_slope():
     for name in TRUE_ERRORS:
         fit |= {name: [0.08, 0.02, 0.005], f"{name}_order": 2.04}
     fit |= {TRUE_ERRORS[1]: [None, None, 0.0], f"{TRUE_ERRORS[1]}_order": None}
-    figure = convergence_figure.convergence_figure([fit], "Title " * 40)
+    figure = comparison_figure.convergence_figure([fit], "Title " * 40)
     first, second, *_ = figure.axes
     assert holds(first, [1, 2, 4], [0.08, 0.02, 0.005])
     assert [text.get_text() for text in first.get_legend().get_texts()] == ["2.04"]

@@ -26,8 +26,7 @@ def compare(
 ) -> None:
     """Run pairs of methods on one case, side by side."""
     with common.reporting(as_json) as answer:
-        from percuss.reporting.comparison_figure import comparison_figure
-        from percuss.reporting.convergence_figure import convergence_figure
+        from percuss.reporting.comparison_figure import comparison_figure, convergence_figure
         from percuss.reporting.terminal import comparison_lines, order_lines
         from percuss.reporting.verdict import comparison_verdict
         from percuss.studies import comparison

@@ -63,8 +63,7 @@ def verify(
 
 def _verify_files(answer: common.Answer, files: list[Path], plugins: list[Path]) -> bool:
     """Print the checks of cases and results, and return whether all pass."""
-    from percuss.reporting.tell_reruns import rerun_lines
-    from percuss.reporting.terminal import check_lines
+    from percuss.reporting.terminal import check_lines, rerun_lines
     from percuss.results.rerun import rerun
 
     cases: list[dict[str, Any]] = []

@@ -17,9 +17,10 @@ import numpy as np
 
 from percuss.files import PACKAGE, expect_no_input, replacing
 from percuss.jsonable import Entries, plain
-from percuss.reporting import study_charts, study_data
+from percuss.reporting import page_rows, study_charts, study_data
 from percuss.reporting.component import docs
 from percuss.reporting.figures import one_line
+from percuss.reporting.study_answer import answer
 from percuss.reporting.study_charts import Charts, count_of
 from percuss.reporting.study_data import ColumnRoles
 
@@ -56,7 +57,7 @@ def study_report(study: Study, path: str | os.PathLike[str], statistic: str = "b
     inputs = [("study", study.path)]
     study = study_charts.snapshot(study)
     target = Path(path)
-    beside = target.with_suffix(".csv") if len(study.table) > study_data.MOST_ROWS else None
+    beside = target.with_suffix(".csv") if len(study.table) > page_rows.MOST_ROWS else None
     for output in filter(None, (beside, target)):
         expect_no_input(output, inputs)
     if beside is not None:
@@ -88,7 +89,7 @@ def report_html(study: Study, beside: str = "", statistic: str = "best") -> str:
         "title": escape(one_line(study.title or "Untitled study")),
         "question": _question_html(study, data),
         "sampled": _sampling_notice(data, beside),
-        "answer": _answer_html(study_data.answer(study.table, roles), charts),
+        "answer": _answer_html(answer(study.table, roles), charts),
         **{f"{name}_caption": escape(caption) for name, caption in study_charts.CAPTIONS.items()},
         "varied": _varied_table(study, roles),
         "measured": _measures_table(study, roles),
@@ -114,16 +115,16 @@ def report_html(study: Study, beside: str = "", statistic: str = "best") -> str:
 
 def payload(study: Study, roles: ColumnRoles, charts: Charts) -> Entries:
     """Return the data that the page's scripts draw, in the types of JSON; arrays of numbers are base64 texts."""
-    carried = study_data.carried(study.table, roles)
-    sampled = len(study.table) > study_data.MOST_ROWS
+    carried = page_rows.carried(study.table, roles)
+    sampled = len(study.table) > page_rows.MOST_ROWS
     in_order = ("case", "integrator", "contact", *roles.varied, "status", *roles.measures)
     names = [name for name in (*in_order, "fragile", "reason", "said_by", "key") if name in study.table]
     several_cases = study.table["case"].nunique() > 1
-    kept = study_data.kept_histories(study, carried.table, charts.ranked)
+    kept = page_rows.kept_histories(study, carried.table, charts.ranked)
     return {
         "total": len(study.table),
         "rows": len(carried.table),
-        "seed": study_data.SEED if sampled else None,
+        "seed": page_rows.SEED if sampled else None,
         "methods": list(charts.styles),
         "most_forces": study_charts.MOST_FORCES,
         "most_bands": study_charts.MOST_BANDS,
@@ -158,10 +159,10 @@ def _packed_column(table: pd.DataFrame, kept: pd.DataFrame, name: str, roles: Co
         column["scale"] = 100.0
     if role == "varied" and values is not None:
         places, bin_of = study_data.binned(values)
-        column["bins"] = {"places": places.tolist(), "of": study_data.packed(bin_of[kept], "<i2")}
+        column["bins"] = {"places": places.tolist(), "of": page_rows.packed(bin_of[kept], "<i2")}
     if values is not None:
         # Double precision, so that the csv file saved from the page holds the same numbers as the study.
-        return column | {"kind": "<f8", "data": study_data.packed(values[kept], "<f8")}
+        return column | {"kind": "<f8", "data": page_rows.packed(values[kept], "<f8")}
     values_as_text = study_data.texts(table[name])
     levels = list(dict.fromkeys(values_as_text)) if role == "about" else study_data.in_order(values_as_text)
     codes = {level: k for k, level in enumerate(levels)}
@@ -173,7 +174,7 @@ def _packed_column(table: pd.DataFrame, kept: pd.DataFrame, name: str, roles: Co
         column["label"] = name.replace("_", " ")
     if name == "status":
         column["outcomes"] = [study_charts.outcome(level) for level in levels]
-    return column | {"kind": "text", "levels": levels, "data": study_data.packed(code_of_row, "<u2")}
+    return column | {"kind": "text", "levels": levels, "data": page_rows.packed(code_of_row, "<u2")}
 
 
 def _packed_commands(study: Study, kept: Array) -> Entries | None:
@@ -189,7 +190,7 @@ def _packed_commands(study: Study, kept: Array) -> Entries | None:
         else []
         for index in used
     ]
-    return {"templates": pieces, "data": study_data.packed(index_of_row, "<u2")}
+    return {"templates": pieces, "data": page_rows.packed(index_of_row, "<u2")}
 
 
 def _packed_profiles(table: object, roles: ColumnRoles, charts: Charts) -> Entries:
@@ -198,7 +199,7 @@ def _packed_profiles(table: object, roles: ColumnRoles, charts: Charts) -> Entri
     out = {}
     for name, statistic in itertools.product(charts.ranked, study_data.STATISTICS):
         chart = study_charts.profile_chart(table, roles, name, problem_set, statistic)
-        lines = {pair: [study_data.packed(part) for part in line] for pair, line in chart.lines.items()}
+        lines = {pair: [page_rows.packed(part) for part in line] for pair, line in chart.lines.items()}
         out[f"{name}|{statistic}"] = asdict(chart) | {"lines": lines}
     return out
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import (
@@ -22,11 +22,14 @@ from percuss.studies.perform import Run
 
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
+    from percuss.results.differences import Difference
+    from percuss.results.rerun import Rerun
     from percuss.results.result import Result
 
 
 STABILITY_LINES = 12  # most lines of the table of critical Courant numbers, unless the whole table is asked for
 STABILITY_REASONS = 3  # most reasons below it
+DIFFERENCES = 12  # of a result and its rerun that are printed; all of them are in the JSON
 
 
 def number_text(value: object, digits: int = 6) -> str:
@@ -256,3 +259,42 @@ def check_lines(cases: list[dict[str, Any]]) -> Iterator[Piece]:
             yield f"  {sign:4} {check['what']}: {measured}, {expected}"
     passed = sum(case["passed"] for case in cases)
     yield f"{passed} of {len(cases)} cases passed"
+
+
+def rerun_lines(reruns: Sequence[Rerun]) -> Iterator[Piece]:
+    """Yield of each result whether its bits agree, where they differ, and what has changed since it was made."""
+    for rerun in reruns:
+        mark = ("the same bits", "green") if rerun.passed else ("DIFFERS", "red")
+        yield mark, " ", (rerun.path, "bold"), f" {rerun.title}"
+        if rerun.error:
+            yield f"  {rerun.error}"
+        yield from (f"  {_difference_words(difference)}" for difference in rerun.differences[:DIFFERENCES])
+        if len(rerun.differences) > DIFFERENCES:
+            yield f"  and {len(rerun.differences) - DIFFERENCES} other quantities: see --json"
+        for change in rerun.changes:
+            yield f"  changed since: {change.what}: {_shortened(change.then)}, now {_shortened(change.now)}"
+        if not rerun.passed and not rerun.changes:
+            yield "  nothing that percuss records has changed: on one machine that should give the same bits"
+    passed = sum(rerun.passed for rerun in reruns)
+    yield f"{passed} of {len(reruns)} results made again to the last bit"
+
+
+def _difference_words(difference: Difference) -> str:
+    """Return a difference in words."""
+    of = f" of {difference.of}" if difference.of else ""
+    when = "" if difference.time is None else f" from t = {difference.time:.9g} on"
+    words = f"{difference.quantity}{of}{when}: {_or_none(difference.then)}, now {_or_none(difference.now)}"
+    if difference.largest is None or difference.time is None:
+        return words
+    share = "" if difference.relative is None else f", {percent(difference.relative)} of its largest value"
+    return f"{words}; at most {difference.largest:.3g} apart{share}"
+
+
+def _or_none(value: object) -> str:
+    return "none" if value is None else str(value)
+
+
+def _shortened(value: str | None) -> str:
+    """Return a text in which a digest has its first digits alone."""
+    words = (word[:12] if len(word) == 64 else word for word in (value or "none").split(" "))
+    return " ".join(words)

@@ -9,8 +9,7 @@ import numpy as np
 
 from percuss.case.quantities import ranking
 from percuss.reporting.figures import number
-from percuss.reporting.study_data.roles import ColumnRoles, references
-from percuss.reporting.study_data.values import WAITING, groups, methods, numbers, texts
+from percuss.reporting.study_data import WAITING, ColumnRoles, groups, methods, numbers, references, texts
 from percuss.reporting.verdict import best_words, is_same
 
 if TYPE_CHECKING:

@@ -1,0 +1,423 @@
+"""Data behind the report of a study: values and roles of its columns, bins of axes, statistics of its runs."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.case.quantities import QUANTITIES, of_column
+from percuss.jsonable import Entries
+from percuss.studies import perform
+from percuss.studies.pareto import front_of
+from percuss.studies.tasks import TIED
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from percuss.studies.study_table import Study
+
+WAITING = perform.WAITING
+# What is shown of several runs of one pair of methods.
+STATISTICS: dict[str, Callable[[Any], Any]] = {"best": np.min, "median": np.median}
+
+
+def numbers(column: Any) -> Any:
+    """Return a column as float64 with nan for missing values, or None if it holds anything but numbers."""
+    present = [] if column.dtype.kind in "iuf" else column[column.notna()]
+    if not all(isinstance(v, (int, float, np.number)) and not isinstance(v, (bool, np.bool_)) for v in present):
+        return None
+    return column.to_numpy(dtype=float, na_value=np.nan)
+
+
+def as_text(value: object) -> str:
+    """Return a value of the table as text that reads back as the same value; an empty text for a missing value."""
+    if value is None or (isinstance(value, (float, np.floating)) and np.isnan(value)):
+        return ""
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    # repr gives the fewest digits that read back as the same double; the .0 of a whole number is superfluous.
+    return repr(float(value)).removesuffix(".0") if isinstance(value, (float, np.floating)) else str(value)
+
+
+def as_label(text: str) -> str:
+    """Return the label of a text from `as_text`: a number with six digits, any other text unchanged."""
+    try:
+        return f"{float(text):.6g}" if text.strip() == text and text[:1] in "-.0123456789" else text
+    except ValueError:
+        return text
+
+
+def texts(column: Any) -> list[str]:
+    """Return the values of a column as texts, empty for missing values."""
+    values = column.tolist()
+    if set(map(type, values)) <= {str}:
+        return list(values)  # as most columns of words are: a large table is read many times for a page
+    return [
+        "" if is_missing else value if type(value) is str else as_text(value)
+        for value, is_missing in zip(values, column.isna().tolist(), strict=True)
+    ]
+
+
+def methods(table: pd.DataFrame) -> list[str]:
+    """Return the pair of methods of each row as one text: integrator + contact law."""
+    pairs = zip(texts(table["integrator"]), texts(table["contact"]), strict=True)
+    return [f"{integrator} + {contact}" for integrator, contact in pairs]
+
+
+def groups(*keys: Sequence[str]) -> dict[tuple[str, ...], Any]:
+    """Return the row numbers of each combination of texts, in the order in which the combinations appear."""
+    out: dict[tuple[str, ...], list[int]] = {}
+    for row, key in enumerate(zip(*keys, strict=True)):
+        out.setdefault(key, []).append(row)
+    return {key: np.array(rows) for key, rows in out.items()}
+
+
+def in_order(values: Sequence[str]) -> list[str]:
+    """Return the distinct texts in order: numbers by value, then words, then the empty text."""
+
+    def rank(value: str) -> tuple[int, float, str]:
+        try:
+            return (0, float(value), value)
+        except ValueError:
+            return (2 if value == "" else 1, 0.0, value)
+
+    return sorted(set(values), key=rank)
+
+
+# ------------------------------------------------------------------------------------------------------------- columns
+
+
+# Labels of the measures, in their order on the page: the comparisons with the exact solution come first.
+MEASURES = {
+    **{name: quantity.label for name, quantity in QUANTITIES.items() if quantity.against_exact},
+    **{name: quantity.label for name, quantity in QUANTITIES.items() if quantity.path or quantity.metric},
+    **dict.fromkeys(("seconds.march", "seconds"), "seconds of the march alone"),
+}
+
+# Measures of the cost of a run; the first does not depend on the machine.
+COSTS = ("node_steps", "seconds", "seconds.march", "steps")
+
+ABOUT = ("case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key")
+
+
+@dataclass(frozen=True)
+class ColumnRoles:
+    """The roles of the columns of a study's table.
+
+    Attributes
+    ----------
+    varied
+        Paths of the varied values.
+    measures
+        Names of the measured columns with their labels; columns without any number are left out.
+    costs
+        Names of the measures that are costs of a run.
+    """
+
+    varied: tuple[str, ...]
+    measures: dict[str, str]
+    costs: tuple[str, ...]
+
+
+def columns(study: Study) -> ColumnRoles:
+    """Return the roles of the columns of a study's table: varied values, measures and costs."""
+    others = [str(name) for name in study.table.columns if name not in ABOUT]
+    varied = [name for name in others if name not in study.columns]
+    named = dict.fromkeys([*(name for name in MEASURES if name in study.columns), *study.columns])
+    values = {name: numbers(study.table[name]) for name in named if name in others}
+    measured = [name for name, column in values.items() if column is not None and np.isfinite(column).any()]
+    labels = {
+        name: (MEASURES.get(name) or of_column(name).label.replace("_", " ")) + " [%]" * is_share(name)
+        for name in measured
+    }
+    if {"seconds", "seconds.march"} <= set(labels):
+        labels["seconds"] += ", the least of its repeats"
+    return ColumnRoles(tuple(varied), labels, tuple(name for name in COSTS if name in labels))
+
+
+def is_share(name: str) -> bool:
+    """Return whether a measure is a share: a fraction in the table of a study, per cent wherever it is shown."""
+    return of_column(name).is_fraction
+
+
+def in_per_cent(table: pd.DataFrame, roles: ColumnRoles) -> Any:
+    """Return a table with its shares in per cent, as reports show them."""
+    return table.assign(**{name: 100.0 * numbers(table[name]) for name in roles.measures if is_share(name)})
+
+
+def references(table: pd.DataFrame) -> list[str]:
+    """Return the pairs of methods with mesh tying instead of a contact law.
+
+    They need the exact solution, so they are references and do not compete with the methods.
+    """
+    pairs = zip(methods(table), texts(table["contact"]), strict=True)
+    return list(dict.fromkeys(method for method, contact in pairs if contact == TIED))
+
+
+# ---------------------------------------------------------------------------------------------------------------- axes
+
+
+DISTINCT = 40  # More distinct values than this are put in bins.
+
+BINS = 24
+
+FAR_FEW, FAR_MANY = 8, 30
+
+ROUND_OFF = 1e-10  # A logarithmic axis does not reach below this fraction of the largest number.
+
+
+def may_be_log(values: Any) -> bool:
+    """Return whether a logarithmic axis can show all numbers: there is at least one, and all are above zero."""
+    finite = values[np.isfinite(values)]
+    return bool(finite.size) and bool((finite > 0).all())
+
+
+def lowest(values: Any) -> float:
+    """Return the lower edge of a logarithmic axis; smaller numbers are zero but for round-off and drawn at the edge."""
+    finite = values[np.isfinite(values)]
+    return float(max(finite.min(), ROUND_OFF * finite.max()))
+
+
+def is_log(values: Any) -> bool:
+    """Return whether numbers suit a logarithmic axis: all above zero, and spread far or in geometric progression."""
+    if not may_be_log(values):
+        return False
+    finite = values[np.isfinite(values)]
+    above = finite[finite >= lowest(values)]
+    distinct = np.unique(above)
+    steps = distinct[1:] / distinct[:-1]
+    few = distinct.size <= DISTINCT
+    multiples = few and distinct.size > 2 and bool(np.allclose(steps, steps[0], rtol=1e-6))
+    return multiples or bool(distinct[-1] / (FAR_FEW if few else FAR_MANY) >= distinct[0])
+
+
+def binned(values: Any, most: int = DISTINCT, bins: int = BINS) -> tuple[Any, Any]:
+    """Return the place of each bin on the axis, and the number of the bin of each value, -1 for a value without one.
+
+    Up to `most` distinct values have one bin each. More are put in `bins` bins of equal width, in the logarithm where
+    `is_log` holds.
+    """
+    good = np.isfinite(values)
+    distinct, own = np.unique(values[good], return_inverse=True)
+    bin_of = np.full(values.size, -1)
+    if distinct.size <= most:
+        bin_of[good] = own
+        return distinct, bin_of
+    log = is_log(values)
+    good &= (values > 0) | (not log)
+    scaled = np.log10(values[good]) if log else values[good]
+    edges = np.linspace(scaled.min(), scaled.max(), bins + 1)
+    bin_of[good] = np.clip(np.searchsorted(edges, scaled, side="right") - 1, 0, bins - 1)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    return (10**middles if log else middles), bin_of
+
+
+def binned_column(column: object) -> tuple[Any, Any]:
+    """Return `binned` of a column of numbers; of a column of words the place of each word in order, 0, 1, 2, ..."""
+    values = numbers(column)
+    if values is not None:
+        return binned(values)
+    own = texts(column)
+    place_of = {word: place for place, word in enumerate(in_order(own))}
+    return np.arange(len(place_of)), np.array([place_of[word] for word in own], dtype=int)
+
+
+# ---------------------------------------------------------------------------------------------------------- statistics
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Statistics of one measure over the runs of one pair of methods in one case.
+
+    Attributes
+    ----------
+    best, median
+        Smallest value and median over the runs that have the measure; nan where none has.
+    row
+        Row number of the run with the smallest value; -1 where none has the measure.
+    measured, made
+        Number of runs that have the measure, and number of runs made.
+    lost
+        Number of the other runs by status; ``no number`` for a run that is done without the measure.
+    """
+
+    best: float
+    median: float
+    row: int
+    measured: int
+    made: int
+    lost: dict[str, int]
+
+    @property
+    def lost_words(self) -> str:
+        """The failed runs in words, as ``4 of 12 runs unstable``; empty if there are none."""
+        of = f" of {self.made} run{'' if self.made == 1 else 's'}"
+        return ", ".join(f"{count}{of} {status}" for status, count in self.lost.items())
+
+
+def cells(table: pd.DataFrame, name: str) -> dict[str, dict[str, Cell]]:
+    """Return the cells of one measure: for each case a mapping from the pair of methods to its cell."""
+    status, values = np.array(texts(table["status"]), dtype=object), numbers(table[name])
+    out: dict[str, dict[str, Cell]] = {}
+    for (case, pair), rows in groups(texts(table["case"]), methods(table)).items():
+        own = rows[status[rows] != WAITING]
+        has_value = (status[own] == "done") & np.isfinite(values[own])
+        measured, lost = own[has_value], Counter(status[own[~has_value]].tolist())
+        lost = Counter({"without a number" if end == "done" else end: count for end, count in lost.items()})
+        best, median, row = np.nan, np.nan, -1
+        if measured.size:
+            row = int(measured[np.argmin(values[measured])])
+            best, median = float(values[row]), float(np.median(values[measured]))
+        if own.size:
+            out.setdefault(case, {})[pair] = Cell(best, median, row, measured.size, own.size, dict(lost))
+    return out
+
+
+def lost(table: pd.DataFrame) -> list[Entries]:
+    """Return the reasons why runs are not done, most frequent first; reasons that differ by numbers alone are one."""
+    rows = table[~table["status"].isin(["done", WAITING])]
+    told = {name: texts(rows[name]) for name in ("status", "said_by", "reason")} | {"method": methods(rows)}
+    kinds = [re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", reason) for reason in told["reason"]]
+    alike = groups(told["status"], told["method"], told["said_by"], kinds).values()
+    found = [{name: column[own[0]] for name, column in told.items()} | {"count": own.size} for own in alike]
+    return sorted(found, key=lambda group: -group["count"])
+
+
+QUANTILES = (0.0, 0.1, 0.5, 0.9)  # The best, the lower end of the band, the median, and its upper end.
+
+
+def lacking(table: pd.DataFrame, path: str) -> set[str]:
+    """Return the pairs of methods whose runs all lack a varied value, because they have no such option or leave it out.
+
+    Their runs are the same at every value of the path.
+    """
+    return set(methods(table)) - set(methods(table[table[path].notna()]))
+
+
+def bands(table: pd.DataFrame, names: Sequence[str], path: str) -> Iterator[tuple[str, str, Any]]:
+    """Yield the best, the median and the quantile band of each measure over a varied value, for each pair of methods.
+
+    Yields
+    ------
+    tuple
+        Pair of methods, measure, and an array (7, bins): the place of each bin on the axis, the four `QUANTILES` over
+        the runs that have the measure, the number of these runs, and the number of runs made. A pair that lacks the
+        value has one bin, whose place is nan; among words it has the bin of the empty text.
+    """
+    is_made = (table["status"] != WAITING).to_numpy()
+    made = table[is_made]
+    places, bin_of = binned_column(table[path])
+    if not places.size:
+        return
+    bin_of = bin_of[is_made]
+    done = (made["status"] == "done").to_numpy()
+    without = lacking(made, path) if numbers(table[path]) is not None else set()
+    measured = made[list(names)].astype(float).to_numpy()
+    for (method,), own in groups(methods(made)).items():
+        bins = [(np.nan, own)] if method in without else [(x, own[bin_of[own] == k]) for k, x in enumerate(places)]
+        runs = [(place, in_bin[done[in_bin]], in_bin.size) for place, in_bin in bins]
+        for n, name in enumerate(names):
+            yield method, name, _band(runs, measured[:, n])
+
+
+def _band(runs: Sequence[tuple[float, object, int]], values: Any) -> Any:
+    """Return place, quantiles, number of values and number of runs of each bin that has a run: array (7, bins)."""
+    out = []
+    for place, rows, count in runs:
+        own = values[rows]
+        own = own[np.isfinite(own)]
+        quantiles = np.quantile(own, QUANTILES) if own.size else np.full(len(QUANTILES), np.nan)
+        if count:
+            out.append((place, *quantiles, own.size, count))
+    return np.array(out).reshape(-1, 7).T
+
+
+PENDING = (WAITING, "lost")  # Nothing is known of these runs, which are still to be made or to be made again.
+
+
+@dataclass(frozen=True)
+class Problems:
+    """The problems of a study that every pair of methods was set.
+
+    A problem is a case with one value of each varied path that is not an option of a method: a pair may have several
+    runs of it, one for each value of its options.
+
+    Attributes
+    ----------
+    solvers
+        The pairs of methods; the references with mesh tying are not among them.
+    rows
+        For each problem the row numbers of the runs of each pair.
+    left_out
+        Number of problems that some pair was not set.
+    """
+
+    solvers: list[str]
+    rows: list[list[Any]]
+    left_out: int
+
+
+def problems(table: pd.DataFrame, varied: Sequence[str]) -> Problems:
+    """Return the problems of a study."""
+    method_of_row, excluded = methods(table), set(references(table))
+    solvers = [method for method in dict.fromkeys(method_of_row) if method not in excluded]
+    paths = ["case", *(path for path in varied if path.split(".")[0] != "method")]
+    runs: dict[Any, dict[str, Any]] = {}
+    for (method, *point), rows in groups(method_of_row, *(texts(table[path]) for path in paths)).items():
+        if method not in excluded:
+            runs.setdefault(tuple(point), {})[method] = rows
+    kept = [[own[method] for method in solvers] for own in runs.values() if len(own) == len(solvers)]
+    return Problems(solvers, kept, len(runs) - len(kept))
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A performance profile: the share of problems on which each pair of methods is within a factor of the best pair.
+
+    Attributes
+    ----------
+    counted
+        Number of problems in the profile.
+    unknown
+        Number of problems left out because one of their runs is still to be made, is done without the measure or has
+        a measure below zero, or because no pair has a value.
+    ratios
+        For each pair of methods the ratios of its measure to that of the best pair, in rising order: at least 1,
+        infinite where it has no value.
+    """
+
+    counted: int
+    unknown: int
+    ratios: Entries
+
+
+def profile(table: pd.DataFrame, name: str, problem_set: Problems, statistic: str = "best") -> Profile:
+    """Return the performance profile of the pairs of methods by one measure that is better when smaller.
+
+    A pair's value on a problem is the best or the median over its runs of it; a run that is not done counts as
+    infinite. The profile of a pair at a factor tau is the fraction of problems whose ratio is at most tau (Dolan, More:
+    Benchmarking optimization software with performance profiles, Math. Program. 91 (2002), doi 10.1007/s101070100263).
+    """
+    status, values = table["status"].to_numpy(), numbers(table[name])
+    of_run = np.where(np.isin(status, PENDING), np.nan, np.where(status == "done", values, np.inf))
+    with np.errstate(invalid="ignore"):
+        cost = np.array([[STATISTICS[statistic](of_run[rows]) for rows in own] for own in problem_set.rows])
+        cost = cost.reshape(-1, len(problem_set.solvers))
+        good = ~np.isnan(cost).any(axis=1) & np.isfinite(cost).any(axis=1) & (cost >= 0).all(axis=1)
+    cost = cost[good]
+    least = cost.min(axis=1, keepdims=True, initial=np.inf)
+    # The best pairs have the ratio 1 also where their measure is zero.
+    ratio = np.divide(cost, least, out=np.where(cost == least, 1.0, np.inf), where=least > 0)
+    ratios = {method: np.sort(ratio[:, k]) for k, method in enumerate(problem_set.solvers)}
+    return Profile(int(good.sum()), int((~good).sum()), ratios)
+
+
+def front(cost: Any, error: Any) -> Any:
+    """Return the Pareto front of error against cost, by rising cost: costs and errors, (2, n)."""
+    rows = front_of(cost, error)
+    return np.vstack([cost[rows], error[rows]])
