@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from percuss.case.case import Case
+    from percuss.jsonable import Entries
     from percuss.reporting.tables import Piece
 
 
@@ -142,7 +143,7 @@ class Answer:
         if path is not None:
             self.write(path, write, path, figure(*arguments))
 
-    def show(self, data: dict[str, Any], pieces: Iterable[Piece]) -> None:
+    def show(self, data: Entries, pieces: Iterable[Piece]) -> None:
         """Print the data as JSON, or what tells the same to a reader."""
         if self.as_json:
             print_json(data)
@@ -326,7 +327,7 @@ def tell(text: str) -> None:
     print(printable(text), file=sys.stderr, flush=True)
 
 
-def print_json(data: dict[str, Any]) -> None:
+def print_json(data: Entries) -> None:
     """Print one JSON object on standard output."""
     from percuss.jsonable import infinity_as_text
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,9 @@ from percuss.cli import common
 from percuss.cli.common import option
 from percuss.errors import Problem, refuse_if_any
 from percuss.process import INTERRUPTED
+
+if TYPE_CHECKING:
+    from percuss.jsonable import Data
 
 
 def study(
@@ -76,7 +79,7 @@ def study(
             common.tell(f"{lost} of {len(rows)} runs failed because of the machine: the same command makes them again")
 
 
-def _forecast_lines(found: Mapping[str, Any], workers: int) -> Iterator[str]:
+def _forecast_lines(found: Data, workers: int) -> Iterator[str]:
     """Yield how many runs a study has, which of them can be made, and what these cost."""
     can_run, part = f"{found['counts'].get('waiting', 0)} can run", found["examined"] < found["runs"]
     yield f"{found['title'] or 'untitled study'}: {found['runs']} runs; none was stored"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,6 +17,7 @@ from percuss.errors import InputError, PercussError, PluginError, Problem
 from percuss.files import is_file
 
 if TYPE_CHECKING:
+    from percuss.jsonable import Entries
     from percuss.results.rerun import Rerun
     from percuss.testing import Report
 
@@ -66,7 +68,7 @@ def _verify_files(answer: common.Answer, files: list[Path], plugins: list[Path])
     from percuss.reporting.terminal import check_lines, rerun_lines
     from percuss.results.rerun import rerun
 
-    cases: list[dict[str, Any]] = []
+    cases: list[Entries] = []
     reruns: list[Rerun] = []
     with common.progress_bar("files") as progress:
         for path in files:
@@ -95,7 +97,7 @@ def _is_result(path: Path) -> bool:
         return False
 
 
-def _verify_case(path: Path, plugins: list[Path]) -> dict[str, Any]:
+def _verify_case(path: Path, plugins: list[Path]) -> Entries:
     """Run a case, and return its checks with expected and measured values, its error and whether it passed."""
     from percuss.case.case import load
     from percuss.results.ledger import open_accounts
@@ -144,7 +146,9 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool, verbose: bool)
             print(here(f"{subject.name} ({subject.family}), {registry.sources[key]}"), flush=True)
         with common.progress_bar(f"checks of {subject.name}") as progress:
 
-            def tell(outcome: Outcome, made: int, planned: int, progress: Any = progress) -> None:
+            def tell(
+                outcome: Outcome, made: int, planned: int, progress: Callable[[int, int], None] = progress
+            ) -> None:
                 if quiet or (sys.stdout.isatty() and not verbose):
                     progress(made, planned)
                 elif verbose:

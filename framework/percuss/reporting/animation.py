@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     from percuss.results.result import Result
 
@@ -163,7 +164,7 @@ def _stress_lines(axes: Axes, result: Result) -> Callable[[int], None]:
     return show
 
 
-def _force_lines(axes: Axes, result: Result) -> Any:
+def _force_lines(axes: Axes, result: Result) -> Line2D:
     """Draw the forces of the first contacts over time, and return the line that marks a moment."""
     names = result.coordinates["contact"][:OVERLAY]
     entries: Entries = {}

@@ -13,6 +13,7 @@ from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.bound_law import OF_END_FORCE
 from percuss.contact.features import first_of
+from percuss.jsonable import Data, Entries
 from percuss.march.recording import recordable
 from percuss.mesh.cells import cells_of
 from percuss.methods.interfaces import Component
@@ -39,7 +40,7 @@ class Fact(NamedTuple):
     """
 
     key: str
-    value: Any
+    value: object
     words: list[str]
 
 
@@ -112,7 +113,7 @@ def _short_text(value: Any) -> str:
     return text if len(text) <= MOST_LETTERS else f"{text[:MOST_LETTERS]}..."
 
 
-def _assignments(values: Mapping[str, Any]) -> str:
+def _assignments(values: Data) -> str:
     return ", ".join(f"{key} = {value}" for key, value in values.items())
 
 
@@ -212,7 +213,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     stiffness, mass, frequency = names = _names_at_end(model, contact_point)
     at_end = contact_point.stiffness, contact_point.mass, contact_point.frequency
     s_formula = "1/(k dt^2) of each end without mass" if model.points_without_mass[number] else "N^T M^-1 N"
-    value: dict[str, Any] = {
+    value: Entries = {
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
         "gap": contact_point.gap,
         "law": law.name,
@@ -250,7 +251,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     return Fact(contact_point.name, value, words)
 
 
-def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | None:
+def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
     """Return the linear law of a contact as the integrator evaluates it, or None where the law has its own kernel."""
     bound_law = next(bound_law for bound_law in model.laws if number in bound_law.where)
     linear = bound_law.linear
@@ -292,7 +293,7 @@ OF_RECORD = {
 BALANCED_GAP = "the gap at t_n, in static balance of the end without mass, whatever the integrator"
 
 
-def _linear_law_lines(law: Mapping[str, Any]) -> Iterator[str]:
+def _linear_law_lines(law: Data) -> Iterator[str]:
     """Yield a linear law with its numbers in words, and the multiplier that follows if only this contact is closed."""
     terms = [(law["gap"], "g"), (law["rate"], "g'"), (law["acceleration"], "g''")]
     right = " ".join(f"- {'' if weight == 1.0 else f'{weight:.6g} '}{name}" for weight, name in terms if weight)
@@ -358,10 +359,8 @@ def _components(model: Model) -> list[Component]:
 
 def _method(model: Model, component: Component) -> Fact:
     """Return a component: what it is, its formula, its order, what it conserves, and its references."""
-    facts: dict[str, Any] = {
-        fact: getattr(component, fact) for fact in ("order", "conserves") if hasattr(component, fact)
-    }
-    value: dict[str, Any] = {
+    facts: Entries = {fact: getattr(component, fact) for fact in ("order", "conserves") if hasattr(component, fact)}
+    value: Entries = {
         "family": component.family,
         "summary": component.summary,
         "formula": docs(type(component)).formula,

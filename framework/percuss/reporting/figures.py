@@ -20,6 +20,7 @@ from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.errors import PercussError, printable
 from percuss.files import PACKAGE, replacing
 from percuss.jsonable import Data, Entries
+from percuss.methods.interfaces import Floats
 from percuss.results.ledger import open_accounts
 
 if TYPE_CHECKING:
@@ -202,7 +203,7 @@ def legend_below(figure: Figure, entries: Entries, *, beside: bool = False) -> N
     _add_legend(figure, entries, loc=place, ncols=columns, fontsize=8.5 if beside else None)
 
 
-def _add_legend(owner: Any, entries: Data, **options: Any) -> None:
+def _add_legend(owner: Axes | Figure, entries: Data, **options: Any) -> None:
     """Add a legend to a panel or a figure."""
     # The space keeps matplotlib from dropping a label that begins with an underscore.
     owner.legend(list(entries.values()), [f" {one_line(label)}" for label in entries], **options)
@@ -252,7 +253,7 @@ def log_axis(
     low, high = axis.get_view_interval()
     # Two or more ticks that are round: whole decades, or parts of one, or equal distances within a small part of one.
     choices = (LogLocator(), LogLocator(subs=(1, 2, 5)), LogLocator(subs=(1, 1.5, 2, 3, 5, 7)), MaxNLocator(5))
-    ticks: Any = ()
+    ticks: Sequence[float] = ()
     for locator, least in zip(choices, (5, 4, 3, 0), strict=True):
         ticks = [tick for tick in locator.tick_values(low, high) if low <= tick <= high]
         if len(ticks) >= least:
@@ -366,7 +367,7 @@ def hatch_after_stop(axes: Axes, result: Result, until: float, *, word: bool = T
     axes.text(*anchor, f"{result.status}: not computed", transform=frame, bbox=PAPER, **style)
 
 
-def thinned(time: Any, values: Any, most: int = MOST_POINTS) -> tuple[Any, Any]:
+def thinned(time: Floats, values: Floats, most: int = MOST_POINTS) -> tuple[Floats, Floats]:
     """Return a line, reduced to the minimum and maximum of each of its sections if it has more than `most` points."""
     if time.size <= most:
         return time, values

@@ -6,12 +6,13 @@ import base64
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss.case.quantities import ranking
 from percuss.jsonable import Entries
+from percuss.methods.interfaces import Array
 from percuss.reporting.figures import thinned
 from percuss.reporting.study_data import ColumnRoles, groups, methods, numbers, texts
 from percuss.studies.pareto import front_of
@@ -60,7 +61,7 @@ def carried(table: pd.DataFrame, roles: ColumnRoles) -> Carried:
     return Carried(table[kept].reset_index(drop=True), kept, drawn[kept], int(best.sum()))
 
 
-def best_runs(table: pd.DataFrame, roles: ColumnRoles) -> Any:
+def best_runs(table: pd.DataFrame, roles: ColumnRoles) -> Array:
     """Return a mask (rows,) of the runs that no other run of the same case and the same pair of methods beats.
 
     For each measure of `ranking` these are the run with its smallest value and the runs on its Pareto front against

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from percuss.case.quantities import with_unit
 from percuss.jsonable import Data, Entries
+from percuss.methods.interfaces import Array, Floats, Integers
 from percuss.reporting.figures import INK, STRESS, TIME, hatch_after_stop, legend, set_labels, stopped_at, write_reason
 
 if TYPE_CHECKING:
@@ -30,9 +31,9 @@ class _Strip(NamedTuple):
         Start and end of the body in space, (2, dim).
     """
 
-    columns: Any
-    edges: Any
-    ends: Any
+    columns: Integers
+    edges: Floats
+    ends: Floats
 
 
 def strips_of(fields: Data, ends: Data) -> tuple[dict[str, _Strip], str]:
@@ -64,7 +65,7 @@ def strips_of(fields: Data, ends: Data) -> tuple[dict[str, _Strip], str]:
     return {name: _Strip(columns[name], placed[name], edges[name][[0, -1]]) for name in edges}, label
 
 
-def _edges(middle: Any, ends: Any) -> Any:
+def _edges(middle: Floats, ends: Floats) -> Floats:
     """Return the boundaries of a body's elements in space, half-way between their midpoints: (elements + 1, dim)."""
     return np.stack([ends[0], *(0.5 * (middle[1:] + middle[:-1])), ends[1]])
 
@@ -143,7 +144,7 @@ def _contact_lines(axes: Axes, result: Result, strips: Mapping[str, _Strip], up:
         legend(axes, {"contact closed": drawn[1.4], "with force": drawn[3.4]}, up=up)
 
 
-def _intervals(mask: Any, time: Any) -> tuple[Any, Any]:
+def _intervals(mask: Array, time: Floats) -> tuple[Floats, Floats]:
     """Return the start and stop times of the intervals in which a condition holds.
 
     Each sample stands for half a sampling interval on either side of it.
@@ -154,7 +155,7 @@ def _intervals(mask: Any, time: Any) -> tuple[Any, Any]:
     return np.maximum(time[change[::2]] - half, 0.0), time[change[1::2] - 1] + half
 
 
-def contact_positions(sides: Any, strips: Mapping[str, _Strip]) -> list[float]:
+def contact_positions(sides: Sequence[tuple[str, Sequence[float]]], strips: Mapping[str, _Strip]) -> list[float]:
     """Return the positions of a contact on the picture's axis: one in the middle of the gap, or one for each side.
 
     The two sides have a position each where the axis shows them farther apart than they are in space.

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from percuss.case.quantities import ranking
 from percuss.case.yaml_text import flow
 from percuss.jsonable import Entries
+from percuss.methods.interfaces import Floats
 from percuss.reporting import study_data
 from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES
 from percuss.reporting.study_data import ColumnRoles
@@ -64,7 +65,7 @@ def snapshot(study: Study) -> Study:
     return cast("Study", SimpleNamespace(**read, table=_with_lists_as_texts(study.table)))
 
 
-def _with_lists_as_texts(table: pd.DataFrame) -> Any:
+def _with_lists_as_texts(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table whose lists and mappings, which cannot be counted, are texts as in a study file."""
     structured = {
         name: column.map(lambda value: flow(value) if isinstance(value, list | dict) else value)
@@ -207,7 +208,7 @@ def place_aside(turn: int, count: int) -> float:
     return SPREAD * (turn - (count - 1) / 2) / max(count, 1)
 
 
-def work_lines(rows: pd.DataFrame, cost: str, error: str) -> tuple[Any, Entries]:
+def work_lines(rows: pd.DataFrame, cost: str, error: str) -> tuple[Floats, dict[str, Floats]]:
     """Return the Pareto fronts of error over cost of some runs, costs and errors as arrays (2, n).
 
     Parameters
@@ -281,7 +282,7 @@ def profile_chart(
     )
 
 
-def profile_steps(ratios: Any, end: float) -> tuple[Any, Any]:
+def profile_steps(ratios: Floats, end: float) -> tuple[Floats, Floats]:
     """Return the factors and the shares of problems of one pair's profile, from factor 1 to the end of the axis."""
     factors, counts = np.unique(np.maximum(ratios[np.isfinite(ratios)], 1.0), return_counts=True)
     share = np.cumsum(counts) / ratios.size

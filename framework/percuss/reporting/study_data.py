@@ -12,6 +12,7 @@ import numpy as np
 
 from percuss.case.quantities import QUANTITIES, of_column
 from percuss.jsonable import Entries
+from percuss.methods.interfaces import Floats, Integers
 from percuss.studies import perform
 from percuss.studies.pareto import front_of
 from percuss.studies.tasks import TIED
@@ -69,7 +70,7 @@ def methods(table: pd.DataFrame) -> list[str]:
     return [f"{integrator} + {contact}" for integrator, contact in pairs]
 
 
-def groups(*keys: Sequence[str]) -> dict[tuple[str, ...], Any]:
+def groups(*keys: Sequence[str]) -> dict[tuple[str, ...], Integers]:
     """Return the row numbers of each combination of texts, in the order in which the combinations appear."""
     out: dict[tuple[str, ...], list[int]] = {}
     for row, key in enumerate(zip(*keys, strict=True)):
@@ -145,7 +146,7 @@ def is_share(name: str) -> bool:
     return of_column(name).is_fraction
 
 
-def in_per_cent(table: pd.DataFrame, roles: ColumnRoles) -> Any:
+def in_per_cent(table: pd.DataFrame, roles: ColumnRoles) -> pd.DataFrame:
     """Return a table with its shares in per cent, as reports show them."""
     return table.assign(**{name: 100.0 * numbers(table[name]) for name in roles.measures if is_share(name)})
 
@@ -171,19 +172,19 @@ FAR_FEW, FAR_MANY = 8, 30
 ROUND_OFF = 1e-10  # A logarithmic axis does not reach below this fraction of the largest number.
 
 
-def may_be_log(values: Any) -> bool:
+def may_be_log(values: Floats) -> bool:
     """Return whether a logarithmic axis can show all numbers: there is at least one, and all are above zero."""
     finite = values[np.isfinite(values)]
     return bool(finite.size) and bool((finite > 0).all())
 
 
-def lowest(values: Any) -> float:
+def lowest(values: Floats) -> float:
     """Return the lower edge of a logarithmic axis; smaller numbers are zero but for round-off and drawn at the edge."""
     finite = values[np.isfinite(values)]
     return float(max(finite.min(), ROUND_OFF * finite.max()))
 
 
-def is_log(values: Any) -> bool:
+def is_log(values: Floats) -> bool:
     """Return whether numbers suit a logarithmic axis: all above zero, and spread far or in geometric progression."""
     if not may_be_log(values):
         return False
@@ -196,7 +197,7 @@ def is_log(values: Any) -> bool:
     return multiples or bool(distinct[-1] / (FAR_FEW if few else FAR_MANY) >= distinct[0])
 
 
-def binned(values: Any, most: int = DISTINCT, bins: int = BINS) -> tuple[Any, Any]:
+def binned(values: Floats, most: int = DISTINCT, bins: int = BINS) -> tuple[Floats, Integers]:
     """Return the place of each bin on the axis, and the number of the bin of each value, -1 for a value without one.
 
     Up to `most` distinct values have one bin each. More are put in `bins` bins of equal width, in the logarithm where
@@ -299,7 +300,7 @@ def lacking(table: pd.DataFrame, path: str) -> set[str]:
     return set(methods(table)) - set(methods(table[table[path].notna()]))
 
 
-def bands(table: pd.DataFrame, names: Sequence[str], path: str) -> Iterator[tuple[str, str, Any]]:
+def bands(table: pd.DataFrame, names: Sequence[str], path: str) -> Iterator[tuple[str, str, Floats]]:
     """Yield the best, the median and the quantile band of each measure over a varied value, for each pair of methods.
 
     Yields
@@ -325,7 +326,7 @@ def bands(table: pd.DataFrame, names: Sequence[str], path: str) -> Iterator[tupl
             yield method, name, _band(runs, measured[:, n])
 
 
-def _band(runs: Sequence[tuple[float, object, int]], values: Any) -> Any:
+def _band(runs: Sequence[tuple[float, Integers, int]], values: Floats) -> Floats:
     """Return place, quantiles, number of values and number of runs of each bin that has a run: array (7, bins)."""
     out = []
     for place, rows, count in runs:
@@ -358,7 +359,7 @@ class Problems:
     """
 
     solvers: list[str]
-    rows: list[list[Any]]
+    rows: list[list[Integers]]
     left_out: int
 
 
@@ -367,7 +368,7 @@ def problems(table: pd.DataFrame, varied: Sequence[str]) -> Problems:
     method_of_row, excluded = methods(table), set(references(table))
     solvers = [method for method in dict.fromkeys(method_of_row) if method not in excluded]
     paths = ["case", *(path for path in varied if path.split(".")[0] != "method")]
-    runs: dict[Any, dict[str, Any]] = {}
+    runs: dict[tuple[str, ...], dict[str, Integers]] = {}
     for (method, *point), rows in groups(method_of_row, *(texts(table[path]) for path in paths)).items():
         if method not in excluded:
             runs.setdefault(tuple(point), {})[method] = rows
@@ -417,7 +418,7 @@ def profile(table: pd.DataFrame, name: str, problem_set: Problems, statistic: st
     return Profile(int(good.sum()), int((~good).sum()), ratios)
 
 
-def front(cost: Any, error: Any) -> Any:
+def front(cost: Floats, error: Floats) -> Floats:
     """Return the Pareto front of error against cost, by rising cost: costs and errors, (2, n)."""
     rows = front_of(cost, error)
     return np.vstack([cost[rows], error[rows]])

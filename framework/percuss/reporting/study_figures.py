@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from percuss.case.quantities import STUDY_PANELS
 from percuss.errors import InputError, Problem
 from percuss.files import is_file
 from percuss.jsonable import Entries
+from percuss.methods.interfaces import Floats
 from percuss.reporting import page_rows, study_charts, study_data
 from percuss.reporting.figures import SOFT, legend_below, log_axis, new_figure, one_line, tick_text, write, write_reason
 from percuss.reporting.study_charts import Axis, Charts, LineStyle, ProfileChart
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
     from percuss.studies.study_table import Study
 
+    Fronts: TypeAlias = tuple[Floats, dict[str, Floats]]  # that of all runs, and those of the pairs of methods
     Drawing: TypeAlias = Callable[[Axes], Entries]  # It draws a panel and returns the legend's entries by pair.
 
 MARKERS = {"circle": "o", "square": "s", "triangle": "^", "diamond": "D"}
@@ -179,7 +181,7 @@ class _Drawn(NamedTuple):
             self._name_points(axes, points, 72 / figure.dpi)
         return figure
 
-    def _draw_work(self, rows: pd.DataFrame, cost: str, error: str, fronts: tuple[Any, Entries], axes: Axes) -> Entries:
+    def _draw_work(self, rows: pd.DataFrame, cost: str, error: str, fronts: Fronts, axes: Axes) -> Entries:
         """Draw the runs of one case and their Pareto fronts, and return the legend's entries."""
         x, y, edge = study_data.numbers(rows[cost]), study_data.numbers(rows[error]), self.charts.axes[error].edge
         pairs, (best, lines) = np.array(study_data.methods(rows)), fronts
@@ -196,7 +198,7 @@ class _Drawn(NamedTuple):
         _set_axis(axes, "y", self.charts.axes[error])
         return entries
 
-    def _name_points(self, axes: Axes, points: dict[str, Any], pixels: float) -> None:
+    def _name_points(self, axes: Axes, points: dict[str, Floats], pixels: float) -> None:
         """Write names beside points, from below, each above the one before; a pixel is `pixels` points of print."""
         last = -np.inf
         middle = axes.transAxes.transform((0.5, 0.5))[0]
@@ -208,7 +210,7 @@ class _Drawn(NamedTuple):
             across, side = (-9, "right") if at[pair][0] > middle else (9, "left")
             style: Entries = {"ha": side, "va": "center", "size": 7, "color": self.charts.styles[pair].colour}
             offset = (across, last - height)
-            axes.annotate(one_line(pair), points[pair], offset, textcoords="offset points", bbox=box, **style)
+            axes.annotate(one_line(pair), tuple(points[pair]), offset, textcoords="offset points", bbox=box, **style)
 
     def varied(self, path: str) -> Figure:
         """Return a figure over a varied value: of the first error with a panel a case, of one case with more measures.
@@ -273,10 +275,10 @@ class _Drawn(NamedTuple):
         return self._panels(notes, {} if profile.empty else {"": draw}, profile.empty, 4.8)
 
 
-def _places(column: pd.Series, across: Axis) -> Any:
+def _places(column: pd.Series, across: Axis) -> Floats:
     """Return the place of each value on an axis: the number itself, or the place of a word."""
     if not across.words:
-        return study_data.numbers(column)
+        return np.asarray(study_data.numbers(column))
     return np.array([float(across.words.index(text)) for text in study_data.texts(column)])
 
 
@@ -292,7 +294,7 @@ def _mark(style: LineStyle) -> Entries:
     return {"marker": shape, "markerfacecolor": "white" if style.mark.startswith("open") else style.colour}
 
 
-def _draw_points(axes: Axes, x: Any, y: Any, style: LineStyle) -> None:
+def _draw_points(axes: Axes, x: Floats, y: Floats, style: LineStyle) -> None:
     rows = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     if rows.size > MOST_MARKS:
         rows = np.sort(np.random.default_rng(page_rows.SEED).choice(rows, MOST_MARKS, replace=False))
@@ -319,7 +321,7 @@ def _set_axis(axes: Axes, which: str, axis: Axis) -> None:
         side.set_ticks(range(len(words)), words)
 
 
-def _sampling_note(rows: Any) -> list[str]:
+def _sampling_note(rows: pd.DataFrame) -> list[str]:
     """Return a note for the figure if a pair of methods has more runs than are drawn as points, else nothing."""
     most = max(Counter(study_data.methods(rows)).values(), default=0)
     return [f"of each pair of methods {MOST_MARKS} points at most are drawn, at random"] if most > MOST_MARKS else []

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from percuss.case.quantities import STUDY_TABLE, ranking
+from percuss.jsonable import Data, Entries
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
 from percuss.reporting.terminal import number_text
 from percuss.reporting.verdict import is_number, value_text
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from percuss.studies.study_table import Study
 
 BEST = 12
-Row = Mapping[str, Any]
 
 
 def study_lines(study: Study) -> Iterator[Piece]:
@@ -32,14 +32,14 @@ def study_lines(study: Study) -> Iterator[Piece]:
     yield Unbroken(f"rows: {study.path}")
 
 
-def _without_value(study: Study, done: list[dict[str, Any]]) -> dict[str, int]:
+def _without_value(study: Study, done: list[Entries]) -> dict[str, int]:
     """Return in how many of the done rows each measure of a time has no value, as they end before it; without zeros."""
     asked = [one for one in study.spec.get("measure") or () if isinstance(one, dict) and {"during", "at"} & one.keys()]
     counts = {one["name"]: sum(row[one["name"]] is None for row in done) for one in asked}
     return {name: count for name, count in counts.items() if count}
 
 
-def _best_runs(done: Sequence[Row], measured: list[str], keys: list[str]) -> Table:
+def _best_runs(done: Sequence[Data], measured: list[str], keys: list[str]) -> Table:
     """Return the done rows by the first measured error, as a table of cases and pairs or as a ranking."""
     error = next(iter(ranking(measured)), "")
     varied = keys[3 : keys.index("status")]
@@ -67,7 +67,7 @@ def _best_runs(done: Sequence[Row], measured: list[str], keys: list[str]) -> Tab
     return Table(columns, f"smallest {error}" if error else "first runs")
 
 
-def _cases(done: Sequence[Row], error: str) -> Table:
+def _cases(done: Sequence[Data], error: str) -> Table:
     """Return one measure as a table with one line per case and one column per pair of methods."""
     value_of = {(row["case"], row["integrator"], row["contact"]): row[error] for row in done}
     cases = list(dict.fromkeys(case for case, *_ in value_of))

@@ -15,6 +15,7 @@ from percuss.case.quantities import (
     percent,
     with_unit,
 )
+from percuss.jsonable import Data, Entries
 from percuss.reporting.tables import Column, Piece, Table, words
 from percuss.results.ledger import ledger_words
 from percuss.studies.comparison import metrics
@@ -84,7 +85,7 @@ def contact_columns(result: Result, digits_of_errors: int = 6, none: str = "-") 
     return columns
 
 
-def balances(summary: Mapping[str, Any]) -> dict[str, str]:
+def balances(summary: Data) -> dict[str, str]:
     """Return in words the energies and works, and how well they and the momentum balance."""
     energy, momentum = summary["energy"], summary["momentum"]
     balance = "do NOT balance: off by" if momentum.get("balanced") is False else "balance to"
@@ -96,7 +97,7 @@ def balances(summary: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def _error_lines(summary: Mapping[str, Any]) -> Iterator[str]:
+def _error_lines(summary: Data) -> Iterator[str]:
     """Yield the errors of a run against the exact solution.
 
     Where the exact solution ends before the run, the errors are told with the time up to which they hold.
@@ -131,7 +132,7 @@ def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
     yield "force, impulse, displ.: true errors"
 
 
-def order_lines(orders: list[dict[str, Any]]) -> Iterator[Piece]:
+def order_lines(orders: list[Entries]) -> Iterator[Piece]:
     """Yield the observed order of convergence of each error for each pair of methods."""
     others = list(dict.fromkeys(path for fit in orders for path in fit if "." in path))
     columns = [words(name, (fit[name] for fit in orders)) for name in ("integrator", "contact")]
@@ -144,7 +145,7 @@ def order_lines(orders: list[dict[str, Any]]) -> Iterator[Piece]:
         yield Table(columns, "observed orders of convergence")
 
 
-def stability_lines(title: str, rows: list[dict[str, Any]], *, whole: bool = False) -> Iterator[Piece]:
+def stability_lines(title: str, rows: list[Entries], *, whole: bool = False) -> Iterator[Piece]:
     """Yield critical Courant numbers: for each criterion the least and the largest, and a table of some lines.
 
     Parameters
@@ -159,7 +160,7 @@ def stability_lines(title: str, rows: list[dict[str, Any]], *, whole: bool = Fal
     criteria = list(dict.fromkeys(row["by"] for row in rows))
     paths = [key for key in rows[0] if "." in key or key == "refine"]
     extra_columns = [key for key in ("margin", "theta") if any(key in row for row in rows)]
-    lines: dict[tuple[object, ...], dict[str, Any]] = {}
+    lines: dict[tuple[object, ...], Entries] = {}
     for row in rows:
         lines.setdefault(tuple(row[path] for path in paths), {})[row["by"]] = row
     shown = list(lines) if whole or len(lines) <= STABILITY_LINES else _telling_lines(lines)
@@ -183,7 +184,7 @@ def stability_lines(title: str, rows: list[dict[str, Any]], *, whole: bool = Fal
         yield _summary_of(criterion, [row for row in rows if row["by"] == criterion], paths)
 
 
-def _telling_lines(lines: Mapping[tuple[object, ...], Mapping[str, Any]]) -> list[tuple[Any, ...]]:
+def _telling_lines(lines: Mapping[tuple[object, ...], Data]) -> list[tuple[Any, ...]]:
     """Return the combinations to be shown of many: evenly spread, with the least and the largest critical step."""
     values = list(lines)
     count = STABILITY_LINES - 4
@@ -199,13 +200,13 @@ def _telling_lines(lines: Mapping[tuple[object, ...], Mapping[str, Any]]) -> lis
     return [values[k] for k in sorted(chosen)]
 
 
-def _summary_of(criterion: str, rows: list[dict[str, Any]], paths: list[str]) -> str:
+def _summary_of(criterion: str, rows: list[Entries], paths: list[str]) -> str:
     """Return the least and the largest critical Courant number by a criterion, and where they are, in words."""
     found = [row for row in rows if row["courant_critical"] is not None]
     if not found:
         return f"{criterion}: no critical Courant number in {len(rows)} combinations"
 
-    def with_place(row: dict[str, Any]) -> str:
+    def with_place(row: Entries) -> str:
         place = ", ".join(f"{path} {number_text(row[path])}" for path in paths)
         return f"{number_text(row['courant_critical'])}{place and f' (at {place})'}"
 
@@ -246,7 +247,7 @@ def waves_lines(title: str, waves: Waves) -> Iterator[Piece]:
     yield f"{verdict}."
 
 
-def check_lines(cases: list[dict[str, Any]]) -> Iterator[Piece]:
+def check_lines(cases: list[Entries]) -> Iterator[Piece]:
     """Yield the checks of each case with the measured and the expected value, and the number of cases that passed."""
     for case in cases:
         mark = ("passed", "green") if case["passed"] else ("FAILED", "red")
