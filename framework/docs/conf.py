@@ -44,7 +44,8 @@ html_show_sourcelink = False
 templates_path = ["templates"]
 
 # The pages in the order of the site's menu; a page that is missing here is a warning of Sphinx.
-PYTHON = ["run", "contact_laws", "integrators", "loads", "bodies", "solutions", "options", "errors", "testing"]
+PYTHON = ["run", "contact_laws", "pairings", "integrators", "loads", "bodies", "solutions", "options"]
+PYTHON += ["errors", "testing"]
 MENU = {
     "Use percuss": [
         *("cases/TEN_MINUTES", "cases/README", "cases/GALLERY", "cases/RUNS", "cases/STUDIES"),

@@ -57,6 +57,8 @@ from percuss.methods.interfaces import ProblemContact as ProblemContact
 from percuss.methods.interfaces import ProblemLoad as ProblemLoad
 from percuss.methods.interfaces import Region as Region
 from percuss.methods.interfaces import Shape as Shape
+from percuss.methods.interfaces import SolidElement as SolidElement
+from percuss.methods.interfaces import SolidMaterial as SolidMaterial
 from percuss.methods.interfaces import Solution as Solution
 from percuss.methods.interfaces import Stages as Stages
 from percuss.methods.interfaces import Surface as Surface
@@ -70,6 +72,8 @@ from percuss.methods.slots import coupled_rate as coupled_rate
 from percuss.methods.slots import energy_density as energy_density
 from percuss.methods.slots import internal as internal
 from percuss.methods.slots import stress as stress
+from percuss.methods.slots import stress_2d as stress_2d
+from percuss.methods.slots import stress_3d as stress_3d
 from percuss.results.result import Result as Result
 from percuss.results.result import open_result as open_result
 from percuss.results.runner import run as run

@@ -25,7 +25,7 @@ LAWS = {
 }
 LEAP_FROG = ["central-difference", "wu-predictor-corrector"]
 PAIRS = [(integrator, law) for integrator in (*LEAP_FROG, "velocity-verlet") for law in LAWS]
-MATERIAL = {"young": 1.0, "density": 1.0}
+MATERIAL = {"young": 1.0, "density": 1.0, "poisson": 0.0}
 
 
 def case_of(bodies, integrator, law, **method):

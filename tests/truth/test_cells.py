@@ -537,7 +537,7 @@ class Odd(CellElement):
         ("[:, None]", "", "volumes returned numbers of shape (4,), expected (4, 1)"),
         ("return Rule(np.array([[-1.0, 1.0, 0.0]]))", "return 1.0", "rule returned a float, expected a NamedTuple"),
         ("range(force.shape[0])", "range(2)", "expected finite numbers"),
-        ("section, coordinates,", "coordinates,", "is called as force(rule, material, first, section, coordinates"),
+        ("section, coordinates,", "coordinates,", "is called as force(rule, material, first, section, geometry"),
     ],
 )
 def test_a_wrong_element_is_one_error_with_its_place(right, wrong, said, tmp_path):

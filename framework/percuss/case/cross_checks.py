@@ -15,7 +15,7 @@ from percuss.case.validation import Mistake, Reader
 from percuss.case.yaml_text import KeyPath, dotted
 from percuss.errors import suggestion
 from percuss.jsonable import Data
-from percuss.methods.interfaces import Element, Shape
+from percuss.methods.interfaces import Element, Material, OptionError, Shape, SolidMaterial
 from percuss.methods.registry import Registry
 
 ROUND_OFF = 1e-9  # relative, of the end of a run that is computed from its steps
@@ -211,6 +211,7 @@ class CrossChecks:
             if shape is not None:
                 self._check_section(name, path, given, shape)
             if shape is not None and body is not None:
+                self._check_material(path, shape, body.material, body.plane)
                 self._check_element(path, shape, body.element if "element" in given else None)
             self._note_vector((*path, "at"), given.get("at"))
             self._note_vector((*path, "velocity"), given.get("velocity"))
@@ -241,6 +242,19 @@ class CrossChecks:
             if key in given and not isinstance(given[key], tuple):
                 message = f"expected a vector, as body '{name}' is along no line, found {found(given[key])}"
                 self.wrong((*path, key), message, "Give a number for each direction.")
+
+    def _check_material(self, path: KeyPath, shape: Shape, material: Material, plane: str | None) -> None:
+        """Report a material that a body along no line cannot have, and what it lacks."""
+        if shape.cell == "line":
+            return
+        if not isinstance(material, SolidMaterial):
+            message = f"expected a material of two or three dimensions for {shape.name}, found {material.name}"
+            self.wrong((*path, "material"), message, "It is one of bars.")
+            return
+        try:
+            material.solid_parameters(plane or "strain" if shape.dimension() == 2 else "")
+        except OptionError as error:
+            self.wrong((*path, "material", *error.path), str(error), "Add it to the material.", key=True)
 
     def _check_element(self, path: KeyPath, shape: Shape, element: Element | None) -> None:
         """Report an element for other cells than those of the shape, and cells for which there is none."""

@@ -212,8 +212,13 @@ class BodySpec(Section):
         float | Vector, Unit("length/time"), Doc("initial velocity: a number along the body, or a vector")
     ] = 0.0
     fixed: Annotated[tuple[str, ...], Expects("a list of ends, as [right]"), Doc("ends that do not move")] = ()
+    plane: Annotated[Literal["strain", "stress"], Doc("plane strain or plane stress, in two dimensions")] | None = None
     name: Annotated[str, Computed()] = UNSET
     at: Annotated[Vector, Computed()] = UNSET
+
+    def plane_of(self, dimension: int) -> str:
+        """Return ``"strain"`` or ``"stress"`` of a body in two dimensions that is along no line, else nothing."""
+        return (self.plane or "strain") if self.shape.cell != "line" and dimension == 2 else ""
 
     @property
     def section(self) -> float:

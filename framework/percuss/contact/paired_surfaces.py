@@ -89,8 +89,8 @@ def _scales(
     """Return M/h_n of the softer side and the smaller 2c/h_n, and whether both sides are alike."""
     stiffness, frequency = [], []
     for body, surface, facet in zip(bodies, surfaces, facets, strict=False):
-        material, height = body.spec.material, float(surface.heights[facet])
-        stiffness.append(material.modulus / height)
-        frequency.append(2.0 * math.sqrt(material.modulus / material.rho) / height)
+        modulus, height = body.modulus, float(surface.heights[facet])
+        stiffness.append(modulus / height)
+        frequency.append(2.0 * math.sqrt(modulus / body.spec.material.rho) / height)
     alike = all(np.ptp(values) <= ROUND_OFF * max(values) for values in (stiffness, frequency))
     return min(stiffness), min(frequency), bool(alike)

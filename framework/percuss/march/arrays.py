@@ -14,8 +14,7 @@ from percuss.contact.state_variables import StateVariables
 from percuss.march.features import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
 from percuss.mesh.block import Block
-from percuss.mesh.cells import cell_arrays, element_slots, has_cells
-from percuss.mesh.materials import material_slots
+from percuss.mesh.cells import cell_arrays, element_slots, has_cells, parameters_of, slots_of_material
 from percuss.methods.plugin_calls import answer, read_only
 from percuss.step import bulk, uniform_rows
 from percuss.step.actions import BULK, INTERNAL_FORCES, INTERNAL_FORCES_ASIDE, KINETIC_ENERGY, STRAIN_ENERGY, Action
@@ -207,7 +206,7 @@ class Arrays:
                 0.0 if model.multistage else model.dt, (),
             )  # fmt: skip
             filled: Mapping[Callable[..., Any], Any] = {
-                **material_slots(type(material)),
+                **slots_of_material(type(element), type(material)),
                 **element_slots(type(element)),
                 bulk.advance_body: bulk.advance_cells if cells else bulk.advance_row,
                 bulk.energy_of_body: bulk.energy_of_cell_body if cells else bulk.energy_of_row,
@@ -277,7 +276,7 @@ def _blocks(model: Model, variables: StateVariables) -> Iterator[tuple[Block, An
         yield (
             Block(
                 arrays,
-                read_only(np.array([answer(body.spec.material, "parameters") for body in bodies], dtype=float)),
+                read_only(np.array([parameters_of(element, body.spec.material, body.view) for body in bodies])),
                 np.array([body.number for body in bodies], dtype=np.int64),
                 np.array([body.start for body in bodies], dtype=np.int64),
                 np.array([body.stop for body in bodies], dtype=np.int64),

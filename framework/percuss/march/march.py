@@ -383,7 +383,7 @@ class March:
     @cached_property
     def noise(self) -> float:
         """The energy below which everything is round-off: that of the strain `SILENT_STRAIN` in all elements."""
-        stiff = sum(body.spec.material.modulus * float(body.volumes.sum()) for body in self.model.bodies.values())
+        stiff = sum(body.modulus * float(body.volumes.sum()) for body in self.model.bodies.values())
         return 0.5 * stiff * SILENT_STRAIN**2
 
     @property

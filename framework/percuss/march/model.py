@@ -23,7 +23,8 @@ from percuss.march.features import features_of
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
 from percuss.mesh import size_limits
 from percuss.mesh.body import Body
-from percuss.mesh.cells import volumes_of
+from percuss.mesh.cell_stiffness import frequencies_of_cells
+from percuss.mesh.cells import is_solid, modulus_of, volumes_of
 from percuss.mesh.coupled_masses import inverse_mass
 from percuss.mesh.ends_without_mass import ends_at_contacts, nodal_masses
 from percuss.mesh.kernel_trial import try_kernels
@@ -421,7 +422,7 @@ def _bodies_of(case: Case) -> dict[str, Body]:
     in_contact = ends_at_contacts(case)
     for number, (name, spec) in enumerate(case.bodies.items()):
         mesh = size_limits.mesh_of_body(case, spec)
-        view = BodyMesh(mesh, spec.section)
+        view = BodyMesh(mesh, spec.section, spec.plane_of(mesh.nodes.shape[1]))
         velocity = np.asarray(spec.velocity, dtype=float)
         try_kernels(spec.element, spec.material, view)
         mass, may_lack_mass = nodal_masses(case, spec, view, in_contact.get(name, frozenset()))
@@ -435,8 +436,10 @@ def _bodies_of(case: Case) -> dict[str, Body]:
             stiffness=answer(spec.element, "axial_stiffness", view, spec.material.modulus)
             if mesh.line is not None
             else np.zeros(0),
-            frequency=answer(
-                spec.element, "highest_frequency", view, math.sqrt(spec.material.modulus / spec.material.rho)
+            frequency=frequencies_of_cells(spec.element, spec.material, view)
+            if is_solid(spec.element)
+            else answer(
+                spec.element, "highest_frequency", view, math.sqrt(modulus_of(spec.material, view) / spec.material.rho)
             ),
             volumes=volumes_of(spec.element, view),
             velocity=velocity * mesh.direction if velocity.ndim == 0 else velocity,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from percuss.errors import InputError, Problem, RefusedPair
 from percuss.march import implicit_check
 from percuss.step.integrator_check import laws_refused
@@ -12,6 +14,7 @@ from percuss.step.parts import coupled_masses, end_forces, ends_without_mass, vi
 from percuss.step.parts.end_forces import sees_end_force
 
 if TYPE_CHECKING:
+    from percuss.contact.bound_law import BoundLaw
     from percuss.contact.model_arrays import ModelArrays
 
 Rule = Callable[["ModelArrays"], Iterator[Problem | RefusedPair]]
@@ -46,6 +49,12 @@ def not_movable(model: ModelArrays) -> Iterator[Problem]:
                 yield model.case.problem(("contacts", contact_point.name), message, advice)
 
 
+def _is_rigid_early(bound_law: BoundLaw) -> bool:
+    """Return whether a law without compliance is evaluated before the end of the step."""
+    linear = bound_law.linear
+    return linear is not None and linear.at == "explicit" and not np.all(linear.sigma)
+
+
 def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
     """Yield what is built for bars alone, where a body is none."""
     other = next((body.name for body in model.bodies.values() if body.mesh.line is None), "")
@@ -62,13 +71,22 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
     for bound_law in model.laws:
         reason = (
             "its kernel uses the coupling of contacts" if bound_law.linear is None and bound_law.law.uses_coupling else
-            "it sees or pushes the force of end elements" if sees_end_force(bound_law) else ""
+            "it sees or pushes the force of end elements" if sees_end_force(bound_law) else
+            "it has no compliance and is not evaluated at the end of the step" if _is_rigid_early(bound_law) else ""
         )  # fmt: skip
         if reason:
             message = f"expected another law for '{other}', which is no bar, found {bound_law.law.name}"
-            yield case.problem(
-                ("method", "contact"), message, f"{reason[0].upper()}{reason[1:]}, which is built for bars alone."
-            )
+            advice = f"{reason[0].upper()}{reason[1:]}, which is built for bars alone."
+            yield case.problem(("method", "contact"), message, advice)
+        rigid = bound_law.linear is not None and not np.all(bound_law.linear.sigma)
+        for name in dict.fromkeys(model.contact_points[p].name for p in bound_law.where) if rigid else ():
+            pairing = case.contacts[name].pairing
+            if pairing is not None and pairing.more_points_than_nodes:
+                message = f"expected a law with a compliance on {pairing.name}, found {bound_law.law.name}"
+                advice = (
+                    "There are more points than nodes, so that single forces have no meaning: take node-to-segment."
+                )
+                yield case.problem(("contacts", name), message, advice)
 
 
 # The rules that need no bound laws, and those that do.

@@ -11,7 +11,7 @@ import numpy as np
 
 from percuss.mesh.banded_matrices import column, sparse
 from percuss.mesh.cell_stiffness import stiffness_of_cells
-from percuss.mesh.cells import axial_matrices, cells_of, element_masses, has_cells, lumping_of
+from percuss.mesh.cells import axial_matrices, cells_of, element_masses, has_cells, lumping_of, modulus_of
 from percuss.mesh.surfaces import BodySurface, surface_of
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, LoadedEnd, Mesh
 
@@ -62,12 +62,17 @@ class Body:
     @property
     def view(self) -> BodyMesh:
         """The body as its element receives it."""
-        return BodyMesh(self.mesh, self.spec.section)
+        return BodyMesh(self.mesh, self.spec.section, self.spec.plane_of(self.mesh.nodes.shape[1]))
 
     @property
     def of_cells(self) -> bool:
         """Whether the element of the body sees one cell at a time, `percuss.CellElement`; if not, the body is a row."""
         return has_cells(self.spec.element)
+
+    @property
+    def modulus(self) -> float:
+        """The largest tangent modulus, of a longitudinal wave in a body that is no bar [force/length^2]."""
+        return modulus_of(self.spec.material, self.view)
 
     @property
     def stop(self) -> int:

@@ -20,13 +20,13 @@ class Cells(NamedTuple):
 
     rule: Any  # NamedTuple of arrays that the kernel of the element reads
     cells: Integers  # (elements, nodes of a cell) numbers within the body
-    coordinates: Floats  # (elements, nodes of a cell, dim)
+    geometry: Floats  # (elements, ...) what the kernel reads of each
     section: Floats  # (elements,)
     volumes: Floats  # (elements, points) volume of each quadrature point
     edges: Integers  # (bodies + 1,) first element of each body, and the number of all elements
     displacement: Floats  # (nodes of a cell, dim) work space
     force: Floats  # (nodes of a cell, dim) work space
-    strains: Floats  # (2, points) work space
+    strains: Floats  # (2, points) work space, of displacement gradients (2, points, dim * dim)
 
 
 def cell_strain(*arguments: object) -> None:
@@ -38,6 +38,13 @@ def record_strain(material: Floats, point: int, strain: float) -> float:
     """Keep the strain at a point in the array `material`."""
     material[point] = strain
     return 0.0
+
+
+def record_gradient(material: Floats, point: int, gradient: tuple[float, ...]) -> tuple[float, ...]:
+    """Keep the displacement gradient at a point in the array `material`."""
+    for k in range(len(gradient)):
+        material[point, k] = gradient[k]
+    return gradient
 
 
 def gather(cells: Cells, e: int, displacement: Floats, velocity: Floats, dt: float) -> None:
@@ -60,7 +67,7 @@ def add_up_forces(cells: Cells, material: MaterialPoints, body: int, displacemen
             for d in range(dim):
                 cells.displacement[a, d] = displacement[node * dim + d]
         cell_force(
-            cells.rule, material, e * points, cells.section[e], cells.coordinates[e], cells.displacement, cells.force
+            cells.rule, material, e * points, cells.section[e], cells.geometry[e], cells.displacement, cells.force
         )
         for a in range(cells.cells.shape[1]):
             node = cells.cells[e, a]
@@ -81,7 +88,7 @@ def energy_of_cells(cells: Cells, material: MaterialPoints, body: int, u: Floats
                 cells.strains[k],
                 0,
                 cells.section[e],
-                cells.coordinates[e],
+                cells.geometry[e],
                 cells.displacement,
                 cells.force,
             )

@@ -9,15 +9,16 @@ import numpy as np
 from percuss.compiler.specialise import Filled, Specialiser
 from percuss.mesh import cell_kernels
 from percuss.mesh.cell_kernels import Cells
+from percuss.mesh.materials import material_slots, solid_slots
 from percuss.methods import slots
 from percuss.methods.blame import breach
-from percuss.methods.interfaces import BodyMesh, CellElement, Lumping, Mesh
+from percuss.methods.interfaces import BodyMesh, CellElement, Lumping, Mesh, SolidElement, SolidMaterial
 from percuss.methods.plugin_calls import answer, read_only
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from percuss.methods.interfaces import Element, Floats, Integers, Region
+    from percuss.methods.interfaces import Element, Floats, Integers, Material, Region
 
 PROBING_STRAIN = 1e-7  # far below any strain at which the stiffness of a material or an element changes
 SAME_SCALED = 1e-9  # largest relative difference of stiffness times length of cells that differ in their length alone
@@ -27,6 +28,30 @@ SAME_SHAPE = 11  # decimal digits of the coordinates of a cell, over its length,
 def has_cells(element: Element | type[Element]) -> bool:
     """Return whether an element, or its class, sees one cell at a time (`CellElement`)."""
     return issubclass(element if isinstance(element, type) else type(element), CellElement)
+
+
+def is_solid(element: Element | type[Element]) -> bool:
+    """Return whether an element, or its class, asks the material for the stress of a gradient (`SolidElement`)."""
+    return issubclass(element if isinstance(element, type) else type(element), SolidElement)
+
+
+def slots_of_material(element: Any, material: Any) -> dict[Any, Any]:
+    """Return the slots of the kernels of an element, or its class, that a material, or its class, fills."""
+    return solid_slots(material, element.dimension) if is_solid(element) else material_slots(material)
+
+
+def parameters_of(element: Element, material: Material, body: BodyMesh) -> Floats:
+    """Return the numbers that the kernels of a material need with an element of a body, (k,)."""
+    if isinstance(material, SolidMaterial) and is_solid(element):
+        return np.array(answer(material, "solid_parameters", body.plane), dtype=float)
+    return np.array(answer(material, "parameters"), dtype=float)
+
+
+def modulus_of(material: Material, body: BodyMesh) -> float:
+    """Return the largest tangent modulus of a body, of a longitudinal wave where the body is no bar."""
+    if isinstance(material, SolidMaterial) and body.mesh.line is None:
+        return float(answer(material, "wave_modulus", body.plane))
+    return material.modulus
 
 
 def mesh_of_element(element: Element, mesh: Mesh) -> Mesh:
@@ -111,7 +136,7 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
     shared = Cells(
         rule=answer(element, "rule"),
         cells=np.concatenate(cells),
-        coordinates=np.concatenate([body.mesh.nodes[of_body] for body, of_body in zip(bodies, cells, strict=True)]),
+        geometry=np.concatenate([answer(element, "geometry", body) for body in bodies]),
         section=np.repeat([float(body.section) for body in bodies], [len(of_body) for of_body in cells]),
         volumes=np.concatenate(volumes),
         edges=np.cumsum([0, *map(len, cells)], dtype=np.int64),
@@ -123,7 +148,7 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
     return locked._replace(
         displacement=np.zeros((nodes_of_cell, dim)),
         force=np.zeros((nodes_of_cell, dim)),
-        strains=np.zeros((2, volumes[0].shape[1])),
+        strains=np.zeros((2, volumes[0].shape[1], *((dim * dim,) if is_solid(element) else ()))),
     )
 
 
@@ -133,7 +158,10 @@ def element_slots(element: Any) -> dict[Any, Any]:
     The strain energy of cells needs their strains, from the kernel of the force.
     """
     if has_cells(element):
-        strain = Filled(element.force, ((slots.stress, cell_kernels.record_strain),))
+        recorded: tuple[Any, Any] = (slots.stress, cell_kernels.record_strain)
+        if is_solid(element):
+            recorded = slots.stress_2d if element.dimension == 2 else slots.stress_3d, cell_kernels.record_gradient
+        strain = Filled(element.force, (recorded,))
         return {slots.cell_force: element.force, cell_kernels.cell_strain: strain}
     return {slots.internal_force: element.internal_force, slots.energy: element.energy}
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.compiler.specialise import Specialiser
-from percuss.mesh.cells import cells_of, volumes_of
+from percuss.mesh.cells import cells_of, is_solid, volumes_of
 from percuss.mesh.material_points import plain_slots, points_at_rest
 from percuss.methods import slots
 from percuss.methods.interfaces import CellElement
@@ -40,17 +40,19 @@ class ElementProbe:
         volumes = volumes_of(element, mesh)
         self.points_of_element = volumes.shape[1]
         self.nodes_of_element = cells_of(mesh.mesh).shape[1]
-        self._points = points_at_rest(material, volumes.size)
+        self._points = points_at_rest(element, material, mesh)
         self._stresses: list[tuple[float, float]] = []  # of each call: stress, and volume of its point
-        maker = Specialiser(plain_slots(material), jit=False)
-        stress: Callable[..., float] = maker.bind(maker.slots[slots.stress])
+        maker = Specialiser(plain_slots(element, material), jit=False)
+        specialiser = maker
+        if not is_solid(element):
+            stress: Callable[..., float] = maker.bind(maker.slots[slots.stress])
 
-        def recorded_stress(points: MaterialPoints, point: int, strain: float) -> float:
-            value = stress(points, point, strain)
-            self._stresses.append((float(value), float(volumes.flat[point])))
-            return value
+            def recorded_stress(points: MaterialPoints, point: int, strain: float) -> float:
+                value = stress(points, point, strain)
+                self._stresses.append((float(value), float(volumes.flat[point])))
+                return value
 
-        specialiser = Specialiser({slots.stress: recorded_stress}, jit=False)
+            specialiser = Specialiser({slots.stress: recorded_stress}, jit=False)
         if isinstance(element, CellElement):
             self._force = _force_of_cell(element, mesh, specialiser)
         else:
@@ -97,12 +99,11 @@ class ElementProbe:
 def _force_of_cell(element: CellElement, mesh: BodyMesh, specialiser: Specialiser) -> Callable[..., None]:
     """Return the force of single cells as a function of their points, number, displacement and, to be set, force."""
     force, rule, cells = specialiser.bind(element.force), answer(element, "rule"), cells_of(mesh.mesh)
-    points_of_cell = volumes_of(element, mesh).shape[1]
+    points_of_cell, geometry = volumes_of(element, mesh).shape[1], answer(element, "geometry", mesh)
 
     def force_of_cell(points: Any, number: int, displacement: Floats, nodal: Floats) -> None:
         shape = cells.shape[1], mesh.mesh.nodes.shape[1]
         first = number * points_of_cell
-        coordinates = mesh.mesh.nodes[cells[number]]
-        force(rule, points, first, mesh.section, coordinates, displacement.reshape(shape), nodal.reshape(shape))
+        force(rule, points, first, mesh.section, geometry[number], displacement.reshape(shape), nodal.reshape(shape))
 
     return force_of_cell

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.compiler.specialise import Specialiser
-from percuss.mesh.cells import cells_of, volumes_of
+from percuss.mesh.cells import cells_of, is_solid
 from percuss.mesh.material_points import plain_slots, points_at_rest
 from percuss.methods import slots
 from percuss.methods.blame import breach, is_third_party
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import BodyMesh, Component, Element, Floats, Material, Mesh
 
 FORCE, CELL_FORCE = "internal_force", "force"
+
+# Component, name of its kernel, and the kernel as a function of displacement and velocity.
+Trial = tuple["Component", str, "Callable[[Floats, Floats], Any]"]
 
 
 def try_kernels(element: Element, material: Material, mesh: BodyMesh) -> None:
@@ -46,13 +49,25 @@ def try_kernels(element: Element, material: Material, mesh: BodyMesh) -> None:
 
 
 def _try_kernels(element: Element, material: Material, mesh: BodyMesh, foreign: Sequence[Component]) -> None:
-    points = points_at_rest(material, volumes_of(element, mesh).size)
+    points = points_at_rest(element, material, mesh)
     states = [
         read_only((displacement.ravel(), velocity.ravel()))
         for displacement in _motions(mesh.mesh)
         for velocity in list(_motions(mesh.mesh))[:2]
     ]
-    maker = Specialiser(plain_slots(material), jit=False)
+    maker = Specialiser(plain_slots(element, material), jit=False)
+    kernels = [] if is_solid(element) else _material_kernels(maker, material, points)
+    if isinstance(element, CellElement):
+        kernels.append((element, CELL_FORCE, _force_of_first_cell(maker, element, points, mesh)))
+    else:
+        kernels += _line_kernels(maker, element, points, mesh)
+    for component, name, call in kernels:
+        if component in foreign:
+            _try_twice(component, name, call, states)
+
+
+def _material_kernels(maker: Specialiser, material: Material, points: MaterialPoints) -> list[Trial]:
+    """Return the kernels of a material as functions of displacement and velocity, whose ends make the strain."""
     stress, energy_density = (maker.bind(maker.slots[slot]) for slot in (slots.stress, slots.energy_density))
 
     def stress_of(u: Floats, _: Floats) -> Any:
@@ -61,17 +76,7 @@ def _try_kernels(element: Element, material: Material, mesh: BodyMesh, foreign: 
     def density_of(u: Floats, v: Floats) -> Any:
         return energy_density(points, 0, float(u[-1] - u[0]), float(v[-1] - v[0]))
 
-    kernels: list[tuple[Any, str, Callable[[Any, Any], Any]]] = [
-        (material, "stress", stress_of),
-        (material, "energy_density", density_of),
-    ]
-    if isinstance(element, CellElement):
-        kernels.append((element, CELL_FORCE, _force_of_first_cell(maker, element, points, mesh)))
-    else:
-        kernels += _line_kernels(maker, element, points, mesh)
-    for component, name, call in kernels:
-        if component in foreign:
-            _try_twice(component, name, call, states)
+    return [(material, "stress", stress_of), (material, "energy_density", density_of)]
 
 
 def _motions(mesh: Mesh) -> Iterator[Floats]:
@@ -86,9 +91,7 @@ def _motions(mesh: Mesh) -> Iterator[Floats]:
         yield 1e-6 * stretches[:, ::-1]
 
 
-def _line_kernels(
-    maker: Specialiser, element: Element, points: MaterialPoints, mesh: BodyMesh
-) -> list[tuple[Any, str, Callable[[Any, Any], Any]]]:
+def _line_kernels(maker: Specialiser, element: Element, points: MaterialPoints, mesh: BodyMesh) -> list[Trial]:
     """Return the kernels of a two-node element as functions of displacement and velocity of its first element."""
     arrays, dim = read_only(answer(element, "bind", mesh)), mesh.mesh.nodes.shape[1]
     force, energy = maker.bind(element.internal_force), maker.bind(element.energy)
@@ -108,20 +111,19 @@ def _force_of_first_cell(
     maker: Specialiser, element: CellElement, points: MaterialPoints, mesh: BodyMesh
 ) -> Callable[[Any, Any], Any]:
     """Return the force of the first cell as a function of the displacement; along a line that of its ends."""
-    cell = cells_of(mesh.mesh)[0]
     along_line = mesh.mesh.line is not None
     places, rule = np.zeros(0), read_only(answer(element, "rule"))
     if along_line:
         places = np.asarray(answer(element, "reference_nodes"))
-    coordinates, force = read_only(mesh.mesh.nodes[cell]), maker.bind(element.force)
+    geometry, force = read_only(answer(element, "geometry", mesh)[0]), maker.bind(element.force)
 
     def force_of(u: Floats, _: Floats) -> Floats:
-        displacement = u.reshape(-1, coordinates.shape[1])
+        displacement = u.reshape(-1, mesh.mesh.nodes.shape[1])
         if along_line:
             displacement = (1.0 - places[:, None]) * displacement[0] + places[:, None] * displacement[1]
         displacement = read_only(displacement)
         result = np.full(displacement.shape, np.nan)
-        force(rule, points, 0, mesh.section, coordinates, displacement, result)
+        force(rule, points, 0, mesh.section, geometry, displacement, result)
         return result.ravel()
 
     return force_of

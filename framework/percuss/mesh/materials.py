@@ -59,6 +59,61 @@ def no_energy(material: MaterialPoints, point: int, before: float, after: float)
     return 0.0
 
 
+def solid_stress_of_gradient(parameters: Floats, gradient: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the stress of a displacement gradient (slot for the kernel of a solid material)."""
+    unbound()
+
+
+def stored_by_gradient(parameters: Floats, gradient: Floats) -> float:
+    """Return the stored energy per volume (slot for the kernel of a solid material)."""
+    unbound()
+
+
+def solid_stress(material: MaterialPoints, point: int, gradient: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the stress of a point of a solid material."""
+    return solid_stress_of_gradient(material.parameters, gradient)
+
+
+def linear_energy_2d(material: MaterialPoints, point: int, before: Floats, after: Floats) -> float:
+    """Return half the product of stress before and gradient after of a linear material in two dimensions."""
+    stress = solid_stress_of_gradient(material.parameters, (before[0], before[1], before[2], before[3]))
+    total = 0.0
+    for k in range(4):
+        total += stress[k] * after[k]
+    return 0.5 * total
+
+
+def linear_energy_3d(material: MaterialPoints, point: int, before: Floats, after: Floats) -> float:
+    """Return half the product of stress before and gradient after of a linear material in three dimensions."""
+    gradient = (
+        before[0], before[1], before[2], before[3], before[4], before[5], before[6], before[7], before[8],
+    )  # fmt: skip
+    stress = solid_stress_of_gradient(material.parameters, gradient)
+    total = 0.0
+    for k in range(9):
+        total += stress[k] * after[k]
+    return 0.5 * total
+
+
+def mean_stored_energy(material: MaterialPoints, point: int, before: Floats, after: Floats) -> float:
+    """Return the mean of the energies that a material stores before and after a step."""
+    stored = stored_by_gradient(material.parameters, before) + stored_by_gradient(material.parameters, after)
+    return 0.5 * stored
+
+
+def solid_slots(material: Any, dimension: int) -> dict[Any, Callable[..., Any]]:
+    """Return the slots of a solid element's kernels that a material, or its class, fills, and what fills them."""
+    flat = dimension == 2
+    filled = {
+        slots.stress_2d if flat else slots.stress_3d: solid_stress,
+        solid_stress_of_gradient: material.stress_2d if flat else material.stress_3d,
+    }
+    if material.linear:
+        return filled | {slots.energy_density: linear_energy_2d if flat else linear_energy_3d}
+    stored = material.stored_2d if flat else material.stored_3d
+    return filled | {slots.energy_density: mean_stored_energy, stored_by_gradient: stored}
+
+
 def material_slots(material: Any) -> dict[Any, Callable[..., Any]]:
     """Return the slots of an element's kernels that a material, or its class, fills, and what fills them."""
     if material.state == 0:

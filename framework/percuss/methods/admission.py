@@ -70,7 +70,7 @@ KERNELS: dict[str, dict[str, tuple[str, ...]]] = {
     "contacts": {"multipliers": ("bound", "trial", "multiplier")},
     "loads": {"follow": ("numbers", "time", "displacement", "velocity")},
     "elements": {
-        "force": ("rule", "material", "first", "section", "coordinates", "displacement", "force"),
+        "force": ("rule", "material", "first", "section", "geometry", "displacement", "force"),
     },
     "integrators": {"step": ("numbers", "system", "u", "v", "kept", "dt")},
 }

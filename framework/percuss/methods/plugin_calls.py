@@ -355,6 +355,7 @@ CHECKS: dict[tuple[str, str], Callable[..., str]] = {
     ("elements", "reference_nodes"): _reference_nodes_fault,
     ("elements", "mass_shares"): _shares_fault,
     ("elements", "volumes"): lambda value, body: _numbers_fault(value, (_count(body), *(np.shape(value)[1:2] or (1,)))),
+    ("elements", "geometry"): lambda value, body: _numbers_fault(value, (_count(body), *np.shape(value)[1:])),
     ("elements", "volumes_of_cells"): lambda value, body: _numbers_fault(value, (_count(body),)),
     ("elements", "axial_stiffness"): lambda value, body, _modulus: _numbers_fault(value, (_count(body),)),
     ("elements", "highest_frequency"): lambda value, body, _speed: _numbers_fault(value, (_count(body),)),

@@ -54,6 +54,22 @@ def energy_density(material: object, point: int, before: float, after: float) ->
     unbound()
 
 
+def stress_2d(material: object, point: int, gradient: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the stress of a point of a body in two dimensions; a slot for the body's material.
+
+    Gradient of the displacement and stress are (xx, xy, yx, yy), as of `percuss.SolidMaterial.stress_2d`.
+    """
+    unbound()
+
+
+def stress_3d(material: object, point: int, gradient: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the stress of a point of a body in three dimensions; a slot for the body's material.
+
+    Gradient of the displacement and stress are (xx, xy, xz, yx, ..., zz), as of `percuss.SolidMaterial.stress_3d`.
+    """
+    unbound()
+
+
 def accelerations(system: object, stage: int, u: Floats, v: Floats, a: Floats) -> None:
     """Set `a` to the accelerations in a stage of the step; a slot that the time loop fills."""
     unbound()

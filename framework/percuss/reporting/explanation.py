@@ -126,30 +126,44 @@ def _numbers_as_text(values: Mapping[str, float]) -> dict[str, str]:
 
 def _body(body: Body) -> Fact:
     """Return a body: its mesh, its material, and the speed of its waves."""
-    spec, material, h = body.spec, body.spec.material, body.mesh.lengths
-    c = math.sqrt(material.modulus / material.rho)
-    value = {
-        "elements": int(h.size),
-        "h": [float(h.min()), float(h.max())],
-        "c": c,
-        "transit": float(h.sum()) / c,
-        "impedance": spec.section * math.sqrt(material.modulus * material.rho),
-        "why_not_linear": body.why_not_linear,
-    }
-    size = f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
-    nodes = f" of {cells_of(body.mesh).shape[1]} nodes" if body.of_cells else ""
+    spec, material = body.spec, body.spec.material
+    c = math.sqrt(body.modulus / material.rho)
+    about: dict[str, Any] = {"c": c, "why_not_linear": body.why_not_linear}
+    mesh, waves = _along_line(body, c, about) if body.mesh.line is not None else _of_cells(body, about)
     moves = f", velocity {found(spec.velocity)}" if np.any(body.velocity) else ""
     fixed = f", fixed at {', '.join(spec.fixed)}" if spec.fixed else ""
-    waves = ", ".join(f"{name} {value[name]:.6g}" for name in ("transit", "impedance"))
     words = [
-        f"{body.name}: {spec.shape.name} of {h.size} elements{nodes}, {size}, {material.name} "
-        f"({_assignments(_options(material, with_defaults=False))}), area {spec.section:.6g}{moves}{fixed}",
-        f"  c = {c:.6g}, {waves}",
+        f"{body.name}: {spec.shape.name} of {mesh[0]}, {material.name} "
+        f"({_assignments(_options(material, with_defaults=False))}), {mesh[1]}{moves}{fixed}",
+        f"  c = {c:.6g}{waves}",
     ]
     if body.why_not_linear:
         words += [f"  {body.why_not_linear}"]
         words += ["  c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"]
-    return Fact(body.name, value, words)
+    return Fact(body.name, about, words)
+
+
+def _along_line(body: Body, c: float, about: dict[str, Any]) -> tuple[tuple[str, str], str]:
+    """Add what is known of a bar; return its mesh, its section and its waves in words."""
+    material, h = body.spec.material, body.mesh.lengths
+    about["elements"], about["h"] = int(h.size), [float(h.min()), float(h.max())]
+    about["transit"] = float(h.sum()) / c
+    about["impedance"] = body.spec.section * math.sqrt(material.modulus * material.rho)
+    size = f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
+    nodes = f" of {cells_of(body.mesh).shape[1]} nodes" if body.of_cells else ""
+    waves = "".join(f", {name} {about[name]:.6g}" for name in ("transit", "impedance"))
+    return (f"{h.size} elements{nodes}, {size}", f"area {body.spec.section:.6g}"), waves
+
+
+def _of_cells(body: Body, about: dict[str, Any]) -> tuple[tuple[str, str], str]:
+    """Add what is known of a body that is no bar; return its mesh, its section and its waves in words."""
+    plane = body.view.plane
+    about["elements"], about["nodes"], about["plane"] = body.count, int(body.mass.size), plane
+    section = f"plane {plane}, thickness {body.spec.section:.6g}" if plane else "three dimensions"
+    return (
+        f"{body.count} cells {body.spec.element.name} and {body.mass.size} nodes",
+        section,
+    ), " of longitudinal waves"
 
 
 def _step(model: Model, verdict: Certificate) -> Fact:
@@ -276,7 +290,9 @@ def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
 
 
 def _names_at_end(model: Model, contact_point: ContactPoint) -> tuple[str, str, str]:
-    """Return the names of stiffness, mass and frequency of the ends in contact (`ContactPoints`)."""
+    """Return the names of stiffness, mass and frequency of the sides of a contact (`ContactPoints`)."""
+    if not model.of_lines:
+        return "M w/h", "rho w h / 2", "2c/h"
     if any(model.body_of(node).of_cells for node in contact_point.nodes):
         return "m omega^2 / 2", "m", "omega"
     return "EA/h", "rho A h / 2", "2c/h"

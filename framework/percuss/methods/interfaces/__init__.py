@@ -33,6 +33,8 @@ from percuss.methods.interfaces.body import (
     Mesh,
     Region,
     Shape,
+    SolidElement,
+    SolidMaterial,
 )
 from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, LinearLaw, Trial
 from percuss.methods.interfaces.integrator import ContactState, Implicit, Integrator, LeapFrog, Stages, end_of_step

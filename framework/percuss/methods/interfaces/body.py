@@ -232,6 +232,47 @@ class Material(Component, contract="materials"):
         raise NotImplementedError
 
 
+class SolidMaterial(Material, contract="materials"):
+    """A material of bodies in two and three dimensions; of bars too where it has a `stress`.
+
+    Its kernels give the first Piola-Kirchhoff stress P as a function of the displacement gradient H, ``H_ij = d u_i / d
+    X_j``, both row by row, as numbers in a tuple: (xx, xy, yx, yy) in two dimensions. A material for small strains uses
+    the symmetric part of H, and P is then symmetric too. It may have kernels for two dimensions, for three, or both.
+
+    A material that is not `linear` gives the energy that it stores per volume too, by `stored_2d` or `stored_3d`. Of a
+    linear one that is half the product of stress and gradient.
+    """
+
+    stress: Any = None
+    stress_2d: Any = None
+    stress_3d: Any = None
+    stored_2d: Any = None
+    stored_3d: Any = None
+
+    @property
+    def modulus(self) -> float:
+        """Largest tangent modulus of a bar [force/length^2]; only of a material that has a `stress`."""
+        raise NotImplementedError
+
+    def parameters(self) -> tuple[float, ...]:
+        """Return the numbers that `stress` needs; only of a material that has one."""
+        return ()
+
+    @abstractmethod
+    def wave_modulus(self, plane: str) -> float:
+        """Return the largest tangent modulus of a longitudinal wave, ``rho c^2`` [force/length^2].
+
+        Parameters
+        ----------
+        plane
+            ``"strain"`` or ``"stress"`` in two dimensions, empty in three.
+        """
+
+    @abstractmethod
+    def solid_parameters(self, plane: str) -> tuple[float, ...]:
+        """Return the numbers that the kernels for two or three dimensions need; `plane` as of `wave_modulus`."""
+
+
 @dataclass(frozen=True)
 class BodyMesh:
     """The data of a body that an element of it can use.
@@ -243,10 +284,13 @@ class BodyMesh:
     section : float
         Area of the cross-section of a body along a line [length^2]; the thickness of a body in two dimensions [length];
         1 in three.
+    plane
+        ``"strain"`` or ``"stress"`` in two dimensions, else empty.
     """
 
     mesh: Mesh
     section: float
+    plane: str = ""
 
 
 class Element(Component, contract="elements"):
@@ -313,9 +357,9 @@ class Element(Component, contract="elements"):
 class CellElement(Element, contract="elements"):
     """An element of any number of nodes in any dimension, whose kernel sees one cell at a time.
 
-    percuss gathers coordinates and displacements of each cell, calls the kernel, and adds the forces that it sets to
+    percuss gathers geometry and displacements of each cell, calls the kernel, and adds the forces that it sets to
     those of the neighbours. It makes the nodes of a cell along a line that lie between those of the shape. The kernel
-    ``force(rule, material, first, section, coordinates, displacement, force)`` *sets* `force` to the forces of the
+    ``force(rule, material, first, section, geometry, displacement, force)`` *sets* `force` to the forces of the
     strained cell on its nodes. It calls the material once for each of its quadrature points by the slot
     ``percuss.stress(material, first + q, strain)``, with q from 0. The state variables of a material belong to these
     points.
@@ -354,6 +398,10 @@ class CellElement(Element, contract="elements"):
     def volumes(self, body: BodyMesh) -> Floats:
         """Return the volume of each quadrature point of each cell, (elements, points) [length^3]."""
 
+    def geometry(self, body: BodyMesh) -> Floats:
+        """Return what the kernel reads of each cell, (elements, ...); by default the coordinates of its nodes."""
+        return body.mesh.nodes[body.mesh.cells[self.cell]]
+
     def volumes_of_cells(self, body: BodyMesh) -> Floats:
         """Return the volume of each cell, (elements,) [length^3]; by default the sum of those of its points."""
         volumes: Floats = np.sum(self.volumes(body), axis=1)
@@ -366,7 +414,7 @@ class CellElement(Element, contract="elements"):
         material: Any,
         first: int,
         section: float,
-        coordinates: Floats,
+        geometry: Floats,
         displacement: Floats,
         force: Floats,
     ) -> None:
@@ -382,7 +430,9 @@ class CellElement(Element, contract="elements"):
             Number of the first quadrature point of the cell.
         section
             That of the body, `BodyMesh.section`.
-        coordinates, displacement, force : (nodes, dim) arrays
+        geometry
+            That of the cell, as `geometry` returned it.
+        displacement, force : (nodes, dim) arrays
             Of the nodes of the cell.
         """
 
@@ -392,6 +442,25 @@ class CellElement(Element, contract="elements"):
 
     # `rule`, `volumes` and the mesh are all that percuss reads of a cell, and it adds up forces and energies itself.
     bind = internal_force = energy = None  # type: ignore[assignment]
+
+
+class SolidElement(CellElement, contract="elements"):
+    """An element of cells whose kernel asks the material for the stress of a displacement gradient.
+
+    It is a `CellElement` but for that: the kernel calls ``percuss.stress_2d(material, first + q, gradient)`` or
+    ``percuss.stress_3d``, once for each quadrature point q, with a tuple of numbers as `SolidMaterial` has it.
+
+    Attributes
+    ----------
+    dimension
+        Number of dimensions, 2 or 3.
+    """
+
+    dimension: ClassVar[int]
+
+    def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:
+        """Raise NotImplementedError: percuss finds the frequency of each cell from its stiffness and mass."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, eq=False)

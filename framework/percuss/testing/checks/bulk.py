@@ -21,11 +21,10 @@ from percuss.mesh.cells import (
     has_cells,
     lumping_of,
     mesh_of_element,
-    volumes_of,
+    slots_of_material,
 )
 from percuss.mesh.element_probe import ElementProbe
 from percuss.mesh.material_points import points_at_rest
-from percuss.mesh.materials import material_slots
 from percuss.methods.interfaces import (
     BodyMesh,
     CellElement,
@@ -128,8 +127,8 @@ class _BodyKernels:
         self.body = BodyMesh(mesh_of_element(element, mesh), 1.3)
         self.dim = mesh.direction.size
         self.along = (self.body.mesh.nodes - self.body.mesh.nodes[0]) @ mesh.direction
-        self.points = points_at_rest(material, volumes_of(element, self.body).size)
-        specialiser = Specialiser({**material_slots(material), **element_slots(element)}, jit=False)
+        self.points = points_at_rest(element, material, self.body)
+        specialiser = Specialiser({**slots_of_material(element, material), **element_slots(element)}, jit=False)
         self.cells: Any = None
         if has_cells(element):
             self.cells = cell_arrays(element, [self.body])
