@@ -32,12 +32,12 @@ def known_checks() -> list[Check]:
         If Hypothesis is missing, with which they draw cases.
     """
     try:
-        from percuss.testing.checks import bulk, common, contacts, integrators, loads, others, pairs
+        from percuss.testing.checks import bulk, common, contacts, integrators, loads, others, pairs, solids
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "hypothesis":
             raise
         raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'") from None
-    modules = (bulk, common, contacts, pairs, integrators, loads, others)
+    modules = (bulk, common, contacts, pairs, integrators, loads, others, solids)
     return [each for module in modules for each in vars(module).values() if isinstance(each, Check)]
 
 

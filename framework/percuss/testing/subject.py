@@ -162,6 +162,7 @@ class Subject:
 
         Options and partner are those given, else those of the subject.
         """
+        self.along_line()
         options = self.options if options is None else options
         partner = self.partner if partner is None else partner
         named = {"name": self.name, **options}
@@ -182,6 +183,18 @@ class Subject:
                 for name, body in case["bodies"].items()
             }
         return out
+
+    def along_line(self) -> None:
+        """Raise NotApplicable unless the component is one of bars, of which the cases of most checks are made.
+
+        Raises
+        ------
+        NotApplicable
+            If it is an element or a shape of other bodies, or a pairing of their surfaces.
+        """
+        cell = getattr(self.make(self.examples[0]), "cell", "line" if self.family != "pairings" else "")
+        if not cell.startswith("line"):
+            raise NotApplicable("it is not one of bars")
 
     def scheme(self, integrator: str) -> Scheme:
         """Return the scheme of a registered integrator, with the first of its examples and a step of 1."""

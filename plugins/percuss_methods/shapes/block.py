@@ -24,7 +24,7 @@ class Block(Shape):
     name = "block"
     summary = "A rectangle of quadrilaterals or triangles"
     regions = ("left", "right", "bottom", "top")
-    examples = ({"size": [1.0, 0.5], "elements": [4, 2]}, {"size": [1.0, 0.5], "elements": [4, 2], "cells": "tri3"})
+    examples = ({"size": (1.0, 0.5), "elements": (4, 2)}, {"size": (1.0, 0.5), "elements": (4, 2), "cells": "tri3"})
 
     size: Annotated[tuple[float, float], Unit("length"), Doc("width and height")]
     elements: Annotated[tuple[int, int], Unit("1"), Doc("numbers of cells across and up, before `refine`")]

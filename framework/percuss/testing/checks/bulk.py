@@ -69,6 +69,7 @@ def check_mesh(subject: Subject) -> None:
     Lengths, nodes, unit direction and unit outward normals are consistent. `refine`, above 1 or below, multiplies
     the number of elements and moves no region. The body starts where the case places it.
     """
+    subject.along_line()
     for _, shape in subject.made():
         dim = shape.dimension() or 2
         start = np.array([1.5, -2.0, 0.25][:dim])
@@ -249,6 +250,7 @@ def check_force_and_energy(subject: Subject) -> None:
     translation. This holds for any run of consecutive elements, in one to three dimensions. Otherwise the bulk
     loses momentum or energy.
     """
+    subject.along_line()
     material = _default(subject, "materials")
     for _, element in subject.made():
         for dim in (1, 2, 3):
@@ -280,6 +282,7 @@ def check_cells(subject: Subject) -> None:
     The shares of mass of the nodes are positive, add up to 1, and keep the centre of mass of the cell. The volumes
     of its quadrature points add up to the volume of the cell. Two-node elements have none of this.
     """
+    subject.along_line()
     for _, element in subject.made():
         if not has_cells(element):
             raise NotApplicable("it is a two-node element, with one point and half of its mass at each node")
@@ -301,6 +304,7 @@ def check_linear(subject: Subject) -> None:
     Force or stress is proportional to displacement or strain of any size. Exact solutions, certificates and energy
     guarantees apply only to bodies whose element and material both declare `linear = True`.
     """
+    subject.along_line()
     if subject.family == "materials":
         proportional = all(_proportional_stress(subject.make(options)) for options in subject.examples)
     else:
@@ -347,6 +351,7 @@ def check_stress_in_the_element(subject: Subject) -> None:
     For small strains each element obtains from its material the modulus times its own strain. A result shows this
     value as the stress of the element.
     """
+    subject.along_line()
     material = _default(subject, "materials")
     for _, element in subject.made():
         for dim in (1, 2, 3):
@@ -399,6 +404,7 @@ def check_frequency(subject: Subject) -> None:
     It gives the time step: every run is unstable if it is too low, and Courant numbers lose their meaning if it is
     too high.
     """
+    subject.along_line()
     material, mass = _default(subject, "materials"), _default(subject, "masses")
     for _, element in subject.made():
         body = BodyMesh(mesh_of_element(element, line(4)), 1.3)

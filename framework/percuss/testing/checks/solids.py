@@ -1,0 +1,177 @@
+"""Checks of shapes and elements that are no bars, and of pairings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from percuss.compiler.specialise import Specialiser
+from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
+from percuss.mesh.cells import cell_arrays, element_masses, element_slots, is_solid, lumping_of, slots_of_material
+from percuss.mesh.material_points import points_at_rest
+from percuss.mesh.surfaces import surface_of
+from percuss.methods.interfaces import BodyMesh, Floats, Mesh, Region, Surface, Wall
+from percuss.methods.plugin_calls import answer
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
+
+CLOSE = 1e-9
+MATERIAL = {"young": 2.0, "density": 3.0, "poisson": 0.3}
+
+
+class Patch:
+    """A small body of uneven cells, and the kernels of an element with a linear material.
+
+    Parameters
+    ----------
+    subject, element
+        The element under test.
+    """
+
+    def __init__(self, subject: Subject, element: Any) -> None:
+        material: Any = subject.registry.get("materials", "elastic")(**MATERIAL)
+        self.body = BodyMesh(patch(element.cell), 1.3, "strain")
+        self.size = self.body.mesh.nodes.size
+        self.cells = cell_arrays(element, [self.body])
+        self.points = points_at_rest(element, material, self.body)
+        specialiser = Specialiser({**slots_of_material(element, material), **element_slots(element)}, jit=False)
+        self._force, self._energy = specialiser.bind(add_up_forces), specialiser.bind(energy_of_cells)
+        self.masses = element_masses(element, self.body, material.rho)
+        self.nodal = lumping_of(element, self.body).at_nodes(self.masses)
+
+    def force(self, displacement: Floats) -> Floats:
+        """Return the internal force on the nodes, (nodes, dim)."""
+        out = np.full(self.size, np.nan)
+        self.cells.force[:] = np.nan
+        self._force(self.cells, self.points, 0, displacement.ravel(), out)
+        return out.reshape(displacement.shape)
+
+    def energy(self, displacement: Floats) -> float:
+        """Return the strain energy."""
+        rest = np.zeros(self.size)
+        return float(self._energy(self.cells, self.points, 0, displacement.ravel(), rest, 0.0))
+
+
+def patch(cell: str) -> Mesh:
+    """Return two by two uneven quadrilaterals round a node inside, or the triangles in them."""
+    if cell not in {"quad", "triangle"}:
+        raise NotApplicable(f"the kit has no patch of {cell} cells")
+    nodes = np.array(
+        [[0.0, 0.0], [0.0, 0.6], [0.0, 1.1], [0.5, 0.0], [0.6, 0.5], [0.5, 1.0], [1.2, 0.0], [1.1, 0.5], [1.0, 1.2]]
+    )
+    corners = np.array([[0, 3, 4, 1], [1, 4, 5, 2], [3, 6, 7, 4], [4, 7, 8, 5]])
+    cells = corners if cell == "quad" else corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    return Mesh(nodes, {cell: cells}, {})
+
+
+@check("elements")
+def check_solid_forces(subject: Subject) -> None:
+    """A rigid body has no force, and forces belong to an energy.
+
+    Translations and small rotations of a body of uneven cells give no force. Internal forces have no resultant and no
+    moment, and are minus the slope of the energy. A uniform strain leaves a node inside without force. The mass is that
+    of the body, and each node has some.
+    """
+    for _, element in subject.made():
+        if not is_solid(element):
+            raise NotApplicable("it is an element along a line, or sees the strain of single points")
+        of_body = Patch(subject, element)
+        x = of_body.body.mesh.nodes
+        turned = np.stack([-x[:, 1], x[:, 0]], axis=1)
+        u = 1e-3 * np.cos(np.arange(x.size) ** 2.0).reshape(x.shape)
+        force = of_body.force(u)
+        size = float(np.abs(force).max())
+        if not np.isfinite(force).all():
+            raise CheckFailed("`force` leaves an entry unset: it must set every entry, not add to it")
+        for what, motion in (("translation", np.ones_like(x)), ("small rotation", turned)):
+            if np.abs(of_body.force(1e-3 * motion)).max() > CLOSE * size:
+                raise CheckFailed(f"a {what} of the body gives a force")
+        moment = float((x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]).sum())
+        if max(np.abs(force.sum(axis=0)).max(), abs(moment)) > CLOSE * size:
+            raise CheckFailed("the internal forces have a resultant or a moment")
+        uniform = of_body.force(1e-3 * x @ np.array([[1.0, 0.3], [-0.2, 0.5]]))
+        if np.abs(uniform[4]).max() > CLOSE * np.abs(uniform).max():
+            raise CheckFailed("a uniform strain gives a force on a node inside: it fails the patch test")
+        for step in 1e-6 * np.eye(x.size)[::5].reshape(-1, *x.shape):
+            slope = (of_body.energy(u + step) - of_body.energy(u - step)) / 2e-6
+            found = float(force[step > 0.0][0])
+            if abs(slope + found) > 1e-6 * size:
+                raise CheckFailed(f"the force is {found:.6g} and minus the slope of the energy {-slope:.6g}")
+        nodal, total = of_body.nodal, float(of_body.masses.sum())
+        if not (nodal > 0).all() or abs(nodal.sum() - total) > CLOSE * total:
+            raise CheckFailed(f"the nodes have the masses {nodal} of a body of {total:.6g}")
+
+
+@check("shapes")
+def check_solid_mesh(subject: Subject) -> None:
+    """The mesh is closed by its regions.
+
+    Cells have positive volumes. The regions together are the whole boundary, and their facets turn outwards. `refine`
+    moves no region.
+    """
+    for _, shape in subject.made():
+        if shape.cell == "line":
+            raise NotApplicable("its mesh is a line")
+        element = next(
+            made for name in subject.registry.names("elements")
+            if getattr(made := subject.registry.get("elements", name), "cell", "") == shape.cell
+        )()  # fmt: skip
+        start = np.array([0.3, -0.7, 0.2])[: shape.dimension()]
+        extents = []
+        for refine in (1, 2):
+            body = BodyMesh(answer(shape, "mesh", start, refine), 1.3, "strain")
+            volumes = np.asarray(answer(element, "volumes_of_cells", body))
+            if not (volumes > 0).all():
+                raise CheckFailed(f"a cell has the volume {volumes.min():.6g}")
+            surfaces = [surface_of(body, name, 0, volumes).surface for name in shape.regions]
+            closed = sum(surface.areas @ surface.normals for surface in surfaces)
+            # Of a closed surface the fluxes of x, y and z are its volume each.
+            flux = sum(
+                np.einsum("f,fd,fd->d", s.areas, s.normals, s.positions[s.facets].mean(axis=1)) for s in surfaces
+            )
+            if np.abs(closed).max() > CLOSE or np.abs(np.asarray(flux) - volumes.sum()).max() > 1e-2 * volumes.sum():
+                raise CheckFailed(f"its regions do not enclose its volume {volumes.sum():.6g}: they flow {flux}")
+            extents.append([(s.positions.min(axis=0), s.positions.max(axis=0)) for s in surfaces])
+        if not np.allclose(extents[0], extents[1], atol=CLOSE):
+            raise CheckFailed("`refine` moves a region")
+
+
+@check("pairings")
+def check_pairing(subject: Subject) -> None:
+    """Points move with their surfaces.
+
+    The areas of the points add up to that of the surface that has partners. Both bodies moved as one leave the gaps,
+    and moved apart along the normal they open by the distance. The answer turns with the surfaces.
+    """
+    for _, pairing in subject.made():
+        for angle in (0.0, 0.7, 2.9):
+            first, second, out = _surfaces(5, 7, 0.1, angle)
+            wall = Wall(first.positions[0] + 0.2 * out, -out)
+            for other, gap in ((second, 0.1), (wall, 0.2)):
+                found = pairing.points(first, other)
+                if abs(found.weight.sum() - first.areas.sum()) > CLOSE:
+                    raise CheckFailed(
+                        f"the areas of the points are {found.weight.sum():.6g}, not {first.areas.sum():.6g}"
+                    )
+                if np.abs(found.gap - gap).max() > CLOSE or np.abs(found.normal - out).max() > CLOSE:
+                    raise CheckFailed(f"gaps are {found.gap} and normals {found.normal[0]}, expected {gap} and {out}")
+                for p in range(found.gap.size):
+                    inside = slice(found.start[p], found.start[p + 1])
+                    of_first = np.isin(found.node[inside], first.nodes)
+                    for side, expected in ((of_first, -out), (~of_first, out if other is second else 0.0 * out)):
+                        if np.abs(found.value[inside][side].sum(axis=0) - expected).max() > CLOSE:
+                            raise CheckFailed("the gap does not change by the distance of its surfaces")
+
+
+def _surfaces(first: int, second: int, gap: float, angle: float) -> tuple[Surface, Surface, Floats]:
+    """Return two straight surfaces that face each other, and the normal from one to the other."""
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    made: list[Surface] = []
+    for count, x, sign in ((first, 0.0, 1.0), (second, gap, -1.0)):
+        y = sign * (np.arange(count + 1) / count - 0.5) * 0.8
+        nodes = np.stack([np.full(count + 1, x), y], axis=1) @ turn.T
+        facets = np.stack([np.arange(count), np.arange(1, count + 1)], axis=1)
+        mesh = Mesh(nodes, {"line": facets}, {"all": Region((), np.zeros(2), {"line": facets})})
+        surface = surface_of(BodyMesh(mesh, 1.0), "all", len(made) * 100, np.ones(count)).surface
+        made.append(surface)
+    return made[0], made[1], turn @ np.array([1.0, 0.0])
