@@ -26,8 +26,10 @@ from percuss import (
     Material,
     Measure,
     Mesh,
+    Pairing,
     Region,
     Shape,
+    SolidElement,
     Stages,
     Unit,
     accelerations,
@@ -36,6 +38,9 @@ from percuss import (
     energy_density,
     stress,
 )
+from percuss_methods.elements._plane_cell import plane_forces
+from percuss_methods.elements.quad4 import Quad4
+from percuss_methods.pairings.node_to_segment import NodeToSegment
 from percuss_methods.solutions.bars_in_a_row import BarsInARow
 
 SWITCHING = {"energy-never-grows with central-difference": "a contact that opens or closes between two steps"}
@@ -1400,6 +1405,58 @@ class NeverFiner(Shape):
         nodes = at + np.linspace(0.0, self.length, 5)[:, None] * direction
         ends = {"left": Region((0,), -direction), "right": Region((4,), direction)}
         return Mesh.of_line(nodes, np.full(4, self.length / 4), direction, ends)
+
+
+@caught_by("solid-mesh")
+@dataclass(frozen=True)
+class TurnedInwards(Shape):
+    """A square whose edges run the wrong way round."""
+
+    name = "turned-inwards"
+    summary = "a shape"
+    regions = ("skin",)
+    cell = "quad"
+
+    def dimension(self):
+        return 2
+
+    def mesh(self, at, refine):
+        nodes = at + np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+        edges = np.array([[1, 0], [2, 1], [3, 2], [0, 3]])
+        skin = Region((0, 1, 2, 3), np.array([1.0, 0.0]), {"line": edges})
+        return Mesh(nodes, {"quad": np.array([[0, 1, 2, 3]])}, {"skin": skin})
+
+
+@caught_by("solid-forces")
+@dataclass(frozen=True)
+class WithoutHalf(SolidElement):
+    """Has half of the forces across, so that moments are left."""
+
+    name = "without-half"
+    summary = "an element"
+    linear = True
+    cell = "quad"
+    dimension = 2
+    rule, geometry, volumes, mass_shares = Quad4.rule, Quad4.geometry, Quad4.volumes, Quad4.mass_shares
+
+    @staticmethod
+    def force(rule, material, first, section, geometry, displacement, force):
+        plane_forces(rule, material, first, section, geometry, displacement, force)
+        for a in range(4):
+            force[a, 1] *= 0.5
+
+
+@caught_by("pairing")
+@dataclass(frozen=True)
+class HalfOfTheArea(Pairing):
+    """Nodes with the area of one of their edges alone."""
+
+    name = "half-of-the-area"
+    summary = "a pairing"
+
+    def points(self, first, second):
+        found = NodeToSegment().points(first, second)
+        return found._replace(weight=0.5 * found.weight)
 
 
 @caught_by("mesh")

@@ -184,7 +184,7 @@ MAY_NAME_METHODS = {"percuss.case.defaults": None, "percuss.studies.tasks": {"TI
 COMMON = {
     *("alpha", "beta", "columns", "constant", "direction", "during", "elastic", "elements", "file", "frequency"),
     *("gamma", "initial", "length", "mean", "order", "p", "peak", "ramp", "scale", "stiffness", "table"),
-    *("theta", "time", "value"),
+    *("size", "theta", "time", "value"),
 }
 VALUES_OF_ONE_OPTION = {"from-step", "matched"}
 
