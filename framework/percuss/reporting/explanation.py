@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -34,14 +34,17 @@ MOST_LETTERS = 60  # The value of an option, such as a table, is cut after this 
 
 
 class Fact(NamedTuple):
-    """A fact about a run: its key and value in the data, and the lines of the text that tell it.
-
-    A fact without a key is in the text alone.
-    """
+    """A fact about a run: its key and value in the data, and the lines of the text, with details indented."""
 
     key: str
     value: object
-    words: list[str]
+    words: Sequence[str] = ()
+    details: Sequence[str] = ()
+
+    @property
+    def lines(self) -> list[str]:
+        """All lines of the text."""
+        return [*self.words, *(f"  {line}" for line in self.details)]
 
 
 @np.errstate(all="ignore")  # what is not finite is said in words
@@ -58,8 +61,8 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
     from percuss.jsonable import plain
 
     facts = list(_facts(model, certificate(recordable(model), criterion)))
-    text = "\n".join(line for fact in facts for line in fact.words)
-    return Explanation(text, plain({fact.key: fact.value for fact in facts if fact.key}))
+    text = "\n".join(line for fact in facts for line in fact.lines)
+    return Explanation(text, plain({fact.key: fact.value for fact in facts}))
 
 
 def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
@@ -69,8 +72,8 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     name, refused = engine.name if engine else "", case.time.on_unstable == "stop"
     words = list(check_verdict(model.steps, model.dt, verdict, name, why_not_exact, refused=refused))
     yield Fact("verdict", words, words)
-    yield Fact("title", case.title, ["", case.title or "Untitled case"])
-    yield Fact("", case.source, [f"  source: {case.source}"] if case.source else [])
+    source = [f"source: {case.source}"] if case.source else []
+    yield Fact("title", case.title, ["", case.title or "Untitled case"], source)
     dimensions = f"{model.dim} dimension{'s' if model.dim > 1 else ''}"
     heading = f"Bodies ({model.n_nodes} nodes in {dimensions})"
     yield _group("bodies", heading, (_body(body) for body in model.bodies.values()))
@@ -80,12 +83,13 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     yield _group("contacts", "Contacts" if contacts else "No contact", contacts)
     yield _group("loads", "Loads" if case.loads else "", (_load(spec) for spec in case.loads.values()))
     yield _step(model, verdict)
-    yield Fact("nodes", model.n_nodes, [])
-    yield Fact("certificate", verdict, ["Stability of the closed linear step", f"  {verdict['why']}"])
+    yield Fact("nodes", model.n_nodes)
+    yield Fact("certificate", verdict, ["Stability of the closed linear step"], [verdict["why"]])
     measured = _measured_energy(model, verdict["energy"])
-    words = ["Energy over opening and closing", f"  {verdict['energy']}: {verdict['energy_why']}"]
-    yield Fact("measured", measured, words + [f"  measured, {law}: {told}" for law, told in measured.items()])
-    yield Fact("exact", {"name": engine.name if engine else "", "why": why_not_exact}, [])
+    energy = [f"measured, {law}: {told}" for law, told in measured.items()]
+    energy = [f"{verdict['energy']}: {verdict['energy_why']}", *energy]
+    yield Fact("measured", measured, ["Energy over opening and closing"], energy)
+    yield Fact("exact", {"name": name, "why": why_not_exact})
     used = _components(model) + ([engine] if engine else [])
     yield _group("methods", "Methods", (_method(model, component) for component in used))
     notes = [*case.notes, *verdict["ignores"], *expected_meetings(model)]
@@ -95,8 +99,8 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
 def _group(key: str, heading: str, facts: Iterable[Fact]) -> Fact:
     """Return facts of one kind as one fact, whose value is theirs by key, with a heading over their words."""
     facts = list(facts)
-    lines = [f"  {line}" for fact in facts for line in fact.words]
-    return Fact(key, {fact.key: fact.value for fact in facts}, [heading, *lines] if heading else lines)
+    lines = [line for fact in facts for line in fact.lines]
+    return Fact(key, {fact.key: fact.value for fact in facts}, list(filter(None, [heading])), lines)
 
 
 def _options(component: Component, *, with_defaults: bool) -> dict[str, str]:
@@ -128,22 +132,22 @@ def _body(body: Body) -> Fact:
     """Return a body: its mesh, its material, and the speed of its waves."""
     spec, material = body.spec, body.spec.material
     c = math.sqrt(body.modulus / material.rho)
-    about: dict[str, Any] = {"c": c, "why_not_linear": body.why_not_linear}
-    mesh, waves = _along_line(body, c, about) if body.mesh.line is not None else _of_cells(body, about)
+    about: Entries = {"c": c, "why_not_linear": body.why_not_linear}
+    mesh, section, waves = _along_line(body, c, about) if body.mesh.line is not None else _of_cells(body, about)
     moves = f", velocity {found(spec.velocity)}" if np.any(body.velocity) else ""
     fixed = f", fixed at {', '.join(spec.fixed)}" if spec.fixed else ""
-    words = [
-        f"{body.name}: {spec.shape.name} of {mesh[0]}, {material.name} "
-        f"({_assignments(_options(material, with_defaults=False))}), {mesh[1]}{moves}{fixed}",
-        f"  c = {c:.6g}{waves}",
-    ]
+    words = (
+        f"{body.name}: {spec.shape.name} of {mesh}, {material.name} "
+        f"({_assignments(_options(material, with_defaults=False))}), {section}{moves}{fixed}"
+    )
+    details = [f"c = {c:.6g}{waves}"]
     if body.why_not_linear:
-        words += [f"  {body.why_not_linear}"]
-        words += ["  c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"]
-    return Fact(body.name, about, words)
+        follows = "c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"
+        details += [body.why_not_linear, follows]
+    return Fact(body.name, about, [words], details)
 
 
-def _along_line(body: Body, c: float, about: dict[str, Any]) -> tuple[tuple[str, str], str]:
+def _along_line(body: Body, c: float, about: Entries) -> tuple[str, str, str]:
     """Add what is known of a bar; return its mesh, its section and its waves in words."""
     material, h = body.spec.material, body.mesh.lengths
     about["elements"], about["h"] = int(h.size), [float(h.min()), float(h.max())]
@@ -152,18 +156,16 @@ def _along_line(body: Body, c: float, about: dict[str, Any]) -> tuple[tuple[str,
     size = f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
     nodes = f" of {cells_of(body.mesh).shape[1]} nodes" if body.of_cells else ""
     waves = "".join(f", {name} {about[name]:.6g}" for name in ("transit", "impedance"))
-    return (f"{h.size} elements{nodes}, {size}", f"area {body.spec.section:.6g}"), waves
+    return f"{h.size} elements{nodes}, {size}", f"area {body.spec.section:.6g}", waves
 
 
-def _of_cells(body: Body, about: dict[str, Any]) -> tuple[tuple[str, str], str]:
+def _of_cells(body: Body, about: Entries) -> tuple[str, str, str]:
     """Add what is known of a body that is no bar; return its mesh, its section and its waves in words."""
     plane = body.view.plane
     about["elements"], about["nodes"], about["plane"] = body.count, int(body.mass.size), plane
     section = f"plane {plane}, thickness {body.spec.section:.6g}" if plane else "three dimensions"
-    return (
-        f"{body.count} cells {body.spec.element.name} and {body.mass.size} nodes",
-        section,
-    ), " of longitudinal waves"
+    mesh = f"{body.count} cells {body.spec.element.name} and {body.mass.size} nodes"
+    return mesh, section, " of longitudinal waves"
 
 
 def _step(model: Model, verdict: Certificate) -> Fact:
@@ -191,18 +193,17 @@ def _step(model: Model, verdict: Certificate) -> Fact:
         "steps": model.steps,
         "end": model.steps * model.dt,
     }
-    words = [
-        "Step",
-        f"  {how}Courant number {model.courant:.6g} of the smallest {size} = {smallest:.9g}, that of {where} of body "
+    details = [
+        f"{how}Courant number {model.courant:.6g} of the smallest {size} = {smallest:.9g}, that of {where} of body "
         f"'{body.name}'; {model.steps} steps to {model.steps * model.dt:.9g}",
     ]
     if verdict["dt_critical_free"] is not None:
         critical = "is unknown" if verdict["dt_critical"] is None else f"{verdict['dt_critical']:.9g}"
-        words.append(
-            f"  the bodies without contact{' but ties' if model.tied_points else ''} allow "
+        details.append(
+            f"the bodies without contact{' but ties' if model.tied_points else ''} allow "
             f"{verdict['dt_critical_free']:.9g}, the worst combination of closed contacts {critical}"
         )
-    return Fact("step", value, words)
+    return Fact("step", value, ["Step"], details)
 
 
 def _measured_energy(model: Model, energy: str) -> dict[str, str]:
@@ -239,30 +240,29 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     }
     value["row"] = _linear_law_data(model, number, value["point"]["s"])
     gap = "touching" if value["gap"] == 0 else f"gap {value['gap']:.9g}"
-    words = [f"{contact_point.name}: {' and '.join(value['sides'])}, {gap}; {law.name}: {law.summary}"]
-    if law.name not in explained:
-        words += [f"  {line}" for line in docs(type(law)).formula.splitlines()]
-        explained.add(law.name)
-    words.append(f"  given: {_assignments(value['given']) or 'nothing, all by default'}")
-    words += [f"  {option} {chosen}" for option, chosen in value["chosen"].items()]
+    words = f"{contact_point.name}: {' and '.join(value['sides'])}, {gap}; {law.name}: {law.summary}"
+    details = [] if law.name in explained else docs(type(law)).formula.splitlines()
+    explained.add(law.name)
+    details.append(f"given: {_assignments(value['given']) or 'nothing, all by default'}")
+    details += [f"{option} {chosen}" for option, chosen in value["chosen"].items()]
     point = _numbers_as_text(value["point"])
-    words.append(
-        f"  with {stiffness} = {point[stiffness]} and {mass} = {point[mass]} of the softer side, "
+    details.append(
+        f"with {stiffness} = {point[stiffness]} and {mass} = {point[mass]} of the softer side, "
         f"{'omega = ' if frequency != 'omega' else ''}{frequency} = {point[frequency]}, "
         f"s = {s_formula} = {point['s']}, dt = {model.dt:.6g}"
     )
     if frequency == "omega":
-        words.append("  m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2")
-    words += [f"  {_assignments(_numbers_as_text(value['resolved']))}"] if value["resolved"] else []
+        details.append("m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2")
+    details += filter(None, [_assignments(_numbers_as_text(value["resolved"]))])
     if solved := first_of(feature.solves_contact for feature in model.features):
-        words.append(f"  {solved}")
+        details.append(solved)
     elif value["row"] is None:
-        words.append(f"  {law.name} is no row of the contact equation: its own kernel gives the force")
+        details.append(f"{law.name} is no row of the contact equation: its own kernel gives the force")
     else:
-        words += [f"  {line}" for line in _linear_law_lines(value["row"])]
+        details += _linear_law_lines(value["row"])
         if value["row"]["acceleration"] and not value["row"]["sees_acceleration"]:
-            words.append(f"  g'' counts as 0: {law.needs_only_response_of['acceleration']}")
-    return Fact(contact_point.name, value, words)
+            details.append(f"g'' counts as 0: {law.needs_only_response_of['acceleration']}")
+    return Fact(contact_point.name, value, [words], details)
 
 
 def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
@@ -360,7 +360,7 @@ def _load(spec: LoadSpec) -> Fact:
     formula = docs(type(spec.load)).formula
     value = {"load": spec.load.name, "as": spec.acts_as, "on": list(map(str, spec.on)), "options": options}
     text = f"{spec.name}: {spec.load.name} as {spec.acts_as} on {targets} {along}{when}{clock}; {_assignments(options)}"
-    return Fact(spec.name, value, [text, *([f"  {' '.join(formula.split())}"] if formula else [])])
+    return Fact(spec.name, value, [text], list(filter(None, [" ".join(formula.split())])))
 
 
 def _components(model: Model) -> list[Component]:
@@ -383,14 +383,14 @@ def _method(model: Model, component: Component) -> Fact:
         "facts": facts,
         "references": list(component.references),
     }
-    words = [f"{component.name} ({component.family}): {component.summary}"]
-    if component.family not in {"contacts", "loads"}:  # the formulas of these stand with each contact and load
-        words += [f"  {line}" for line in value["formula"].splitlines()]
+    # The formulas of contacts and loads stand with each of them.
+    details: list[str] = [] if component.family in {"contacts", "loads"} else value["formula"].splitlines()
     properties = [f"order {facts['order']}"] if "order" in facts else []
     properties += [f"conserves {' and '.join(facts['conserves'])} without contact"] if facts.get("conserves") else []
-    words += [f"  {'; '.join(properties)}"] if properties else []
-    words += [f"  see {reference}" for reference in component.references]
+    details += filter(None, ["; ".join(properties)])
+    details += [f"see {reference}" for reference in component.references]
     if component.family == "integrators":
-        explained = [line for feature in model.features for line in feature.explained]
-        words += [f"  {line}" for line in (*explained, *(model.stages.in_words if model.stages else ()))]
-    return Fact(f"{component.family}/{component.name}", value, words)
+        details += [line for feature in model.features for line in feature.explained]
+        details += model.stages.in_words if model.stages else ()
+    words = [f"{component.name} ({component.family}): {component.summary}"]
+    return Fact(f"{component.family}/{component.name}", value, words, details)
