@@ -53,11 +53,8 @@ def comparison_figure(rows: Sequence[Data]) -> Figure:
         Mappings with ``label``, ``result`` (a Result or None) and, where there is no result, ``reason``.
     """
     runs = [(one_line(row["label"]), row["result"]) for row in rows if row.get("result") is not None]
-    lost = [
-        f"not shown: {one_line(row['label'])}: {one_line(row.get('reason') or 'no result')}"
-        for row in rows
-        if row.get("result") is None
-    ]
+    others = [row for row in rows if row.get("result") is None]
+    lost = [f"not shown: {one_line(row['label'])}: {one_line(row.get('reason') or 'no result')}" for row in others]
     names = runs[0][1].coordinates["contact"] if runs else []
     apart = len(runs) > OVERLAY
     down = -(-len(runs) // 3) if apart else min(max(len(names), 1), MOST_PANELS)

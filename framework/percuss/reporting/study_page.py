@@ -121,6 +121,7 @@ def payload(study: Study, roles: ColumnRoles, charts: Charts) -> Entries:
     names = [name for name in (*in_order, "fragile", "reason", "said_by", "key") if name in study.table]
     several_cases = study.table["case"].nunique() > 1
     kept = page_rows.kept_histories(study, carried.table, charts.ranked)
+    with_history = np.flatnonzero(carried.table["key"].isin(study.with_histories)).tolist()
     return {
         "total": len(study.table),
         "rows": len(carried.table),
@@ -141,9 +142,7 @@ def payload(study: Study, roles: ColumnRoles, charts: Charts) -> Entries:
         "outcomes": [[kind, study_charts.outcome(kind)] for kind in ("done", "unstable", "other")],
         "profiles": _packed_profiles(study.table, roles, charts) if several_cases else {},
         "histories": kept,
-        "not_in_page": [
-            row for row, key in enumerate(carried.table["key"]) if key in study.with_histories and row not in kept
-        ],
+        "not_in_page": [row for row in with_history if row not in kept],
     }
 
 
@@ -184,12 +183,8 @@ def _packed_commands(study: Study, kept: Array) -> Entries | None:
         return None
     indices = np.array([-1 if index is None else index for index in template_of_row])[kept]
     used, index_of_row = np.unique(indices, return_inverse=True)
-    pieces = [
-        [piece if isinstance(piece, str) else [piece["value"], piece["whole"]] for piece in templates[index]]
-        if index >= 0
-        else []
-        for index in used
-    ]
+    shown = ([] if index < 0 else templates[index] for index in used)
+    pieces = [[one if isinstance(one, str) else [one["value"], one["whole"]] for one in pieces] for pieces in shown]
     return {"templates": pieces, "data": page_rows.packed(index_of_row, "<u2")}
 
 
@@ -227,12 +222,8 @@ def _question_html(study: Study, data: Entries) -> str:
     question_html = f'<p class="question">{escape(str(question))}</p>' if question else ""
     counts = study.table["status"].replace(study_data.WAITING, "still to be made").value_counts()
     status_counts = [f"{count:,} {escape(str(status))}" for status, count in counts.items()]
-    cases = study.table["case"].nunique()
-    words = [
-        count_of(data["total"], "run"),
-        count_of(len(data["methods"]), "pair", " of methods"),
-        count_of(cases, "case"),
-    ]
+    pairs, cases = count_of(len(data["methods"]), "pair", " of methods"), study.table["case"].nunique()
+    words = [count_of(data["total"], "run"), pairs, count_of(cases, "case")]
     return f'{question_html}<p class="counts">{"  ·  ".join(words)}  ·  <strong>{", ".join(status_counts)}</strong></p>'
 
 
@@ -257,12 +248,10 @@ def _varied_table(study: Study, roles: ColumnRoles) -> str:
         count, as_numbers = column.nunique(), study_data.numbers(column)
         if count > MOST_VALUES and as_numbers is not None:
             column = column.iloc[[np.nanargmin(as_numbers), np.nanargmax(as_numbers)]]
-        values = study_data.in_order([text for text in study_data.texts(column) if text != ""])
-        values = [study_data.as_label(text) for text in values]
-        if count > MOST_VALUES:
-            values_in_words = f"{count:,} values from {values[0]} to {values[-1]}"
-        else:
-            values_in_words = ", ".join(values) or "none"
+        texts = study_data.in_order([text for text in study_data.texts(column) if text != ""])
+        values = [study_data.as_label(text) for text in texts]
+        few = count <= MOST_VALUES
+        values_in_words = ", ".join(values) or "none" if few else f"{count:,} values from {values[0]} to {values[-1]}"
         without = sorted(study_data.lacking(study.table, path))
         lacking = f"; not a value of {', '.join(without)}" if without and values else ""
         lines.append([f"<code>{escape(path)}</code>", escape(values_in_words + lacking)])
@@ -290,16 +279,12 @@ def _losses_html(table: pd.DataFrame) -> str:
     still = f"<p>{count_of(waiting, 'run')} still to be made.</p>" if waiting else ""
     if not groups:
         return still or "<p>Every run came to its end.</p>"
-    lines = [
-        [
-            f'<span class="status">{escape(group["status"])}</span>',
-            f"{group['count']:,}",
-            escape(group["method"]),
-            escape(group["reason"] or "no reason given")
-            + (f' <span class="soft">(said by {escape(group["said_by"])})</span>' if group["said_by"] else ""),
-        ]
-        for group in groups[:MOST_REASONS]
-    ]
+    lines = []
+    for group in groups[:MOST_REASONS]:
+        reason, source = escape(group["reason"] or "no reason given"), escape(group["said_by"])
+        status = f'<span class="status">{escape(group["status"])}</span>'
+        said_by = f' <span class="soft">(said by {source})</span>' if source else ""
+        lines.append([status, f"{group['count']:,}", escape(group["method"]), reason + said_by])
     left = sum(group["count"] for group in groups[MOST_REASONS:])
     more = f"<p>{left:,} more runs have rarer reasons; the table has them.</p>" if left else ""
     note = '<p class="soft">Runs whose reasons differ by numbers alone are one line, with the words of the first.</p>'
@@ -310,13 +295,11 @@ def _methods_html(study: Study) -> str:
     from percuss.methods.registry import Registry
 
     registry = Registry.load()
-    families = {"integrators": "integrator", "contacts": "contact"}
-    articles = [
+    return "".join(
         _component_html(registry, family, name, variants)
-        for family, column in families.items()
+        for family, column in (("integrators", "integrator"), ("contacts", "contact"))
         for name, variants in _variants_by_name(study_data.texts(study.table[column])).items()
-    ]
-    return "".join(articles)
+    )
 
 
 def _variants_by_name(labels: list[str]) -> dict[str, list[str]]:
