@@ -21,7 +21,7 @@ from percuss.errors import InputError
 from percuss.interrupt import interruptible
 from percuss.methods.registry import Registry
 from percuss.reporting.tables import show
-from percuss.reporting.tell_study import study_lines
+from percuss.reporting.terminal import study_lines
 from percuss.studies import forecast, parameters
 from percuss.studies import workers as local_workers
 from percuss.studies.layout import RangeSection, SampleSection, study_schema

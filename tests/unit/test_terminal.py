@@ -11,7 +11,7 @@ from rich.console import Console
 from percuss.cli.common import FIRST_LINE, progress_bar
 from percuss.reporting import terminal
 from percuss.reporting.tables import Column, Table, show
-from percuss.reporting.tell_study import study_lines
+from percuss.reporting.terminal import study_lines
 from percuss.studies.perform import Run
 
 LONG = "integrator-with-a-name-that-someone-liked"

@@ -32,7 +32,7 @@ def recommend(
     """
     with common.reporting(as_json) as answer:
         from percuss.reporting.recommendation_figure import recommendation_figure
-        from percuss.reporting.tell_recommendation import recommendation_lines, recommendation_verdict
+        from percuss.reporting.recommendation_words import recommendation_lines, recommendation_verdict
         from percuss.studies.recommendation import bound_of
         from percuss.studies.recommendation import recommend as search
 

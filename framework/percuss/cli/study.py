@@ -39,7 +39,7 @@ def study(
 ) -> None:
     """Make the runs of a study; given again, continue it."""
     with common.reporting(as_json) as answer:
-        from percuss.reporting.tell_study import study_lines
+        from percuss.reporting.terminal import study_lines
         from percuss.reporting.verdict import rows_verdict
         from percuss.studies.forecast import forecast
         from percuss.studies.study import study as make_study

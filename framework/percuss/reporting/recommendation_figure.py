@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from percuss.case.quantities import METRICS
 from percuss.reporting.figures import legend_below, log_axis, new_figure, percent_axis
+from percuss.reporting.recommendation_words import bounds_in_words, methods_in_words
 from percuss.reporting.study_charts import line_style
 from percuss.reporting.study_figures import marked_line
-from percuss.reporting.tell_recommendation import bounds_in_words, methods_in_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
