@@ -140,7 +140,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         weakest,
         why,
     )
-    return _behind_end_elements(model, closed) if model.points_without_mass.any() else closed
+    return _behind_end_elements(model, closed) if model.balanced.any() else closed
 
 
 def _weakest(guarantees: Sequence[tuple[str, str]], *, multistage: bool) -> tuple[str, str]:
@@ -157,7 +157,7 @@ def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
     A closed contact of such an end is a spring between nodes with mass, which is the law in series with the end
     elements and follows from the current state.
     """
-    massless = model.points_without_mass
+    massless = model.balanced
     delassus = model.contact_rows(0.5 * model.dt).diagonal
     compliance = laws.compliance + np.where(massless, delassus * model.dt**2, 0.0)
     acting = massless.copy()

@@ -62,8 +62,8 @@ class ClosedFormCriterion:
         self.model = model
         if why := unlike_plain_bars(model):
             raise NoClosedFormError(why)
-        if model.couples_nodes:
-            raise NoClosedFormError(f"the mass {model.case.method.mass.name} couples nodes")
+        if why := first_of(feature.no_closed_form for feature in model.features):
+            raise NoClosedFormError(why)
         self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h
         for body in model.bodies.values():
             if np.ptp(body.mesh.lengths) > 1e-9 * body.mesh.lengths.mean():

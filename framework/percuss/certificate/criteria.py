@@ -18,16 +18,13 @@ from percuss.certificate.lines import bars_alone
 from percuss.certificate.operator_criterion import OperatorCriterion
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.step_itself import LARGEST_DENSE_STATE, StepCriterion
+from percuss.contact.features import first_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from percuss.march.model import Model, Stretch
 
-SHORT_AND_COUPLED = (
-    "above theta = 1 contact may damp all of a bar of one or two elements, and the step itself is examined with "
-    "diagonal masses alone"
-)
 # Number of elements below which contact can damp all of a bar, so that a step above theta = 1 may be stable.
 SHORT_BAR_ELEMENTS = 3
 
@@ -49,7 +46,7 @@ def operator_criterion(model: Model, closed: ClosedContacts | None = None) -> Op
     # Contact can damp all of a short bar, so a step above theta = 1 may be stable: the step itself tells. The state of
     # ends without mass is not one of displacement and velocity alone, and states are weighted with diagonal masses.
     short = model.of_lines and any(body.count < SHORT_BAR_ELEMENTS for body in model.bodies.values())
-    covered = not (model.points_without_mass.any() or model.couples_nodes)
+    covered = not any(feature.by_pencil_alone for feature in model.features)
     asked = short and covered and 2 * model.mass.size <= LARGEST_DENSE_STATE
     _, delassus, coupling = model.contact_rows(0.5 * model.dt)
     return OperatorCriterion(
@@ -61,7 +58,7 @@ def operator_criterion(model: Model, closed: ClosedContacts | None = None) -> Op
         tied=model.tied_points,
         apart=lambda: bars_alone(model) if model.of_lines else assembled_operator(model, tied=False),
         above_theta_of_one=(lambda: StepCriterion(model)) if asked else None,
-        why_open=SHORT_AND_COUPLED if short and model.couples_nodes else "",
+        why_open=first_of(feature.unknown_above_theta_of_one for feature in model.features if short),
     )
 
 

@@ -251,16 +251,17 @@ def _bars(model: Model) -> _Bars:
     inverses: list[Floats] = []
     floating: list[int] = []
     for body in model.bodies.values():
-        axis, without_mass, ends = body.mesh.direction, body.ends_without_mass, (body.start, body.stop - 1)
+        axis, ends = body.mesh.direction, (body.start, body.stop - 1)
+        carried = [node for node in ends if body.carrier(node) != node]
         band = body.axial_band.copy()
         # m-fold forces in every m-th step are stable where m^2 K is in every step
         band *= float(model.leaps[body.number] ** 2)
         for node in set(ends) & springs.keys():
             band[0, node - body.start] += springs[node]
-        for node, beside in without_mass.items():
-            band[0, beside - body.start] -= body.stiffness[body.end_element(node)]
+        for node in carried:
+            band[0, body.carrier(node) - body.start] -= body.stiffness[body.end_element(node)]
         left_out = [
-            node in without_mass or not all(abs(float(direction @ axis)) < 1e-9 for direction in held.get(node, []))
+            node in carried or not all(abs(float(direction @ axis)) < 1e-9 for direction in held.get(node, []))
             for node in ends
         ]
         lo, hi = int(left_out[0]), body.mass.size - int(left_out[1])
@@ -301,7 +302,7 @@ def _contacts_at(model: Model) -> dict[int, list[tuple[int, float]]]:
         for node, normal in contact_point.gradient:
             body = model.body_of(node)
             along = float(normal @ body.mesh.direction)
-            at_node.setdefault(body.ends_without_mass.get(node, node), []).append((p, along))
+            at_node.setdefault(body.carrier(node), []).append((p, along))
     return at_node
 
 

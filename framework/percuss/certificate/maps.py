@@ -157,11 +157,8 @@ def _why_unknown(model: Model, way: str, doubts: Sequence[str]) -> str:
         return why
     if way == "pencil" and doubts:
         return f"the pencil does not cover this: {'; '.join(doubts)}"
-    without_mass = model.points_without_mass.any()
-    if way == "black-box" and (model.couples_nodes or without_mass):
-        does = "leaves ends without mass" if without_mass else "couples nodes"
-        return "; ".join((f"the mass {model.case.method.mass.name} {does}: only the pencil covers it", *doubts))
-    return ""
+    why = first_of(feature.by_pencil_alone for feature in model.features)
+    return "; ".join((why, *doubts)) if way == "black-box" and why else ""
 
 
 def _why_no_critical_step(model: Model) -> str:

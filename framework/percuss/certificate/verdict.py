@@ -257,13 +257,8 @@ def unknown_by_mass(model: Model) -> str:
 
     Ends without mass, and masses that couple nodes, are examined by the pencil alone.
     """
-    if model.points_without_mass.any():
-        what = "ends without mass are examined with linear laws in gap or gap rate alone"
-    elif model.couples_nodes:
-        what = f"the mass {model.case.method.mass.name}, which couples nodes, is examined with linear laws alone"
-    else:
-        return ""
-    doubts = closed_contacts(model, model.dt).doubts
+    what = first_of(feature.examined for feature in model.features)
+    doubts = closed_contacts(model, model.dt).doubts if what else ()
     return f"{what}, and {'; '.join(doubts)}" if doubts else ""
 
 

@@ -16,6 +16,7 @@ from percuss.blas import one_blas_thread
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import unlike_plain_bars
 from percuss.certificate.closed_step import ClosedStep, Motions
+from percuss.contact.features import first_of
 from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.jsonable import Entries
 
@@ -146,13 +147,10 @@ class _Ends:
     """
 
     def __init__(self, model: Model, p: int) -> None:
-        contact_point, mass = model.contact_points[p], model.case.method.mass.name
+        contact_point = model.contact_points[p]
         contact = f"contact '{contact_point.name}'"
-        if model.points_without_mass.any():
-            without = f"the mass {mass} leaves ends in contact without"
-            raise PercussError(f"{contact}: waves are measured of ends with mass; {without}")
-        if model.couples_nodes:
-            raise PercussError(f"{contact}: waves are measured with diagonal masses; the mass {mass} couples nodes")
+        if why := first_of(feature.no_waves for feature in model.features):
+            raise PercussError(f"{contact}: {why}")
         motions = Motions(model)
         step = ClosedStep(motions, model.dt, [p])
         if not step.linear():

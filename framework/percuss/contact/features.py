@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from percuss.contact.bound_law import BoundLaw
+    from percuss.methods.interfaces import Floats
 
 Verdict = Literal["yes", "marginal", "no", "unknown"]
 
@@ -19,6 +23,13 @@ class Feature:
         By which other features know it.
     goes_without
         Why the features of these names do not go with it, in words that they complete to a sentence.
+    balanced
+        Contact points whose force follows from a static balance; what the feature does not go with concerns these
+        alone, if there are any.
+    records
+        Returns the `LAW` records of a law at such points, from those at other points and the diagonal of S.
+    delassus
+        What stands in S at such points in the place of ``N^T M^-1 N``.
     leaps
         Number of steps from one action of the internal forces of each body to the next.
     limit_ratio
@@ -49,6 +60,12 @@ class Feature:
         Why closed contacts do not act in the step as the springs of a mesh do.
     unlike_plain_bars
         What sets the model apart from linear bars under a leap-frog scheme, of which closed forms are known.
+    no_closed_form, no_waves
+        Why no critical step in closed form, and no wave at a closed contact, is known of it.
+    by_pencil_alone, unknown_above_theta_of_one
+        Why the step itself is not examined, and why short bars above theta = 1 are not.
+    examined
+        With which laws alone it is examined.
     no_critical_step
         Why the model has no critical step, or none that can be found by a search.
     no_choice_of_step
@@ -65,6 +82,9 @@ class Feature:
 
     name: str
     goes_without: Mapping[str, str] = field(default_factory=dict)
+    balanced: frozenset[int] = frozenset()
+    records: Callable[[BoundLaw, Any, Floats], Any] | None = None
+    delassus: str = ""
     leaps: tuple[int, ...] = ()
     limit_ratio: float = 1.0
     no_row_kernel: bool = False
@@ -79,6 +99,11 @@ class Feature:
     of_all_laws: bool = False
     no_springs: str = ""
     unlike_plain_bars: str = ""
+    no_closed_form: str = ""
+    no_waves: str = ""
+    by_pencil_alone: str = ""
+    unknown_above_theta_of_one: str = ""
+    examined: str = ""
     no_critical_step: str = ""
     no_choice_of_step: tuple[str, str, str] | None = None
     verdict: Callable[[], tuple[Verdict, str]] | None = None
@@ -86,6 +111,11 @@ class Feature:
     cure: str = ""
     warning: str = ""
     explained: tuple[str, ...] = ()
+
+    def why_without(self, name: str, where: Sequence[int] = ()) -> str:
+        """Return why the feature `name` does not go with it at the contact points `where`; empty if it does."""
+        concerned = not self.balanced or not self.balanced.isdisjoint(where)
+        return self.goes_without.get(name, "") if concerned else ""
 
 
 def first_of(reasons: Iterable[str]) -> str:

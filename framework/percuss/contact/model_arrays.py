@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.contact.contact_rows import Side, delassus_rows
+from percuss.contact.features import first_of
 from percuss.mesh.loads import latest
 from percuss.methods.interfaces import Floats, LeapFrog, Stages
 
@@ -122,9 +123,15 @@ class ModelArrays:
         """The facts about the optional features that the model has."""
         raise NotImplementedError
 
-    def why_without(self, name: str) -> str:
-        """Return why a feature of the model does not go with the one of this name; empty if all do."""
-        return next((why for feature in self.features if (why := feature.goes_without.get(name))), "")
+    def why_without(self, name: str, where: Sequence[int] = ()) -> str:
+        """Return why the feature of this name does not go with others at the points `where`; empty if it does."""
+        return first_of(feature.why_without(name, where) for feature in self.features)
+
+    @cached_property
+    def balanced(self) -> Any:
+        """Whether the force of each contact point follows from a static balance, (P,)."""
+        points = {p for feature in self.features for p in feature.balanced}
+        return np.array([p in points for p in range(len(self.contact_points))], dtype=bool)
 
     @property
     def leaps(self) -> tuple[int, ...]:
@@ -240,15 +247,15 @@ class ModelArrays:
         Where the mass couples nodes, those that a force on the side moves too follow, with no normal of their own.
         """
         body = self.body_of(node)
-        if self.mass[node] > 0.0 and body.inverse.size:
+        if (beside := body.carrier(node)) != node:
+            stiffness = float(body.stiffness[body.end_element(node)])
+            return [Side(node, normal, free / (stiffness * self.dt**2), beside)]
+        if body.inverse.size:
             return [
                 Side(moved, normal if moved == node else np.zeros_like(normal), free * response)
                 for moved, response in body.response(node).items()
             ]
-        if self.mass[node] > 0.0:
-            return [Side(node, normal, free / self.mass[node])]
-        stiffness = float(body.stiffness[body.end_element(node)])
-        return [Side(node, normal, free / (stiffness * self.dt**2), body.ends_without_mass[node])]
+        return [Side(node, normal, free / self.mass[node])]
 
     def normals(self) -> Floats:
         """Return N of all contact points, (nodes * dim, P)."""
@@ -271,8 +278,6 @@ class ModelArrays:
         """Return the mass that a reaction accelerates along with a node: its own where the mass is diagonal."""
         return 1.0 / self.mobility(node) if self.couples_nodes else float(self.mass[node])
 
-    @cached_property
-    def points_without_mass(self) -> Any:
-        """Whether each contact point has a side without mass, (P,)."""
-        massless = [self.mass[list(contact_point.nodes)].min() == 0.0 for contact_point in self.contact_points]
-        return np.array(massless, dtype=bool)
+    def change_of_velocity(self, impulse: Floats, node: int) -> Floats:
+        """Return the change of the velocity of a node by an impulse on it, (dim,)."""
+        return impulse * self.mobility(node) if self.couples_nodes else impulse / self.mass[node]

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.mesh.banded_matrices import pencil_bands, times
-from percuss.mesh.coupled_masses import highest_frequency
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
@@ -47,8 +46,7 @@ def stiffness_limits(
     for body in bodies:
         ends = [node for node in (body.start, body.stop - 1) if node in uses]
         if ends:
-            highest = highest_frequency(body) if body.inverse.size else float(body.frequency.max())
-            step = min(dt, LARGEST_COURANT * 2.0 / highest)
+            step = min(dt, LARGEST_COURANT * 2.0 / body.highest_frequency)
             matrix = (body.stiffness,) if not body.of_cells else body.axial_band
             arrays = [array.tobytes() for array in (body.mass, body.inverse, *matrix)]
             alike = (step, *(node - body.start for node in ends), *arrays)
@@ -90,16 +88,13 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
         banded[1, :-1] -= body.stiffness
         banded[1, 1:] -= body.stiffness
     lower = body.of_cells
-    without_mass = body.ends_without_mass
-    if without_mass:  # of two-node elements
-        first, last = int(body.start in without_mass), int(body.stop - 1 in without_mass)
-        reserves = dict.fromkeys(without_mass, np.inf)
-        rest = [node for node in ends if node not in without_mass]
-        if rest:
-            places = [node - body.start - first for node in rest]
-            reserves |= _reserves(banded[:, first : banded.shape[1] - last], places, rest, lower=lower)
-        return {node: reserves[node] for node in ends}
-    return _reserves(banded, [node - body.start for node in ends], ends, lower=lower)
+    # Only ends of two-node elements are without mass, and carried by the node beside them.
+    first, last = (int(body.carrier(node) != node) for node in (body.start, body.stop - 1))
+    reserves = dict.fromkeys(ends, np.inf)
+    if rest := [node for node in ends if body.carrier(node) == node]:
+        places = [node - body.start - first for node in rest]
+        reserves |= _reserves(banded[:, first : banded.shape[1] - last], places, rest, lower=lower)
+    return reserves
 
 
 def _reserves(

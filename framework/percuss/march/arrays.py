@@ -247,7 +247,7 @@ def _places(model: Model) -> dict[int, int]:
     beside = [
         node
         for end in (*contact_nodes, *acted_nodes)
-        if model.couples_nodes
+        if model.mass[end] > 0.0
         for node in model.body_of(end).response(end)
     ]
     beside += [side.node for sides in model.sides(0.5 * model.dt) for side in sides]

@@ -6,11 +6,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from percuss.march import implicit_check
+from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
-from percuss.step.parts import own_steps, viscosity
-from percuss.step.parts.coupled_masses import CoupledMasses
-from percuss.step.parts.end_forces import EndForcesOfLaws
-from percuss.step.parts.ends_without_mass import EndsWithoutMass
+from percuss.step.parts import coupled_masses, end_forces, ends_without_mass, own_steps, viscosity
 from percuss.step.parts.followers import Followers
 from percuss.step.parts.internal_work import InternalWork
 from percuss.step.parts.shifts import Shifts
@@ -22,10 +20,10 @@ if TYPE_CHECKING:
 
 # The optional parts of a step, in the order in which they act at one place.
 PARTS: tuple[type[Part[Any]], ...] = (
-    CoupledMasses,
+    coupled_masses.CoupledMasses,
     Followers,
-    EndForcesOfLaws,
-    EndsWithoutMass,
+    end_forces.EndForcesOfLaws,
+    ends_without_mass.EndsWithoutMass,
     InternalWork,
     Shifts,
     viscosity.Viscosity,
@@ -38,7 +36,12 @@ FEATURES: tuple[Callable[[ModelArrays], Feature | None], ...] = (
     viscosity.feature,
     own_steps.feature,
     implicit_check.feature,
+    coupled_masses.feature,
+    ends_without_mass.feature,
 )
+# What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
+BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)
+WITH_LAWS = (ends_without_mass.refusals, end_forces.refusals, laws_refused, implicit_check.refusals)
 
 
 def features_of(model: ModelArrays) -> tuple[Feature, ...]:

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import LinearLaw
 
 
+NAME = "implicit scheme"
+
+
 @dataclass(frozen=True, kw_only=True)
 class ImplicitSteps(Feature):
     """The facts about an implicit scheme, and the scheme itself."""
@@ -34,11 +37,11 @@ def feature(model: ModelArrays) -> ImplicitSteps | None:
         return None
     not_compiled = f"{name} is an implicit reference in NumPy and SciPy"
     return ImplicitSteps(
-        name="implicit scheme",
+        name=NAME,
         scheme=scheme,
         goes_without={
             "coupled masses": "an implicit scheme",
-            "end forces": f"under {name} the internal forces of a step are not those at its begin",
+            "end forces": f"and under {name} the internal forces of a step are not those at its begin",
         },
         no_row_kernel=True,
         built_for_bars=True,
@@ -113,10 +116,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
         message = f"expected supports and forces with the implicit {name}, found a load that says how an end moves"
         yield case.problem(("loads", load.name), message, "Take an explicit integrator.")
     for bound_law in model.laws:
-        reason = _why_not_solved(bound_law.linear)
-        if model.points_without_mass[list(bound_law.where)].any():
-            reason = "ends without mass are balanced with their contact explicitly"
-        if reason:
+        if reason := model.why_without(NAME, bound_law.where) or _why_not_solved(bound_law.linear):
             sentence = f"{name} solves for contact at the end of a step: {reason}"
             yield RefusedPair(name, bound_law.law.name, sentence, name)
 

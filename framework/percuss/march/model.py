@@ -35,7 +35,6 @@ from percuss.methods.plugin_calls import answer
 from percuss.methods.process_guard import process_as_before
 from percuss.step.integrator_check import scheme
 from percuss.step.parts.end_forces import EndForce, end_forces, trace_stiffness
-from percuss.step.parts.ends_without_mass import lines_in_balance
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -237,7 +236,7 @@ class Model(ModelArrays):
     def tied_points(self) -> tuple[int, ...]:
         """The contact points of masses that are tied in every step of the run or stretch, in ascending order."""
         tied = {p for bound_law in self.laws if bound_law.ties and bound_law.during is None for p in bound_law.where}
-        return tuple(sorted(p for p in tied.difference(self._never_active) if not self.points_without_mass[p]))
+        return tuple(sorted(p for p in tied.difference(self._never_active) if not self.balanced[p]))
 
     def points(self, where: Sequence[int], dt: float) -> ContactPoints:
         """Return the properties of the contact points `where` that a law receives for a time step `dt`."""
@@ -358,8 +357,10 @@ class Model(ModelArrays):
 
     def records_of(self, bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
         """Return the records of a law at its points, where S has the diagonal `delassus`, (P,) `LAW`."""
-        records, massless = law_records(bound_law, table, delassus), self.points_without_mass[list(bound_law.where)]
-        return lines_in_balance(bound_law, records, delassus, massless, self.dt) if massless.any() else records
+        records = law_records(bound_law, table, delassus)
+        for feature in self.features:
+            records = feature.records(bound_law, records, delassus) if feature.records else records
+        return records
 
     def sides(self, midpoint: float) -> list[list[Side]]:
         """Return the sides of all contact points, with what their laws see and push, for the supports at a time."""

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss.errors import InputError, Problem, RefusedPair
-from percuss.march import implicit_check
-from percuss.step.integrator_check import laws_refused
-from percuss.step.parts import coupled_masses, end_forces, ends_without_mass, viscosity
+from percuss.march import features
 from percuss.step.parts.end_forces import sees_end_force
 
 if TYPE_CHECKING:
@@ -92,16 +90,12 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
 # The rules that need no bound laws, and those that do.
 BEFORE_LAWS: Sequence[Rule] = (
     pairs_refused,
-    coupled_masses.refusals,
-    viscosity.refusals,
+    *features.BEFORE_LAWS,
     not_movable,
 )
 WITH_LAWS: Sequence[Rule] = (
     only_with_bars,
-    ends_without_mass.refusals,
-    end_forces.refusals,
-    laws_refused,
-    implicit_check.refusals,
+    *features.WITH_LAWS,
 )
 
 

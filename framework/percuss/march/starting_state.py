@@ -33,13 +33,14 @@ def starting_velocity(model: Model) -> Floats:
     before = velocity.copy()
     for nodal_force in model.nodal_forces:
         impulse = _impulse_before_start(nodal_force.load, model.dt) * nodal_force.force
-        velocity[nodal_force.node] -= _change_by(impulse, model, nodal_force.node)
+        velocity[nodal_force.node] -= model.change_of_velocity(impulse, nodal_force.node)
     for follower in model.followers:
         speed = float(velocity[follower.node] @ follower.direction)
         motion = max(-follower.switched_on, 0.0), 0.0, speed
         force = answer(follower.load.load, "follow", follower.numbers, *motion)
         duration = _impulse_before_start(follower.load, model.dt)
-        velocity[follower.node] -= _change_by(duration * force * follower.direction, model, follower.node)
+        impulse = duration * force * follower.direction
+        velocity[follower.node] -= model.change_of_velocity(impulse, follower.node)
     bodies = list(model.bodies.values())
     for body_force in model.body_forces:
         body = bodies[body_force.body]
@@ -48,14 +49,8 @@ def starting_velocity(model: Model) -> Floats:
         velocity[body.start : body.stop] -= fall
         before[body.start : body.stop] -= fall
     _impose_velocities(model, velocity, -0.5 * model.dt)
-    if model.couples_nodes:
-        _carry_to_neighbours(model, velocity, before)
+    _carry_to_neighbours(model, velocity, before)
     return velocity
-
-
-def _change_by(impulse: Floats, model: Model, node: int) -> Floats:
-    """Return the change of the velocity of a node by an impulse on it, (dim,)."""
-    return impulse * model.mobility(node) if model.couples_nodes else impulse / model.mass[node]
 
 
 def _carry_to_neighbours(model: Model, velocity: Floats, before: Floats) -> None:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.mesh.banded_matrices import column, sparse
+from percuss.lapack import lapack
+from percuss.mesh.banded_matrices import column, highest_eigenvalue, pencil_bands, sparse
 from percuss.mesh.cell_stiffness import stiffness_of_cells
 from percuss.mesh.cells import axial_matrices, cells_of, element_masses, has_cells, lumping_of, modulus_of
 from percuss.mesh.surfaces import BodySurface, surface_of
@@ -84,6 +85,23 @@ class Body:
         """The node beside each end without mass."""
         ends = ((self.start, self.start + 1), (self.stop - 1, self.stop - 2))
         return {node: beside for node, beside in ends if self.mass[node - self.start] == 0.0}
+
+    def carrier(self, node: int) -> int:
+        """Return the node with mass that carries a node: itself, or the one beside an end without mass."""
+        return self.ends_without_mass.get(node, node)
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest angular frequency of the body without supports, of single elements with a diagonal mass [1/time]."""
+        if self.inverse.size == 0:
+            return float(self.frequency.max())
+        inverse, stiffness = pencil_bands(self.inverse, self.axial_band)
+
+        def definite(square: float) -> bool:
+            return lapack().dpbtrf(square * inverse - stiffness, lower=1)[1] == 0  # type: ignore[no-any-return]
+
+        # The quotient of stiffness and mass of a single direction is no larger than the eigenvalue.
+        return math.sqrt(highest_eigenvalue(float((stiffness[0] / inverse[0]).max()), definite))
 
     def response(self, node: int) -> dict[int, float]:
         """Return the accelerations by a unit force on a node with mass, by node, that of the node itself first."""

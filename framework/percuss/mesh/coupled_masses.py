@@ -5,14 +5,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss.errors import InputError
 from percuss.lapack import lapack
-from percuss.mesh.banded_matrices import bands, highest_eigenvalue, pencil_bands, times
+from percuss.mesh.banded_matrices import bands, times
 from percuss.mesh.cells import element_masses, has_cells, lumping_of
 from percuss.mesh.size_limits import within_limits
 from percuss.methods.blame import breach
@@ -20,11 +19,8 @@ from percuss.methods.interfaces import Mass
 from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from percuss.case.case import Case
     from percuss.case.specs import BodySpec
-    from percuss.mesh.body import Body
     from percuss.methods.interfaces import BodyMesh, Floats
 
 SAME_TRANSLATION = 1e-9  # largest deviation of C m from 1 that counts as round-off
@@ -79,45 +75,3 @@ def inverse_mass(case: Case, spec: BodySpec, body: BodyMesh, mass: Floats) -> Fl
         return diagonal
     band.flags.writeable = False
     return band
-
-
-def highest_frequency(body: Body) -> float:
-    """Return the highest angular frequency of a body whose mass couples nodes, without supports [1/time]."""
-    inverse, stiffness = pencil_bands(body.inverse, body.axial_band)
-
-    def definite(square: float) -> bool:
-        return lapack().dpbtrf(square * inverse - stiffness, lower=1)[1] == 0  # type: ignore[no-any-return]
-
-    # The quotient of stiffness and mass of a single direction is no larger than the eigenvalue.
-    return math.sqrt(highest_eigenvalue(float((stiffness[0] / inverse[0]).max()), definite))
-
-
-def arrays_for_the_loop(bodies: Iterable[Body], dim: int) -> tuple[Floats, Floats]:
-    """Return ``M^-1 diag(m) - I`` of all bodies, and D and L of ``M^-1 = L D L^T``, which the loop reads.
-
-    Both have one column for each degree of freedom, and are empty, (0, 0), if all mass matrices are diagonal. The
-    former has 2 k + 1 rows, the entry of row i and column i + d in place [k + d, i]; the latter k + 1, 1/D and then the
-    off-diagonals of L, the entry of column j in place j. A diagonal mass matrix among others has zeros there.
-    """
-    bodies = list(bodies)
-    width = max(body.inverse.shape[0] for body in bodies) - 1
-    if width < 0:
-        return np.zeros((0, 0)), np.zeros((0, 0))
-    couplings, factors = [], []
-    for body in bodies:
-        size = body.mass.size
-        band = np.zeros((width + 1, size))
-        bands = body.inverse if body.inverse.size else 1.0 / body.mass[None]
-        band[: bands.shape[0]] = bands
-        coupling = np.zeros((2 * width + 1, size))
-        for d in range(1, min(width + 1, size)):
-            coupling[width + d, : size - d] = band[d, : size - d] * body.mass[d:]
-            coupling[width - d, d:] = band[d, : size - d] * body.mass[: size - d]
-        coupling[width] = -coupling.sum(axis=0)  # rows of M^-1 diag(m) have the sum 1
-        factor = lapack().dpbtrf(band, lower=1)[0]
-        factor[1:] /= factor[0]
-        factor[0] **= -2
-        couplings.append(coupling)
-        factors.append(factor)
-    coupling, factor = np.concatenate(couplings, axis=1), np.concatenate(factors, axis=1)
-    return np.repeat(coupling, dim, axis=1), np.repeat(factor, dim, axis=1)

@@ -227,7 +227,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     spec, law = model.case.contacts[contact_point.name], contact_point.law
     stiffness, mass, frequency = names = _names_at_end(model, contact_point)
     at_end = contact_point.stiffness, contact_point.mass, contact_point.frequency
-    s_formula = "1/(k dt^2) of each end without mass" if model.points_without_mass[number] else "N^T M^-1 N"
+    s_formula = first_of(feature.delassus for feature in model.features if number in feature.balanced) or "N^T M^-1 N"
     value: Entries = {
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
         "gap": contact_point.gap,
@@ -279,7 +279,7 @@ def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
         s = sum(float(side.sees @ side.response) for side in end_force.sides)
     return {
         "at": linear.at,
-        "judged": "balanced" if model.points_without_mass[number] else judged,
+        "judged": "balanced" if model.balanced[number] else judged,
         "sees_acceleration": bool(record["sees_acceleration"]),
         "active": linear.active,
         "sign": linear.sign,

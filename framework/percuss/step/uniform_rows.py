@@ -161,8 +161,6 @@ def _is_uniform(body: Body) -> bool:
     stiffness, inner_mass = body.stiffness, body.mass[1:-1]
     return not (
         body.why_not_linear
-        or body.ends_without_mass
-        or body.inverse.size
         or any(is_third_party(type(part).__module__) for part in (body.spec.element, body.spec.material))
         or np.any(stiffness != stiffness[0])
         or np.any(inner_mass != inner_mass[:1])

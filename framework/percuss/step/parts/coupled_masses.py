@@ -7,13 +7,14 @@ are left as they are. What acts on an end moves the nodes beside it too: `carry_
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from percuss.compiler.record_arrays import Records, record_array
-from percuss.mesh.coupled_masses import arrays_for_the_loop
+from percuss.contact.features import Feature
+from percuss.lapack import lapack
 from percuss.step.actions import (
     AFTER_FORCES,
     AFTER_SUPPORTS,
@@ -30,6 +31,7 @@ from percuss.step.part import Part, Setting
 if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
     from percuss.errors import Problem
+    from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
 
 # A node beside an end on which a load, a support or a drive acts, one record for each direction.
@@ -112,6 +114,37 @@ class CoupledMasses(Part[Coupling]):
     def changed(self, action: Action) -> Action | None:
         """Return any action but that of the kinetic energy of nodal masses, which this part has of its own."""
         return None if action.kernel is add_kinetic_energy else action
+
+
+def arrays_for_the_loop(bodies: Iterable[Body], dim: int) -> tuple[Floats, Floats]:
+    """Return ``M^-1 diag(m) - I`` of all bodies, and D and L of ``M^-1 = L D L^T``, which the loop reads.
+
+    Both have one column for each degree of freedom, and are empty, (0, 0), if all mass matrices are diagonal. The
+    former has 2 k + 1 rows, the entry of row i and column i + d in place [k + d, i]; the latter k + 1, 1/D and then the
+    off-diagonals of L, the entry of column j in place j. A diagonal mass matrix among others has zeros there.
+    """
+    bodies = list(bodies)
+    width = max(body.inverse.shape[0] for body in bodies) - 1
+    if width < 0:
+        return np.zeros((0, 0)), np.zeros((0, 0))
+    couplings, factors = [], []
+    for body in bodies:
+        size = body.mass.size
+        band = np.zeros((width + 1, size))
+        bands = body.inverse if body.inverse.size else 1.0 / body.mass[None]
+        band[: bands.shape[0]] = bands
+        coupling = np.zeros((2 * width + 1, size))
+        for d in range(1, min(width + 1, size)):
+            coupling[width + d, : size - d] = band[d, : size - d] * body.mass[d:]
+            coupling[width - d, d:] = band[d, : size - d] * body.mass[: size - d]
+        coupling[width] = -coupling.sum(axis=0)  # rows of M^-1 diag(m) have the sum 1
+        factor = lapack().dpbtrf(band, lower=1)[0]
+        factor[1:] /= factor[0]
+        factor[0] **= -2
+        couplings.append(coupling)
+        factors.append(factor)
+    coupling, factor = np.concatenate(couplings, axis=1), np.concatenate(factors, axis=1)
+    return np.repeat(coupling, dim, axis=1), np.repeat(factor, dim, axis=1)
 
 
 # ------------------------------------------------------------------------------------------------- leap-frog schemes
@@ -231,7 +264,27 @@ def coupled_kinetic(factor: Floats, v: Floats, dim: int, work_space: Floats) -> 
     return 0.5 * total
 
 
-# ---------------------------------------------------------------------------------------------------------- refusals
+# ------------------------------------------------------------------------------------------------ facts and refusals
+
+
+def feature(model: ModelArrays) -> Feature | None:
+    """Return what is to know of masses that couple nodes; None where all are diagonal."""
+    if not model.couples_nodes:
+        return None
+    mass = model.case.method.mass.name
+    return Feature(
+        name="coupled masses",
+        goes_without={"end forces": "which moves other nodes than its own where the mass couples nodes"},
+        no_row_kernel=True,
+        no_closed_form=f"the mass {mass} couples nodes",
+        no_waves=f"waves are measured with diagonal masses; the mass {mass} couples nodes",
+        by_pencil_alone=f"the mass {mass} couples nodes: only the pencil covers it",
+        unknown_above_theta_of_one=(
+            "above theta = 1 contact may damp all of a bar of one or two elements, and the step itself is examined "
+            "with diagonal masses alone"
+        ),
+        examined=f"the mass {mass}, which couples nodes, is examined with linear laws alone",
+    )
 
 
 def refusals(model: ModelArrays) -> Iterator[Problem]:

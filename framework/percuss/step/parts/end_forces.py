@@ -329,12 +329,8 @@ def refusals(model: ModelArrays) -> Iterator[RefusedPair]:
         bodies = {model.body_of(node).name: node for p in bound_law.where for node in model.contact_points[p].nodes}
         if model.multistage:
             reason = f"{what}, which is evaluated in leap-frog schemes alone"
-        elif why := model.why_without("end forces"):
-            reason = f"{what}, and {why}"
-        elif model.couples_nodes:
-            reason = f"{what}, which moves other nodes than its own where the mass couples nodes"
-        elif model.points_without_mass[list(bound_law.where)].any():
-            reason = f"{what}, and an end without mass is in static balance with it"
+        elif why := model.why_without("end forces", bound_law.where):
+            reason = f"{what}, {why}"
         for node in bodies.values():
             body = model.body_of(node)
             if body.of_cells:

@@ -8,13 +8,15 @@ stiffness k. The contact equation is therefore that of the gap at the end of the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from percuss.compiler.record_arrays import Records, record_array
 from percuss.contact.contact_rows import law_records
+from percuss.contact.features import Feature
 from percuss.contact.points import BY_CURRENT, BY_END, FROM_PART, NOTHING, Points
 from percuss.errors import Problem, RefusedPair
 from percuss.mesh.ends_without_mass import BALANCE
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
     from percuss.methods.interfaces import Floats
 
+NAME = "ends without mass"
 # A side without mass of a contact point, one record for each direction.
 END_WITHOUT_MASS = np.dtype(
     [
@@ -161,24 +164,50 @@ def add_round_off(data: Balance, n: int, u: Floats, v: Floats, a: Floats) -> Non
             data.totals[0].round_off += reach * (abs(state.rate) + abs(rate)) / (dt * law.delassus)
 
 
-def lines_in_balance(bound_law: BoundLaw, records: Any, delassus: Floats, massless: Any, dt: float) -> Any:
+def feature(model: ModelArrays) -> Feature | None:
+    """Return what is to know of ends without mass; None where all ends in contact have mass."""
+    points = enumerate(model.contact_points)
+    massless = frozenset(p for p, point in points if model.mass[list(point.nodes)].min() == 0.0)
+    if not massless:
+        return None
+    mass = model.case.method.mass.name
+    return Feature(
+        name=NAME,
+        goes_without={
+            "end forces": "and an end without mass is in static balance with it",
+            "implicit scheme": "ends without mass are balanced with their contact explicitly",
+        },
+        balanced=massless,
+        records=partial(_lines_in_balance, massless, model.dt),
+        delassus="1/(k dt^2) of each end without mass",
+        no_row_kernel=True,
+        no_waves=f"waves are measured of ends with mass; the mass {mass} leaves ends in contact without",
+        by_pencil_alone=f"the mass {mass} leaves ends without mass: only the pencil covers it",
+        examined="ends without mass are examined with linear laws in gap or gap rate alone",
+    )
+
+
+def _lines_in_balance(massless: Collection[int], dt: float, bound_law: BoundLaw, records: Any, delassus: Floats) -> Any:
     """Return the records of a law with the force of static balance at its points without mass, (P,) `LAW`.
 
     There it has the force at the end of the step, whatever the integrator.
 
     Parameters
     ----------
+    massless
+        Points with a side without mass.
+    dt
+        Time step.
     bound_law
         The law.
     records : (P,) LAW
         Its records at ends with mass.
     delassus : (P,) array
         Diagonal of S at its points [1/mass].
-    massless : (P,) bool array
-        Its points with a side without mass.
-    dt
-        Time step.
     """
+    without_mass = np.array([point in massless for point in bound_law.where])
+    if not without_mass.any():
+        return records
     state = ContactState("predicted", "predicted", "none", (dt * dt, dt, 0.0))
     balanced = law_records(bound_law, LeapFrog(state, state), delassus)
     balanced["source"] = FROM_PART
@@ -187,7 +216,7 @@ def lines_in_balance(bound_law: BoundLaw, records: Any, delassus: Floats, massle
     # gap is negative is one that never pulls.
     springs = (balanced["always"] == 0) & (balanced["weight_rate"] == 0.0)
     balanced["always"][springs] = balanced["never_pulls"][springs] = 1
-    return np.where(massless, balanced, records)
+    return np.where(without_mass, balanced, records)
 
 
 def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
@@ -196,7 +225,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
     That is so if a body is not linear, or has no node with mass beside such an end, and if the integrator is a
     multi-stage scheme or one of other forces, or a law gives no force in static balance.
     """
-    massless, case = model.points_without_mass, model.case
+    massless, case = model.balanced, model.case
     if not massless.any():
         return
     name, integrator = case.method.mass.name, case.method.integrator.name
@@ -216,7 +245,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
             reason = _why_no_balance(bound_law)
             if model.multistage:
                 reason = f"{BALANCE}, and {integrator} evaluates contact in the stages of its step"
-            elif why := model.why_without("ends without mass"):
+            elif why := model.why_without(NAME, bound_law.where):
                 reason = f"{BALANCE}, and {why}"
         if reason:
             yield RefusedPair(integrator, law.name, reason, name)
