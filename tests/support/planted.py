@@ -30,6 +30,7 @@ from percuss import (
     Region,
     Shape,
     SolidElement,
+    SolidMaterial,
     Stages,
     Unit,
     accelerations,
@@ -1405,6 +1406,31 @@ class NeverFiner(Shape):
         nodes = at + np.linspace(0.0, self.length, 5)[:, None] * direction
         ends = {"left": Region((0,), -direction), "right": Region((4,), direction)}
         return Mesh.of_line(nodes, np.full(4, self.length / 4), direction, ends)
+
+
+@caught_by("solid-stress")
+@dataclass(frozen=True)
+class TwiceTheShear(SolidMaterial):
+    """Has twice the shear stress in one of its two places."""
+
+    name = "twice-the-shear"
+    summary = "a material"
+    linear = True
+
+    @property
+    def rho(self):
+        return 1.0
+
+    def wave_modulus(self, plane):
+        return 2.0
+
+    def solid_parameters(self, plane):
+        return (1.0,)
+
+    @staticmethod
+    def stress_2d(parameters, gradient):
+        shear = gradient[1] + gradient[2]
+        return 2.0 * gradient[0], 2.0 * shear, shear, 2.0 * gradient[3]
 
 
 @caught_by("solid-mesh")

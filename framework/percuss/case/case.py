@@ -84,6 +84,11 @@ class Case(CaseSection):
         return [*own, *plugins, *beside, *(("data file", self.origin.folder / path) for path in self.data_files)]
 
     @property
+    def of_bars(self) -> bool:
+        """Whether all bodies are along lines."""
+        return all(body.shape.cell == "line" for body in self.bodies.values())
+
+    @property
     def recorded_ends(self) -> list[Address]:
         """Ends whose motion a run records: those in contact where the case names none."""
         in_contact = (side for contact in self.contacts.values() for side in contact.sides)

@@ -244,15 +244,18 @@ class CrossChecks:
                 self.wrong((*path, key), message, "Give a number for each direction.")
 
     def _check_material(self, path: KeyPath, shape: Shape, material: Material, plane: str | None) -> None:
-        """Report a material that a body along no line cannot have, and what it lacks."""
-        if shape.cell == "line":
+        """Report a material that is not for a body of this shape, and what it lacks."""
+        dimension = 1 if shape.cell == "line" else shape.dimension()
+        kernel = "stress" if dimension == 1 else f"stress_{dimension}d"
+        if getattr(material, kernel, None) is None:
+            of_shape = "bars" if dimension == 1 else f"bodies in {dimension} dimensions"
+            message = f"expected a material of {of_shape} for {shape.name}, found {material.name}"
+            self.wrong((*path, "material"), message, f"It has no `{kernel}`: take another one.")
             return
-        if not isinstance(material, SolidMaterial):
-            message = f"expected a material of two or three dimensions for {shape.name}, found {material.name}"
-            self.wrong((*path, "material"), message, "It is one of bars.")
+        if dimension == 1 or not isinstance(material, SolidMaterial):
             return
         try:
-            material.solid_parameters(plane or "strain" if shape.dimension() == 2 else "")
+            material.solid_parameters(plane or "strain" if dimension == 2 else "")
         except OptionError as error:
             self.wrong((*path, "material", *error.path), str(error), "Add it to the material.", key=True)
 

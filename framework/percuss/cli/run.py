@@ -55,7 +55,7 @@ def run(
         loaded = common.load_case(case, set_, plugin, read=load_for_exact if exact_only else None)
         if tied:
             loaded = tied_twin(loaded)
-        if (plot or animate) and loaded.record.fields == 0:
+        if (plot or animate) and loaded.record.fields == 0 and loaded.of_bars:
             loaded = loaded.with_overrides({"record.fields": 400})
         if as_json:
             common.print_notes(loaded)

@@ -118,8 +118,20 @@ def _check_state(component: type[ContactLaw | Material]) -> None:
         raise PluginError(f"{name} has state variables; say with `stored_in` which of them is the energy it stores")
     if state > 0 and component.linear:
         raise PluginError(f"{name} has state variables, and declares `linear = True`; its stress depends on the past")
-    if state == 0 and component.energy_density is Material.energy_density:
+    if state == 0 and component.stress is not None and component.energy_density is Material.energy_density:
         raise PluginError(f"{name} is still abstract; it lacks `energy_density`")
+    if component.stress is None:
+        _check_solid(component)
+
+
+def _check_solid(material: type[Material]) -> None:
+    """Raise PluginError unless a material without a stress of bars has kernels for two or three dimensions."""
+    kernels = {which: getattr(material, f"stress_{which}", None) for which in ("2d", "3d")}
+    if not any(kernels.values()):
+        raise PluginError(f"{material.__name__} is still abstract; it lacks `stress_2d`, `stress_3d` or `stress`")
+    for which, kernel in kernels.items():
+        if kernel is not None and not material.linear and getattr(material, f"stored_{which}", None) is None:
+            raise PluginError(f"{material.__name__} is not linear; say with `stored_{which}` what energy it stores")
 
 
 def _check_version(component: type[Component]) -> None:

@@ -190,10 +190,11 @@ class Subject:
         Raises
         ------
         NotApplicable
-            If it is an element or a shape of other bodies, or a pairing of their surfaces.
+            If it is an element, a shape or a material of other bodies, or a pairing of their surfaces.
         """
-        cell = getattr(self.make(self.examples[0]), "cell", "line" if self.family != "pairings" else "")
-        if not cell.startswith("line"):
+        made = self.make(self.examples[0])
+        cell = getattr(made, "cell", "line" if self.family != "pairings" else "")
+        if not cell.startswith("line") or getattr(made, "stress", made) is None:
             raise NotApplicable("it is not one of bars")
 
     def scheme(self, integrator: str) -> Scheme:

@@ -171,6 +171,7 @@ def check_stress_and_energy(subject: Subject) -> None:
     use it. The energy ledger uses the energy density. For a material with state variables, the work of the stress
     along a cycle of strain is the energy that it stores and has dissipated.
     """
+    subject.along_line()
     cls: Any = subject.component
     for _, material in subject.made():
         parameters = np.array(material.parameters(), dtype=float)

@@ -102,6 +102,64 @@ def check_solid_forces(subject: Subject) -> None:
             raise CheckFailed(f"the nodes have the masses {nodal} of a body of {total:.6g}")
 
 
+@check("materials")
+def check_solid_stress(subject: Subject) -> None:
+    """Stress belongs to an energy and turns along.
+
+    At rest there is no stress. Stress is the slope of the energy that the material stores, and turns with a body that
+    turns unless the material is linear. Waves of small strains are no faster than `wave_modulus` says.
+    """
+    for _, material in subject.made():
+        if not any(getattr(material, name, None) for name in ("stress_2d", "stress_3d")):
+            raise NotApplicable("it is a material of bars alone")
+        for dim in (2, 3):
+            kernel = getattr(material, f"stress_{dim}d")
+            try:
+                plane = "strain" if dim == 2 else ""
+                parameters = np.array(answer(material, "solid_parameters", plane)) if kernel else None
+            except ValueError as refusal:
+                raise NotApplicable(str(refusal)) from None
+            if parameters is not None:
+                _check_kernel(material, kernel, parameters, dim, float(answer(material, "wave_modulus", plane)))
+
+
+def _check_kernel(material: Any, kernel: Any, parameters: Floats, dim: int, modulus: float) -> None:
+    stored = getattr(material, f"stored_{dim}d")
+
+    def stress(gradient: Floats) -> Floats:
+        return np.array(kernel(parameters, tuple(gradient.ravel().tolist()))).reshape(dim, dim)
+
+    def energy(gradient: Floats) -> float:
+        return (
+            0.5 * float((stress(gradient) * gradient).sum()) if stored is None else stored(parameters, gradient.ravel())
+        )
+
+    if np.abs(stress(np.zeros((dim, dim)))).max() > CLOSE * modulus:
+        raise CheckFailed(f"a body at rest has stress in {dim} dimensions")
+    gradient = 0.05 * np.cos(np.arange(dim * dim) ** 2.0).reshape(dim, dim)
+    found = stress(gradient)
+    for step in 1e-6 * np.eye(dim * dim).reshape(-1, dim, dim):
+        slope = (energy(gradient + step) - energy(gradient - step)) / 2e-6
+        here = float((found * step).sum() / 1e-6)
+        if abs(slope - here) > 1e-7 * modulus:
+            raise CheckFailed(f"in {dim} dimensions the stress is {here:.6g} and the slope of the energy {slope:.6g}")
+    if not material.linear:
+        turn = np.eye(dim)
+        turn[:2, :2] = [[0.6, -0.8], [0.8, 0.6]]
+        turned = turn @ (np.eye(dim) + gradient) - np.eye(dim)
+        if np.abs(stress(turned) - turn @ found).max() > CLOSE * modulus:
+            raise CheckFailed(f"in {dim} dimensions the stress does not turn with the body")
+    columns = [stress(1e-7 * step) / 1e-7 for step in np.eye(dim * dim).reshape(-1, dim, dim)]
+    tangent = np.array(columns).reshape(dim, dim, dim, dim)
+    along = np.eye(dim)[0]
+    acoustic = np.einsum("jikl,j,l->ik", tangent.transpose(3, 2, 1, 0), along, along)
+    fastest = float(np.linalg.eigvals(acoustic).real.max())
+    if fastest > modulus * (1.0 + 1e-5):
+        raise CheckFailed(
+            f"in {dim} dimensions waves have the modulus {fastest:.6g}, and `wave_modulus` is {modulus:.6g}"
+        )
+
+
 @check("shapes")
 def check_solid_mesh(subject: Subject) -> None:
     """The mesh is closed by its regions.
