@@ -3,8 +3,8 @@
 from percuss.case.case import Case as Case
 from percuss.case.case import load as load
 from percuss.certificate.maps import stability as stability
+from percuss.cli.scaffold import new as new
 from percuss.cli.verbs import check as check
-from percuss.cli.verbs import new as new
 from percuss.cli.verbs import plugins as plugins
 from percuss.cli.verbs import report as report
 from percuss.cli.verbs import schema as schema

@@ -20,7 +20,7 @@ import pytest
 import percuss
 from command_line import percuss_command
 from fake_studies import TWO_BARS
-from percuss.cli.scaffold import scaffold
+from percuss.cli.scaffold import new
 
 # The line that each misdeed puts at the beginning of a method, and what is said of it.
 BIASED = "it keeps state between calls, draws random numbers or reads the clock"
@@ -117,7 +117,7 @@ def written(folder, method, deed):
     family, _, name = method.partition(".")
     bias, *own = METHODS[method]
     line, said = DEEDS[deed] if deed in DEEDS else own[OWN.index(deed)]
-    files = scaffold("my-method", family, folder, single_file=True).files
+    files = new("my-method", family, folder, single_file=True).files
     (plugin,) = [path for path in files if path.suffix == ".py"]
     (case,) = [path for path in files if path.suffix == ".yaml" and ".study" not in path.suffixes]
     text = plugin.read_text()

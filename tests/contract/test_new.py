@@ -28,8 +28,8 @@ def written(tmp_path_factory):
     """Return a folder with a package and a single-file plug-in of each kind."""
     folder = tmp_path_factory.mktemp("new")
     for kind in KINDS:
-        scaffold.scaffold(f"some-{kind}", kind, folder)
-        scaffold.scaffold(f"some-{kind}", kind, folder, single_file=True)
+        scaffold.new(f"some-{kind}", kind, folder)
+        scaffold.new(f"some-{kind}", kind, folder, single_file=True)
     return folder
 
 
@@ -130,7 +130,7 @@ def test_a_method_is_short(written, kind, most):
 
 def test_a_name_that_the_code_has_already_is_told_apart(tmp_path):
     for name, cls in [("linear-law", "LinearLawMethod"), ("contact-law", "ContactLawMethod"), ("spring_2", "Spring2")]:
-        made = scaffold.scaffold(name, "contact", tmp_path, single_file=True)
+        made = scaffold.new(name, "contact", tmp_path, single_file=True)
         assert made.component == cls
         assert Registry.load([made.files[0]]).get("contacts", name).__name__ == cls
 
@@ -194,12 +194,12 @@ def test_what_fails_half_way_leaves_nothing(tmp_path, monkeypatch, single):
 
     monkeypatch.setattr(Path, "rename", fails)
     with pytest.raises(InputError, match="No space left"):
-        scaffold.scaffold("mine", "contact", tmp_path, single_file=single)
+        scaffold.new("mine", "contact", tmp_path, single_file=single)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_two_families_may_share_a_name(tmp_path):
-    made = scaffold.scaffold("penalty", "load", tmp_path, single_file=True)
+    made = scaffold.new("penalty", "load", tmp_path, single_file=True)
     assert ("loads", "penalty") in Registry.load([made.files[0]]).components
 
 

@@ -38,7 +38,7 @@ LAGRANGE = {"name": "lagrange"}
 def softer(tmp_path_factory):
     """The material that `percuss new` writes: softer in tension."""
     folder = tmp_path_factory.mktemp("softer")
-    scaffold.scaffold("softer", "material", folder, single_file=True)
+    scaffold.new("softer", "material", folder, single_file=True)
     return str(folder / "softer.py")
 
 

@@ -25,10 +25,10 @@ def new(
     They are a package with a test, a case and a README, and run as they are.
     """
     with reporting(as_json) as answer:
-        from percuss.cli.scaffold import scaffold
+        from percuss.cli.scaffold import new as write
         from percuss.reporting.tables import Unbroken
 
-        made = scaffold(name, kind, out, single_file=single_file)
+        made = write(name, kind, out, single_file=single_file)
         files = [str(file) for file in made.files]
         written = f"{made.component}, a method of the family {made.family}, is written and runs:"
         lines = [written, *(f"  {file}" for file in files), "next:", *(f"  {line}" for line in made.next)]

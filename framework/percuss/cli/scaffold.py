@@ -55,16 +55,17 @@ class Scaffold:
     next: tuple[str, ...]
 
 
-def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> Scaffold:
-    """Write the first files of a method.
+def new(name: str, kind: str, folder: str | os.PathLike[str] = ".", *, single_file: bool = False) -> Scaffold:
+    """Write the first files of a method, which run as they are, and return their paths.
 
     Parameters
     ----------
     name
         Name of the method as it is written in a case; the package has the same name, with ``_`` for ``-``.
     kind
-        One of `KINDS`.
-    out
+        ``integrator``, ``contact``, ``load``, ``shape``, ``element``, ``material``, ``mass``, ``solution`` or
+        ``measure``.
+    folder
         Existing folder in which the folder `name` is made, or the files of a single-file plug-in.
     single_file
         Whether to write ``NAME.py`` and a case beside it, and no package.
@@ -74,6 +75,7 @@ def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> S
     InputError
         If the name, the kind or the folder cannot be used, or a file exists already; nothing is written then.
     """
+    out = Path(folder)
     _expect_valid(name, kind, out, single_file=single_file)
     texts = _file_texts(name, kind, single_file=single_file)
     code, schema = next(iter(texts)), f"{name}.schema.json"
@@ -85,13 +87,13 @@ def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> S
         raise InputError([Problem(str(target), "", "this exists already", advice) for target in taken])
     try:
         with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=out) as temporary:
-            folder = Path(temporary) / name
+            draft = Path(temporary) / name
             for file, text in texts.items():
-                (folder / file).parent.mkdir(parents=True, exist_ok=True)
-                (folder / file).write_text(text, encoding="utf-8")
-            known = case_schema(Registry.load([folder / code]))
-            (folder / schema).write_text(json.dumps(known, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-            _rename_all({(folder / target.name if single_file else folder): target for target in targets})
+                (draft / file).parent.mkdir(parents=True, exist_ok=True)
+                (draft / file).write_text(text, encoding="utf-8")
+            known = case_schema(Registry.load([draft / code]))
+            (draft / schema).write_text(json.dumps(known, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+            _rename_all({(draft / target.name if single_file else draft): target for target in targets})
     except OSError as error:
         raise InputError([Problem(str(out), "", f"cannot be written to: {error.strerror}", "")]) from error
     root = out if single_file else out / name

@@ -15,7 +15,6 @@ from percuss.methods.registry import Registry
 
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
-    from percuss.cli.scaffold import Scaffold
     from percuss.reporting.component import Explanation
     from percuss.studies.study_table import Study
 
@@ -145,23 +144,3 @@ def schema(*, study: bool = False, files: Sequence[str | Path] = ()) -> Entries:
     expect_files("percuss.schema", files)
     registry = Registry.load([Path(file) for file in files])
     return study_schema(registry) if study else case_schema(registry)
-
-
-def new(name: str, kind: str, folder: str | os.PathLike[str] = ".", *, single_file: bool = False) -> Scaffold:
-    """Write the first files of a method, which run as they are, and return their paths.
-
-    Parameters
-    ----------
-    name
-        Name of the method as it is written in a case.
-    kind
-        ``integrator``, ``contact``, ``load``, ``shape``, ``element``, ``material``, ``mass``, ``solution`` or
-        ``measure``.
-    folder
-        Existing folder in which the files are written.
-    single_file
-        Whether to write a single-file plug-in with a case, and no package around them.
-    """
-    from percuss.cli.scaffold import scaffold
-
-    return scaffold(name, kind, Path(folder), single_file=single_file)
