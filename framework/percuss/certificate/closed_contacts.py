@@ -13,7 +13,6 @@ from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.contact.bound_law import OF_END_FORCE
 from percuss.contact.features import first_of
 from percuss.step.integrator_check import kernel_of, unchecked_scheme, uses_internal
-from percuss.step.parts.end_forces import end_forces, sees_end_force
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -266,7 +265,7 @@ def _energy_with_end_forces(model: Model, bound_law: BoundLaw) -> tuple[str, str
     and where nothing is known.
     """
     linear: Any = bound_law.linear
-    if not sees_end_force(bound_law):
+    if not bound_law.sees_end_force:
         return None
     state: ContactState = getattr(model.tables[-1], linear.at)
     unlike = bool(np.any(linear.sees != linear.pushes))
@@ -291,7 +290,7 @@ def _energy_with_end_forces(model: Model, bound_law: BoundLaw) -> tuple[str, str
 def _why_not_by_end(model: Model, bound_law: BoundLaw, state: ContactState) -> dict[str, bool]:
     """Return for each reason whether the force of a law does not follow from what it sees at the end of the step."""
     linear: Any = bound_law.linear
-    found = end_forces(model, 0.5 * model.dt)
+    found = model.end_forces(0.5 * model.dt)
     points = [found[p] for p in bound_law.where]
     response = np.array([sum(float(side.sees @ side.response) for side in point.sides) for point in points])
     surplus = state.response[0] - model.tables[-1].end.response[0]

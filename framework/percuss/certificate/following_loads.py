@@ -61,7 +61,7 @@ def why_beyond_pencil(model: Model) -> str:
     for follower in model.followers:
         name = f"load '{follower.load.name}' follows the motion of an end"
         found = stiffness_and_damping(follower, model.steps * model.dt)
-        along = abs(float(follower.direction @ model.body_of(follower.node).mesh.direction))
+        along = abs(float(follower.force @ model.body_of(follower.node).mesh.direction))
         if found is None or min(found) < 0.0:
             return f"{name} otherwise than a spring and a dashpot"
         if model.multistage:
@@ -79,7 +79,7 @@ def end_stiffness(model: Model) -> dict[int, float]:
     springs: dict[int, float] = {}
     for follower in model.followers:
         stiffness, _ = stiffness_and_damping(follower, end) or (0.0, 0.0)
-        along = float(follower.direction @ model.body_of(follower.node).mesh.direction)
+        along = float(follower.force @ model.body_of(follower.node).mesh.direction)
         springs[follower.node] = stiffness * along**2
     return springs
 
@@ -88,5 +88,5 @@ def directions(model: Model) -> Any:
     """Return the directions of the loads that follow the motion, (loads, nodes * dim)."""
     out = np.zeros((len(model.followers), model.n_nodes * model.dim))
     for row, follower in zip(out, model.followers, strict=True):
-        row[follower.node * model.dim : (follower.node + 1) * model.dim] = follower.direction
+        row[follower.node * model.dim : (follower.node + 1) * model.dim] = follower.force
     return out

@@ -51,6 +51,11 @@ class BoundLaw:
     resolved: tuple[tuple[tuple[int, ...], Mapping[str, Floats | float]], ...]
 
     @property
+    def sees_end_force(self) -> bool:
+        """Whether the law sees or pushes more than the gap."""
+        return self.linear is not None and any(np.any(getattr(self.linear, name)) for name in OF_END_FORCE)
+
+    @property
     def ties(self) -> bool:
         """Whether the law holds the gap rates of its contacts at zero at the end of each step in which it acts."""
         line = self.linear

@@ -19,7 +19,7 @@ def contact_problem(model: ModelArrays) -> ContactProblem:
     """Return the mechanical problem of a case: the model without its mesh, its time step and its methods."""
     bodies = list(model.bodies.values())
     loads = []
-    for nodal_force in model.nodal_forces:
+    for nodal_force in model.forces_on_nodes:
         vector = nodal_force.force
         if nodal_force.load.acts_as == "acceleration":  # the force contains the mass of the node, a part of the mesh
             vector = vector / model.mass[nodal_force.node]
@@ -33,7 +33,6 @@ def contact_problem(model: ModelArrays) -> ContactProblem:
         _load(body_force.load, body_force.acceleration, bodies[body_force.body].name)
         for body_force in model.body_forces
     ]
-    loads += [_load(follower.load, follower.direction, _end_of(model, follower.node)) for follower in model.followers]
     fixed = [_end_of(model, constraint.node) for constraint in model.constraints if constraint.load is None]
     order = {name: number for number, name in enumerate(model.case.loads)}
     return ContactProblem(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
+    from percuss.case.specs import LoadSpec
     from percuss.contact.bound_law import BoundLaw
     from percuss.methods.interfaces import Floats
 
@@ -34,6 +35,12 @@ class Feature:
         Number of steps from one action of the internal forces of each body to the next.
     limit_ratio
         Largest stable step over that of central difference.
+    acts_on_free_bodies
+        Whether it changes the step of bodies without contact, beside a factor of the critical one.
+    moving_loads
+        Loads whose force depends on how an end moves.
+    kernels
+        Kernels of plug-ins that it calls, with what they are in words.
     no_row_kernel
         Whether the kernel for bars of equal elements, which knows nothing but these, cannot advance them.
     built_for_bars
@@ -87,6 +94,9 @@ class Feature:
     delassus: str = ""
     leaps: tuple[int, ...] = ()
     limit_ratio: float = 1.0
+    acts_on_free_bodies: bool = False
+    moving_loads: tuple[LoadSpec, ...] = ()
+    kernels: tuple[tuple[Callable[..., float], str], ...] = ()
     no_row_kernel: bool = False
     built_for_bars: bool = False
     keeps_constraints: bool = False

@@ -139,11 +139,6 @@ class ModelArrays:
         return next((feature.leaps for feature in self.features if feature.leaps), (1,) * len(self.bodies))
 
     @property
-    def shifts(self) -> bool:
-        """Whether a contact law shifts the ends of its contacts."""
-        return any(bound_law.law.shifts for bound_law in self.laws)
-
-    @property
     def period(self) -> int:
         """The number of steps after which the internal forces of all bodies act in the same step again."""
         return math.lcm(*self.leaps)
@@ -164,12 +159,21 @@ class ModelArrays:
         return not self.multistage and bool(self.why_not_linear or of_feature)
 
     @property
+    def forces_on_nodes(self) -> tuple[NodalForce, ...]:
+        """The forces on nodes, those that are given in time before those that follow the motion of their node."""
+        return (*self.nodal_forces, *self.followers)
+
+    @property
+    def columns_not_in_time(self) -> list[int]:
+        """The columns of the amplitudes of loads that are not given in time."""
+        return [force.column for force in self.followers]
+
+    @property
     def acted_nodes(self) -> list[int]:
         """Nodes on which a support, a drive or a load acts, each as often as that is so."""
         return [
             *(constraint.node for constraint in self.constraints),
-            *(nodal_force.node for nodal_force in self.nodal_forces),
-            *(follower.node for follower in self.followers),
+            *(force.node for force in self.forces_on_nodes),
         ]
 
     def body_of(self, node: int) -> Body:

@@ -164,8 +164,7 @@ class Arrays:
         ]
         axes = [
             *(constraint.direction for _, constraint in constraints),
-            *(force.force for force in model.nodal_forces),
-            *(follower.direction for follower in model.followers),
+            *(force.force for force in model.forces_on_nodes),
         ]
         return self.step.loads._replace(
             constraints=record_array(held, CONSTRAINT),

@@ -161,7 +161,7 @@ def _kernel_of_error(march: Marching, error: BaseException) -> str:
     called = {frame.f_code for frame, _ in traceback.walk_tb(error.__traceback__)}
     kernels: list[tuple[Any, str]] = [
         *((kernel_of(bound.law), f"contact law {bound.law.name}: multipliers") for bound in march.arrays.kernel_laws),
-        *((follower.kernel, f"load {follower.load.load.name}: follow") for follower in march.model.followers),
+        *(kernel for feature in march.model.features for kernel in feature.kernels),
     ]
     of_plug_in = (words for kernel, words in kernels if getattr(kernel, "py_func", kernel).__code__ in called)
     return next(of_plug_in, "a kernel")

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any
 from percuss.march import implicit_check
 from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
-from percuss.step.parts import coupled_masses, end_forces, ends_without_mass, own_steps, viscosity
-from percuss.step.parts.followers import Followers
+from percuss.step.parts import coupled_masses, end_forces, ends_without_mass, followers, own_steps, shifts, viscosity
 from percuss.step.parts.internal_work import InternalWork
-from percuss.step.parts.shifts import Shifts
 from percuss.step.parts.state_variables import StateVariablesKept
 
 if TYPE_CHECKING:
@@ -21,11 +19,11 @@ if TYPE_CHECKING:
 # The optional parts of a step, in the order in which they act at one place.
 PARTS: tuple[type[Part[Any]], ...] = (
     coupled_masses.CoupledMasses,
-    Followers,
+    followers.Followers,
     end_forces.EndForcesOfLaws,
     ends_without_mass.EndsWithoutMass,
     InternalWork,
-    Shifts,
+    shifts.Shifts,
     viscosity.Viscosity,
     own_steps.OwnSteps,
     StateVariablesKept,
@@ -38,6 +36,8 @@ FEATURES: tuple[Callable[[ModelArrays], Feature | None], ...] = (
     implicit_check.feature,
     coupled_masses.feature,
     ends_without_mass.feature,
+    followers.feature,
+    shifts.feature,
 )
 # What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
 BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)

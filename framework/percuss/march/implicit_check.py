@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import LinearLaw
 
 
-NAME = "implicit scheme"
-
-
 @dataclass(frozen=True, kw_only=True)
 class ImplicitSteps(Feature):
     """The facts about an implicit scheme, and the scheme itself."""
@@ -37,7 +34,7 @@ def feature(model: ModelArrays) -> ImplicitSteps | None:
         return None
     not_compiled = f"{name} is an implicit reference in NumPy and SciPy"
     return ImplicitSteps(
-        name=NAME,
+        name="implicit scheme",
         scheme=scheme,
         goes_without={
             "coupled masses": "an implicit scheme",
@@ -112,11 +109,14 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
         message = f"expected linear bodies with the implicit {name}, found that {model.why_not_linear}"
         yield case.problem(("method", "integrator"), message, "Take an explicit integrator.")
     moving = [constraint.load for constraint in model.constraints if constraint.load is not None]
-    for load in (*moving, *(follower.load for follower in model.followers)):
+    for load in (*moving, *(load for feature in model.features for load in feature.moving_loads)):
         message = f"expected supports and forces with the implicit {name}, found a load that says how an end moves"
         yield case.problem(("loads", load.name), message, "Take an explicit integrator.")
     for bound_law in model.laws:
-        if reason := model.why_without(NAME, bound_law.where) or _why_not_solved(bound_law.linear):
+        reason = _why_not_solved(bound_law.linear)
+        if model.balanced[list(bound_law.where)].any():
+            reason = "ends without mass are balanced with their contact explicitly"
+        if reason:
             sentence = f"{name} solves for contact at the end of a step: {reason}"
             yield RefusedPair(name, bound_law.law.name, sentence, name)
 

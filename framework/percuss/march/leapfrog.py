@@ -98,7 +98,7 @@ class LeapFrogStepper:
     @cached_property
     def _no_loads(self) -> Floats:
         amplitudes = self._zeros(self.model.period)
-        amplitudes[:, [follower.column for follower in self.model.followers]] = 1.0
+        amplitudes[:, self.model.columns_not_in_time] = 1.0
         return amplitudes
 
     def load_impulse(self, amplitudes: Floats) -> Floats:

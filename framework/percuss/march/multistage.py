@@ -140,16 +140,14 @@ class MultistageStepper:
     @cached_property
     def _no_loads(self) -> StageAmplitudes:
         amplitudes = self._zeros(1)
-        amplitudes.force[..., [follower.column for follower in self.model.followers]] = 1.0
+        amplitudes.force[..., self.model.columns_not_in_time] = 1.0
         return amplitudes
 
     def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step
         """Return the impulse of the loads on all bodies so far, (dim,)."""
         model, total = self.model, np.zeros(self.model.dim)
-        for nodal_force in model.nodal_forces:
-            total += self.amplitude_sums[nodal_force.column] * nodal_force.force
-        for follower in model.followers:
-            total += self.amplitude_sums[follower.column] * follower.direction
+        for force in model.forces_on_nodes:
+            total += self.amplitude_sums[force.column] * force.force
         bodies = list(model.bodies.values())
         for body_force, record in zip(model.body_forces, self.body_forces, strict=True):
             total += self.amplitude_sums[record.column] * bodies[body_force.body].mass.sum() * body_force.acceleration

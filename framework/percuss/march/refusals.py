@@ -9,7 +9,6 @@ import numpy as np
 
 from percuss.errors import InputError, Problem, RefusedPair
 from percuss.march import features
-from percuss.step.parts.end_forces import sees_end_force
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
@@ -72,7 +71,7 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
     for bound_law in model.laws:
         reason = (
             "its kernel uses the coupling of contacts" if bound_law.linear is None and bound_law.law.uses_coupling else
-            "it sees or pushes the force of end elements" if sees_end_force(bound_law) else
+            "it sees or pushes the force of end elements" if bound_law.sees_end_force else
             "it has no compliance and is not evaluated at the end of the step" if _is_rigid_early(bound_law) else ""
         )  # fmt: skip
         if reason:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss.mesh.loads import amplitude
-from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
@@ -31,16 +30,9 @@ def starting_velocity(model: Model) -> Floats:
     """
     velocity = initial_velocity(model)
     before = velocity.copy()
-    for nodal_force in model.nodal_forces:
-        impulse = _impulse_before_start(nodal_force.load, model.dt) * nodal_force.force
-        velocity[nodal_force.node] -= model.change_of_velocity(impulse, nodal_force.node)
-    for follower in model.followers:
-        speed = float(velocity[follower.node] @ follower.direction)
-        motion = max(-follower.switched_on, 0.0), 0.0, speed
-        force = answer(follower.load.load, "follow", follower.numbers, *motion)
-        duration = _impulse_before_start(follower.load, model.dt)
-        impulse = duration * force * follower.direction
-        velocity[follower.node] -= model.change_of_velocity(impulse, follower.node)
+    for force in model.forces_on_nodes:
+        impulse = force.impulse_at_start(_impulse_before_start(force.load, model.dt), velocity[force.node])
+        velocity[force.node] -= model.change_of_velocity(impulse, force.node)
     bodies = list(model.bodies.values())
     for body_force in model.body_forces:
         body = bodies[body_force.body]

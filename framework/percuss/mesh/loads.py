@@ -64,15 +64,15 @@ class NodalForce:
     load: LoadSpec
     column: int
 
+    def impulse_at_start(self, duration: float, velocity: Floats) -> Floats:  # noqa: ARG002
+        """Return the impulse of the force within a duration that is weighted with the amplitude, (dim,)."""
+        return duration * self.force
+
 
 @dataclass(frozen=True)
-class Follower:
-    """A force on one node that follows its motion: its unit direction, its load, its kernel and what this reads."""
+class Follower(NodalForce):
+    """A force on one node that follows its motion: a unit vector, its load, its kernel and what this reads."""
 
-    node: int
-    direction: Floats
-    load: LoadSpec
-    column: int
     kernel: Callable[..., float]
     numbers: tuple[float, ...]
 
@@ -80,6 +80,12 @@ class Follower:
     def switched_on(self) -> float:
         """The time from which the load counts its own."""
         return self.load.start if math.isfinite(self.load.start) else 0.0
+
+    def impulse_at_start(self, duration: float, velocity: Floats) -> Floats:
+        """Return the impulse of the force at the velocity of its node, (dim,)."""
+        motion = max(-self.switched_on, 0.0), 0.0, float(velocity @ self.force)
+        force: float = answer(self.load.load, "follow", self.numbers, *motion)
+        return duration * force * self.force
 
 
 @dataclass(frozen=True)

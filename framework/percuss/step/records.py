@@ -94,7 +94,7 @@ class Loads(NamedTuple):
     constraints: Records  # CONSTRAINT
     shares: Records  # SHARE
     nodal_forces: Records  # NODAL_FORCE
-    axes: Floats  # directions of the constraints, then the nodal forces at amplitude 1, then directions of followers
+    axes: Floats  # directions of the constraints, then of the forces on nodes, each at amplitude 1
     amplitudes: Floats  # (columns,) of the forces, the prescribed velocities, then the acceleration of each body
     accelerations: Floats  # (bodies * dim,) the last of these
     momentum: Floats  # (bodies * dim,) of each body at n + 1/2, empty where no load acts on whole bodies

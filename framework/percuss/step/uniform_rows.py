@@ -138,7 +138,6 @@ def uniform_bars(model: ModelArrays, boundary_nodes: Sequence[int]) -> Any:
         and not model.multistage
         and not any(feature.no_row_kernel for feature in model.features)
         and not model.body_forces
-        and not model.shifts
         and ends.issuperset(boundary_nodes)
         and all(map(_is_uniform, bodies))
     ):

@@ -31,7 +31,6 @@ from percuss.step.part import Part, Setting
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from percuss.contact.bound_law import BoundLaw
     from percuss.contact.model_arrays import ModelArrays
     from percuss.methods.interfaces import Floats
 
@@ -243,12 +242,6 @@ class EndForce:
         return list(self.rows)
 
 
-def sees_end_force(bound_law: BoundLaw) -> bool:
-    """Return whether a law sees or pushes more than the gap."""
-    linear = bound_law.linear
-    return linear is not None and any(np.any(getattr(linear, name)) for name in OF_END_FORCE)
-
-
 def end_forces(model: ModelArrays, midpoint: float) -> dict[int, EndForce]:
     """Return what laws see and push at the contact points where that is more than the gap, for the supports at a time.
 
@@ -259,7 +252,7 @@ def end_forces(model: ModelArrays, midpoint: float) -> dict[int, EndForce]:
     """
     found: dict[int, EndForce] = {}
     sides = None
-    for bound_law in filter(sees_end_force, model.laws):
+    for bound_law in (law for law in model.laws if law.sees_end_force):
         sides = sides or model.contact_rows(midpoint).sides
         linear: Any = bound_law.linear
         for place, point in enumerate(bound_law.where):
@@ -323,7 +316,7 @@ def trace_stiffness(model: ModelArrays, midpoint: float) -> Floats:
 def refusals(model: ModelArrays) -> Iterator[RefusedPair]:
     """Yield laws of end forces where these are not those of linear two-node elements at ends with mass."""
     integrator = model.case.method.integrator.name
-    for bound_law in filter(sees_end_force, model.laws):
+    for bound_law in (law for law in model.laws if law.sees_end_force):
         law, reason, refusing = bound_law.law.name, "", bound_law.law.name
         what = f"{law} sees or pushes the force of end elements"
         bodies = {model.body_of(node).name: node for p in bound_law.where for node in model.contact_points[p].nodes}

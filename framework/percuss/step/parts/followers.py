@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.compiler.record_arrays import Records, Row, record_array
+from percuss.contact.features import Feature
 from percuss.methods.slots import follow
 from percuss.step.actions import AFTER_STEP, BEFORE_SUPPORTS, LOADS_OF_A_STAGE, Action
 from percuss.step.loads import work_along
@@ -15,6 +16,7 @@ from percuss.step.part import Part, Setting
 from percuss.step.records import Loads
 
 if TYPE_CHECKING:
+    from percuss.contact.model_arrays import ModelArrays
     from percuss.methods.interfaces import Floats
 
 # The force of a load that follows the motion of a node along `axes` from index `axis` on.
@@ -96,11 +98,23 @@ class Followers(Part[Following]):
     def impulse(self) -> Floats | None:
         """Return the impulse of the loads so far, (dim,)."""
         impulses = zip(self.loads, self.data.followers, strict=True)
-        return np.asarray(sum(record.impulse * follower.direction for follower, record in impulses))
+        return np.asarray(sum(record.impulse * follower.force for follower, record in impulses))
 
     def changing_arrays(self) -> list[Any]:
         """Return the records of the loads."""
         return [self.data.followers]
+
+
+def feature(model: ModelArrays) -> Feature | None:
+    """Return what is to know of loads that follow the motion of an end; None where there is none."""
+    if not model.followers:
+        return None
+    return Feature(
+        name="loads that follow the motion of an end",
+        acts_on_free_bodies=True,
+        moving_loads=tuple(follower.load for follower in model.followers),
+        kernels=tuple((follower.kernel, f"load {follower.load.load.name}: follow") for follower in model.followers),
+    )
 
 
 # ------------------------------------------------------------------------------------------------- leap-frog schemes

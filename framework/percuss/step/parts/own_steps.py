@@ -197,9 +197,8 @@ def _why_unknown(model: ModelArrays) -> str:
         return (
             f"with {name} contacts are held closed over several steps, and {laws} has a kernel, which does not say so"
         )
-    if model.followers:
-        load = model.followers[0].load.name
-        return f"load '{load}' acts in every step at an end of a body whose internal forces may not, under {name}"
+    for load in (load for feature in model.features for load in feature.moving_loads):
+        return f"load '{load.name}' acts in every step at an end of a body whose internal forces may not, under {name}"
     if model.contact_points and model.period > LONGEST_PERIOD:
         return (
             f"under {name} the bodies act together in every {model.period}-th step alone, and periods of up to "

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.compiler.record_arrays import Records
+from percuss.contact.features import Feature
 from percuss.contact.points import Points
 from percuss.step.actions import AFTER_CONTACT, AFTER_STEP, AFTER_STRAIN_ENERGY, BEFORE_STRAIN_ENERGY, Action
 from percuss.step.part import Part, Setting
 from percuss.step.records import Loads
 
 if TYPE_CHECKING:
+    from percuss.contact.model_arrays import ModelArrays
     from percuss.methods.interfaces import Floats
 
 
@@ -39,7 +41,7 @@ class Shifts(Part[Shifting]):
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
         """Return the part, None where no law shifts."""
         model, step = setting.model, setting.step
-        if not model.shifts:
+        if not _any_shifts(model):
             return None
         count = step.boundary.size
         after, previous, speed = (np.zeros(count) for _ in range(3))
@@ -70,6 +72,15 @@ class Shifts(Part[Shifting]):
     def changing_arrays(self) -> list[Any]:
         """Return the shifts of the boundary degrees of freedom."""
         return [self.data.after]
+
+
+def _any_shifts(model: ModelArrays) -> bool:
+    return any(contact_point.law.shifts for contact_point in model.contact_points)
+
+
+def feature(model: ModelArrays) -> Feature | None:
+    """Return what is to know of laws that shift the ends of their contacts; None where no law does."""
+    return Feature(name="shifts", no_row_kernel=True) if _any_shifts(model) else None
 
 
 def find_shifts(data: Shifting, n: int, u: Floats, v: Floats, a: Floats) -> None:
