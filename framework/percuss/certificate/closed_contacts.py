@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.contact.bound_law import OF_END_FORCE
 from percuss.contact.features import first_of
 from percuss.step.integrator_check import kernel_of, unchecked_scheme, uses_internal
@@ -124,7 +123,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         if not bound_law.ties:
             compliance[indices] = linear.sigma / linear.gap
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
-    by_loads = tuple(filter(None, (why_beyond_pencil(model),)))
+    by_loads = tuple(filter(None, (feature.beyond_pencil() for feature in model.features)))
     inactive = list(model.inactive_points(0.5 * model.dt))
     stiffness[inactive], inertia[inactive], surplus[inactive] = 0.0, 0.0, np.nan
     weakest, why = _weakest(guarantees, multistage=stages is not None)

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.assembled import free_motions, operator_of, rigid_motions
-from percuss.certificate.following_loads import directions
 from percuss.certificate.lines import LineOperator, held_directions, held_throughout
 from percuss.certificate.search import MARGINAL_DISTANCE
 from percuss.contact.points import FROM_LINE, NEVER
@@ -238,8 +237,12 @@ class Motions:
 
     @cached_property
     def followed(self) -> Floats:
-        """The displacements that loads follow, as rows for weighted displacements, (loads, n)."""
-        return self._weighted(directions(self.model))
+        """The displacements on which forces depend, as rows for weighted displacements, (forces, n)."""
+        forces = [force for feature in self.model.features for force in feature.forces]
+        rows = np.zeros((len(forces), self.model.n_nodes, self.model.dim))
+        for row, force in zip(rows, forces, strict=True):
+            row[force.node] = force.force
+        return self._weighted(rows.reshape(len(forces), self.root.size))
 
     def _weighted(self, rows: Floats) -> Floats:
         """Return rows for displacements, (k, nodes * dim), as rows for weighted ones, (k, n)."""

@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from percuss.certificate.assessment import Assessment
-from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.certificate.lines import LineOperator, line_operator, rows_along
 from percuss.certificate.search import largest_step_below, signed_distance
 from percuss.step.integrator_check import unchecked_scheme
@@ -49,10 +48,9 @@ def closed_form(model: Model) -> type[DecoupledGapsCriterion] | None:
     stages, (table, *_) = unchecked_scheme(model.case.method.integrator, model.dt)
     if (
         stages is not None
-        or any(feature.no_springs for feature in model.features)
         or not model.laws
         or len(model.contact_points) > MOST_POINTS
-        or why_beyond_pencil(model)
+        or any(feature.no_springs or feature.beyond_pencil() for feature in model.features)
         or not all(bound_law.sees_end_force and _is_spring(bound_law.linear) for bound_law in model.laws)
     ):
         return None

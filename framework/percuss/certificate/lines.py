@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.certificate.following_loads import end_stiffness
 from percuss.certificate.operator import SMALL_MATRIX, Factor, Operator, submatrix
 from percuss.lapack import lapack
 from percuss.mesh import banded_matrices
@@ -245,7 +244,8 @@ class _Bars(NamedTuple):
 
 
 def _bars(model: Model) -> _Bars:
-    held, springs = held_directions(model), end_stiffness(model)
+    held = held_directions(model)
+    springs = {node: k for feature in model.features for node, k in feature.springs().items()}
     nodes, mass = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
     bands: list[Floats] = []
     inverses: list[Floats] = []

@@ -16,7 +16,6 @@ from percuss.blas import one_blas_thread
 from percuss.case.arguments import expect_names
 from percuss.case.case import expect_case
 from percuss.case.overrides import as_given_by
-from percuss.certificate import following_loads
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
 from percuss.certificate.criteria import RunCriterion, operator_criterion, step_criterion
@@ -165,7 +164,7 @@ def _why_no_critical_step(model: Model) -> str:
     """Return why no criterion has a critical step of a model; empty where one may have it."""
     if model.why_not_linear:
         return f"{model.why_not_linear}, and its critical step changes with the strain"
-    if why := following_loads.why_unknown(model):
+    if why := first_of(feature.effect_unknown() for feature in model.features):
         return f"{why}, which changes the critical step"
     return first_of(feature.no_critical_step for feature in model.features)
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from percuss.blas import one_blas_thread
 from percuss.case.cross_checks import after_the_end
-from percuss.certificate import following_loads
 from percuss.certificate.assessment import Answer, Assessment, Criterion, quoted
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
 from percuss.certificate.criteria import RunCriterion, contact_names, operator_criterion, step_criterion
@@ -132,9 +131,10 @@ def _with_step(case: Case) -> SettledRun:
         return SettledRun(model, None)
     unknown = "No step is known to be stable: give one."
     changes = f"The highest frequency changes with the strain, so that {unknown[0].lower()}{unknown[1:]}"
+    unknown_effect = first_of(feature.effect_unknown() for feature in model.features)
     for expected, found, advice in (
         *filter(None, (feature.no_choice_of_step for feature in model.features)),
-        ("loads of which the critical step is known, found that", following_loads.why_unknown(model), unknown),
+        ("loads of which the critical step is known, found that", unknown_effect, unknown),
         ("a diagonal mass and ends in contact with mass, or linear laws, found that", unknown_by_mass(model), unknown),
         ("linear bodies, found that", model.why_not_linear, changes),
     ):
@@ -206,7 +206,7 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
         found = _unknown_certificate(closed_contacts(model, model.dt), model, why)
     else:
         found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), with_critical_step)
-    if why := following_loads.why_unknown(model):
+    if why := first_of(feature.effect_unknown() for feature in model.features):
         why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found['why']}"
         found = found | {"stable": "unknown", "why": why, "cure": "", "worst": []}
         found = found | {"dt_critical": None, "dt_critical_free": None, "courant_critical": None, "margin": None}

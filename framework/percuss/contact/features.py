@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from percuss.case.specs import LoadSpec
     from percuss.contact.bound_law import BoundLaw
+    from percuss.mesh.loads import NodalForce
     from percuss.methods.interfaces import Floats
 
 Verdict = Literal["yes", "marginal", "no", "unknown"]
@@ -35,10 +35,12 @@ class Feature:
         Number of steps from one action of the internal forces of each body to the next.
     limit_ratio
         Largest stable step over that of central difference.
-    acts_on_free_bodies
-        Whether it changes the step of bodies without contact, beside a factor of the critical one.
-    moving_loads
-        Loads whose force depends on how an end moves.
+    forces
+        Forces on nodes that depend on the motion of these, and change the step of bodies without contact, too.
+    springs
+        Returns what such forces add to the stiffness of the ends of bars, by node.
+    beyond_pencil, effect_unknown
+        Return why the pencil, and why no criterion, covers such a force; empty if one does.
     kernels
         Kernels of plug-ins that it calls, with what they are in words.
     no_row_kernel
@@ -94,8 +96,10 @@ class Feature:
     delassus: str = ""
     leaps: tuple[int, ...] = ()
     limit_ratio: float = 1.0
-    acts_on_free_bodies: bool = False
-    moving_loads: tuple[LoadSpec, ...] = ()
+    forces: tuple[NodalForce, ...] = ()
+    springs: Callable[[], Mapping[int, float]] = dict
+    beyond_pencil: Callable[[], str] = str
+    effect_unknown: Callable[[], str] = str
     kernels: tuple[tuple[Callable[..., float], str], ...] = ()
     no_row_kernel: bool = False
     built_for_bars: bool = False

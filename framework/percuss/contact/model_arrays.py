@@ -166,7 +166,7 @@ class ModelArrays:
     @property
     def columns_not_in_time(self) -> list[int]:
         """The columns of the amplitudes of loads that are not given in time."""
-        return [force.column for force in self.followers]
+        return [force.column for feature in self.features for force in feature.forces]
 
     @property
     def acted_nodes(self) -> list[int]:

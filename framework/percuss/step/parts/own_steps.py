@@ -197,8 +197,9 @@ def _why_unknown(model: ModelArrays) -> str:
         return (
             f"with {name} contacts are held closed over several steps, and {laws} has a kernel, which does not say so"
         )
-    for load in (load for feature in model.features for load in feature.moving_loads):
-        return f"load '{load.name}' acts in every step at an end of a body whose internal forces may not, under {name}"
+    for force in (force for feature in model.features for force in feature.forces):
+        at_end = "acts in every step at an end of a body whose internal forces may not"
+        return f"load '{force.load.name}' {at_end}, under {name}"
     if model.contact_points and model.period > LONGEST_PERIOD:
         return (
             f"under {name} the bodies act together in every {model.period}-th step alone, and periods of up to "
