@@ -48,12 +48,12 @@ PYTHON = ["run", "contact_laws", "pairings", "integrators", "loads", "bodies", "
 PYTHON += ["errors", "testing"]
 MENU = {
     "Use percuss": [
-        *("cases/TEN_MINUTES", "cases/README", "cases/GALLERY", "cases/RUNS", "cases/STUDIES"),
+        *("cases/TEN_MINUTES", "cases/README", "cases/GALLERY", "cases/RUNS", "cases/SOLIDS", "cases/STUDIES"),
         *("cases/studies/README", "cases/studies/RESULTS", "cases/REFERENCE"),
     ],
     "Methods": [f"plugins/{name}" for name in ("README", "CHOOSE", "STABILITY", "REFERENCE")],
     "Write a method": [
-        f"plugins/{name}" for name in ("CONTACT_LAW", "INTEGRATOR", "LOAD", "BODY", "MEASURE", "PACKAGE")
+        f"plugins/{name}" for name in ("CONTACT_LAW", "INTEGRATOR", "LOAD", "BODY", "SOLID", "MEASURE", "PACKAGE")
     ],
     "Inside percuss": [
         *(f"framework/{name}" for name in ("README", "THEORY", "INSIDE", "GLOSSARY", "CONTRIBUTING", "CHANGES")),

@@ -23,11 +23,7 @@ from percuss.methods.interfaces import FAMILIES, NAME_PATTERN
 from percuss.methods.registry import Registry
 
 TEMPLATES = PACKAGE / "templates"
-KINDS = {
-    kind: family
-    for family in FAMILIES
-    if (TEMPLATES / f"{(kind := {'masses': 'mass'}.get(family, family[:-1]))}.py.txt").is_file()
-}
+KINDS = {{"masses": "mass"}.get(family, family[:-1]): family for family in FAMILIES}
 DISTRIBUTION = re.compile(r"[A-Za-z]([A-Za-z0-9_-]*[A-Za-z0-9])?")
 
 

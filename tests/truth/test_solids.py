@@ -1,0 +1,113 @@
+"""Blocks in two dimensions against the bars that they are, and against critical steps found by other means."""
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.certificate.verdict import certificate
+from percuss.march.model import Model
+
+WU = "wu-predictor-corrector"
+LAWS = {
+    "lagrange": {},
+    "penalty": {"beta_s": 0.25},
+    "bipenalty": {"beta_s": 1.0},
+    "regularised-lagrange": {"beta_s": 1.0},
+}
+
+
+def block(at, speed, elements, poisson=0.0, cells="quad4", **more):
+    shape = {"block": {"size": [1.0, 0.2], "elements": elements, "cells": cells}}
+    return {**shape, "at": [at, 0.0], "velocity": [speed, 0.0], **more,
+            "material": {"young": 1.0, "density": 1.0, "poisson": poisson}}  # fmt: skip
+
+
+def impact(bodies, integrator, law, step=0.02, **method):
+    return percuss.run(percuss.load({
+        "percuss": 1, "bodies": bodies, "contacts": {"tip": {"between": ["left.right", "right.left"]}},
+        "method": {"integrator": integrator, "contact": {"name": law, **LAWS[law]}, **method},
+        "time": {"step": step, "steps": round(2.5 / step), "on_unstable": "warn"},
+    }))  # fmt: skip
+
+
+def bars(integrator, law, count=20, step=0.02):
+    body = {"bar": {"length": 1.0, "elements": count}, "area": 0.2, "material": {"young": 1.0, "density": 1.0}}
+    return impact(
+        {"left": {**body, "velocity": 0.5}, "right": {**body, "at": 1.0, "velocity": -0.5}}, integrator, law, step
+    )
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector", "velocity-verlet"])
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+def test_quadrilaterals_without_contraction_are_a_bar(integrator, law, pairing):
+    if (law, pairing) == ("lagrange", "gauss-points"):
+        return
+    pair = {"left": block(0.0, 0.5, [20, 4]), "right": block(1.0, -0.5, [20, 4])}
+    found, expected = impact(pair, integrator, law, pairing=pairing), bars(integrator, law)
+    force, of_bar = found.arrays["contact_force"], expected.arrays["contact_force"]
+    u, along = found.arrays["displacement"], expected.arrays["displacement"][..., 0]
+    assert of_bar.max() > 0.04
+    assert np.abs(force - of_bar).max() < 1e-10 * of_bar.max()
+    assert np.abs(u[..., 0] - along).max() < 1e-12 * np.abs(along).max()
+    assert np.abs(u[..., 1]).max() < 1e-12 * np.abs(along).max()
+    assert found.summary["momentum"]["balanced"]
+
+
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+def test_triangles_tend_to_the_bar_with_the_first_order(pairing):
+    """The corner nodes of the end faces have a third and two thirds of the mass that a bar has there."""
+    errors = []
+    for count in (10, 20, 40):
+        step = 0.4 / count
+        left, right = (block(at, speed, [count, count // 5], cells="tri3") for at, speed in ((0.0, 0.5), (1.0, -0.5)))
+        found = impact({"left": left, "right": right}, WU, "regularised-lagrange", step, pairing=pairing)
+        expected = bars(WU, "regularised-lagrange", count, step)
+        errors.append(np.abs(found.arrays["contact_force"] - expected.arrays["contact_force"]).max() / 0.1)
+    assert errors[0] < 0.05
+    assert np.array(errors[1:]) / errors[:-1] == pytest.approx([0.5, 0.5], rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("cells", "plane", "poisson", "element", "assembled"),
+    [
+        ("quad4", "strain", 0.0, 1.0, 1.0),
+        ("quad4", "strain", 0.3, 0.8367, 0.991),
+        ("quad4", "strain", 0.45, 0.7416, 0.942),
+        ("quad4", "stress", 0.3, 0.877, 0.998),
+        ("tri3", "strain", 0.0, 0.6667, 0.695),
+        ("tri3", "strain", 0.3, 0.6410, 0.693),
+        ("tri3", "strain", 0.45, 0.5975, 0.687),
+    ],
+)
+def test_critical_steps_are_those_of_an_independent_program(cells, plane, poisson, element, assembled):
+    """Steps times the speed of longitudinal waves over the cell, of one cell alone and of 20 by 20 cells."""
+    body = {
+        "block": {"size": [1.0, 1.0], "elements": [20, 20], "cells": cells}, "plane": plane, "at": [0.0, 0.0],
+        "velocity": [0.0, 0.0], "material": {"young": 1.0, "density": 1.0, "poisson": poisson},
+    }  # fmt: skip
+    method = {"integrator": "central-difference"}
+    case = {"percuss": 1, "bodies": {"a": body}, "method": method, "time": {"courant": 0.5, "steps": 1}}
+    model = Model(percuss.load(case))
+    speed = np.sqrt(model.bodies["a"].modulus)
+    found = certificate(model)
+    assert 2.0 / model.omega * speed * 20 == pytest.approx(element, rel=1e-3)
+    assert found["dt_critical_free"] * speed * 20 == pytest.approx(assembled, abs=1e-3)
+    assert found["stable"] == "yes"
+
+
+def test_a_load_on_an_edge_is_spread_and_a_support_holds_it():
+    body = block(0.0, 0.0, [10, 3], 0.3, fixed=["left"])
+    loads = {"pull": {"constant": 0.01, "on": "a.right", "direction": [1.0, 0.0]}}
+    case = {
+        "percuss": 1, "bodies": {"a": body}, "loads": loads, "time": {"courant": 0.5, "end": 3.0},
+        "record": {"probes": ["a.right", "a.left"]},
+    }  # fmt: skip
+    result = percuss.run(percuss.load(case))
+    assert result.summary["energy"]["ledger_closed"]
+    assert result.summary["momentum"]["balanced"]
+    pulled, held = result.arrays["displacement"].transpose(1, 0, 2)
+    assert (held == 0.0).all()
+    assert np.abs(pulled[:, 1]).max() < 1e-2 * pulled[:, 0].max()
+    # twice the static elongation (1 - nu^2) F L / (E A), a little less as the held edge cannot contract
+    assert pulled[:, 0].max() == pytest.approx(2.0 * 0.91 * 0.01 / 0.2, rel=0.05)
