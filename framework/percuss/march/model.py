@@ -425,6 +425,8 @@ def _bodies_of(case: Case) -> dict[str, Body]:
         mesh = size_limits.mesh_of_body(case, spec)
         view = BodyMesh(mesh, spec.section, spec.plane_of(mesh.nodes.shape[1]))
         velocity = np.asarray(spec.velocity, dtype=float)
+        if velocity.ndim == 0:  # along the body; a body along no line has none by default
+            velocity = velocity * (mesh.direction if mesh.line is not None else np.zeros(mesh.nodes.shape[1]))
         try_kernels(spec.element, spec.material, view)
         mass, may_lack_mass = nodal_masses(case, spec, view, in_contact.get(name, frozenset()))
         bodies[name] = Body(
@@ -443,7 +445,7 @@ def _bodies_of(case: Case) -> dict[str, Body]:
                 spec.element, "highest_frequency", view, math.sqrt(modulus_of(spec.material, view) / spec.material.rho)
             ),
             volumes=volumes_of(spec.element, view),
-            velocity=velocity * mesh.direction if velocity.ndim == 0 else velocity,
+            velocity=velocity,
             may_lack_mass=may_lack_mass,
             inverse=inverse_mass(case, spec, view, mass),
         )

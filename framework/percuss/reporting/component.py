@@ -211,6 +211,10 @@ def snippet(component: type[Component], file: str) -> list[str]:
     alone = component.shorthand and list(example) == [component.shorthand]
     options = flow(example[component.shorthand]) if alone else flow(example)
     body = ["    material: {young: 100, density: 0.01}", "    area: 1"]
+    cell = getattr(component, "cell", "line")
+    other = not (isinstance(cell, str) and cell.startswith("line"))  # it follows from the options, or is that of no bar
+    if component.family == "shapes" and other:
+        body = ["    material: {young: 100, density: 0.01, poisson: 0.3}"]
     families = {
         "integrators": ["method:", f"  integrator: {named}"],
         "contacts": ["method:", f"  contact: {named}"],
