@@ -155,20 +155,20 @@ def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
     A closed contact of such an end is a spring between nodes with mass, which is the law in series with the end
     elements and follows from the current state.
     """
-    massless = model.balanced
+    balanced = model.balanced
     delassus = model.contact_rows(0.5 * model.dt).diagonal
-    compliance = laws.compliance + np.where(massless, delassus * model.dt**2, 0.0)
-    acting = massless.copy()
+    compliance = laws.compliance + np.where(balanced, delassus * model.dt**2, 0.0)
+    acting = balanced.copy()
     acting[list(model.inactive_points(0.5 * model.dt))] = False
     weaker = WEAKEST_LAST.index(laws.energy) < WEAKEST_LAST.index(BETWEEN)
     return dataclasses.replace(
         laws,
         stiffness=np.where(
-            massless, np.divide(1.0, compliance, out=np.zeros_like(compliance), where=acting), laws.stiffness
+            balanced, np.divide(1.0, compliance, out=np.zeros_like(compliance), where=acting), laws.stiffness
         ),
-        inertia=np.where(massless, 0.0, laws.inertia),
-        predicted=laws.predicted & ~massless,
-        surplus=np.where(massless, np.nan, laws.surplus),
+        inertia=np.where(balanced, 0.0, laws.inertia),
+        predicted=laws.predicted & ~balanced,
+        surplus=np.where(balanced, np.nan, laws.surplus),
         compliance=compliance,
         energy=BETWEEN if weaker else laws.energy,
         why=BALANCED if weaker else laws.why,

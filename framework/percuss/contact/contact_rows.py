@@ -120,7 +120,7 @@ def energy_storage(linear: LinearLaw, state: ContactState) -> Any:
     return np.where(elastic & full_response & (state.response[0] == 0), BY_CURRENT, NOTHING)
 
 
-def without_mass(point_sides: Sequence[Side]) -> bool:
+def balanced(point_sides: Sequence[Side]) -> bool:
     """Return whether a side of a contact point has no mass, so that the static balance of that side gives its force."""
     return any(side.beside is not None for side in point_sides)
 
@@ -144,9 +144,9 @@ def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[in
     """
     at_node: dict[int, list[tuple[int, Side]]] = {}
     for p, point_sides in enumerate(sides):
-        massless = without_mass(point_sides)
+        in_balance = balanced(point_sides)
         for side in point_sides:
-            if massless and side.beside is None:
+            if in_balance and side.beside is None:
                 continue
             at_node.setdefault(side.node, []).append((p, side))
     entries: list[dict[int, float]] = [{} for _ in sides]

@@ -25,10 +25,9 @@ from percuss.mesh import size_limits
 from percuss.mesh.body import Body
 from percuss.mesh.cell_stiffness import frequencies_of_cells
 from percuss.mesh.cells import is_solid, modulus_of, volumes_of
-from percuss.mesh.coupled_masses import inverse_mass
-from percuss.mesh.ends_without_mass import ends_at_contacts, nodal_masses
 from percuss.mesh.kernel_trial import try_kernels
 from percuss.mesh.loads import Constraint, acts_at, supports_and_loads
+from percuss.mesh.masses import ends_at_contacts, inverse_mass, nodal_masses
 from percuss.methods.blame import said_by
 from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog
 from percuss.methods.plugin_calls import answer
