@@ -111,3 +111,23 @@ def test_a_load_on_an_edge_is_spread_and_a_support_holds_it():
     assert np.abs(pulled[:, 1]).max() < 1e-2 * pulled[:, 0].max()
     # twice the static elongation (1 - nu^2) F L / (E A), a little less as the held edge cannot contract
     assert pulled[:, 0].max() == pytest.approx(2.0 * 0.91 * 0.01 / 0.2, rel=0.05)
+
+
+@pytest.mark.parametrize("integrator", ["central-difference", WU])
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+def test_automatic_stiffness_of_a_strip_is_that_of_its_bar(integrator, pairing):
+    pair = {"left": block(0.0, 0.5, [20, 4]), "right": block(1.0, -0.5, [20, 4])}
+    bar = {"bar": {"length": 1.0, "elements": 20}, "area": 0.2, "material": {"young": 1.0, "density": 1.0}}
+    ends = {"left": {**bar, "velocity": 0.5}, "right": {**bar, "at": 1.0, "velocity": -0.5}}
+    found = []
+    for bodies in (pair, ends):
+        method = {"integrator": integrator, "contact": {"name": "penalty", "beta_s": "auto"}, "pairing": pairing}
+        for step in (0.025, 0.045):
+            model = Model(percuss.load({
+                "percuss": 1, "bodies": bodies, "contacts": {"tip": {"between": ["left.right", "right.left"]}},
+                "method": method, "time": {"step": step, "steps": 1},
+            }))  # fmt: skip
+            beta = {value["beta_s"] for value in model.parameters().values()}
+            found.append((*beta, certificate(model)["dt_critical"]))
+    assert np.array(found[:2]) == pytest.approx(np.array(found[2:]), rel=1e-6)
+    assert certificate(model)["stable"] == "yes"

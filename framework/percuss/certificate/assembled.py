@@ -8,6 +8,7 @@ import numpy as np
 
 from percuss.certificate.lines import held_directions, line_operator
 from percuss.certificate.operator import Operator
+from percuss.contact.contact_point import gap_rows
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -22,7 +23,7 @@ def assembled_operator(model: Model, *, tied: bool = True) -> Operator:
 
     basis = free_motions(model)
     stiffness = csr_array(block_diag([body.stiffness_matrix() for body in model.bodies.values()], format="csr"))
-    rows = gap_rows(model)
+    rows = gap_rows(model.contact_points, model.n_nodes * model.dim, model.dim)
     if tied and model.tied_points:
         basis = basis @ _without(rows[:, list(model.tied_points)].T @ basis)
     mass = diags_array(model.mass_of_dofs)
@@ -60,21 +61,6 @@ def rigid_motions(model: Model) -> Floats:
         allowed = null_space(np.array(caught)) if caught else np.eye(len(fields))
         columns.append(motions.reshape(len(fields), -1).T @ allowed)
     return np.concatenate(columns, axis=1)
-
-
-def gap_rows(model: Model) -> Any:
-    """Return N of all contact points as a sparse array, (nodes * dim, P)."""
-    from scipy.sparse import csr_array
-
-    entries = [
-        (node * model.dim + d, p, value)
-        for p, point in enumerate(model.contact_points)
-        for node, normal in point.gradient
-        for d, value in enumerate(normal)
-    ]
-    row, column, value = np.array(entries, dtype=float).reshape(-1, 3).T
-    shape = model.n_nodes * model.dim, len(model.contact_points)
-    return csr_array((value, (row.astype(np.int64), column.astype(np.int64))), shape=shape)
 
 
 def free_motions(model: Model) -> Any:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from percuss.methods.interfaces import ContactLaw, Floats
 
 TOUCHING = 1e-9  # fraction of an element length; a smaller initial gap or overlap is set to zero
@@ -35,3 +39,17 @@ class ContactPoint:
     def nodes(self) -> tuple[int, ...]:
         """The nodes that the gap depends on."""
         return tuple(node for node, _ in self.gradient)
+
+
+def gap_rows(points: Sequence[ContactPoint], size: int, dim: int) -> Any:
+    """Return N of contact points as a sparse array, (size, P), with `size` degrees of freedom."""
+    from scipy.sparse import csr_array
+
+    entries = [
+        (node * dim + d, p, value)
+        for p, point in enumerate(points)
+        for node, normal in point.gradient
+        for d, value in enumerate(normal)
+    ]
+    row, column, value = np.array(entries, dtype=float).reshape(-1, 3).T
+    return csr_array((value, (row.astype(np.int64), column.astype(np.int64))), shape=(size, len(points)))

@@ -18,6 +18,7 @@ from percuss.contact.contact_rows import Side, law_records
 from percuss.contact.model_arrays import ModelArrays
 from percuss.contact.points import LAW, NOTHING
 from percuss.contact.stiffness_limits import stiffness_limits
+from percuss.contact.surface_limits import surface_limits
 from percuss.errors import Problem, refuse_if_any
 from percuss.march.features import features_of
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
@@ -288,6 +289,8 @@ class Model(ModelArrays):
         return end_forces(self, midpoint)
 
     def _stiffness_limits(self, dt: float) -> Floats:
+        if not self.of_lines:
+            return surface_limits(self.bodies.values(), self.contact_points, dt)
         return stiffness_limits(self.bodies.values(), self.contact_points, self._moved_nodes, dt)
 
     @cached_property

@@ -208,8 +208,8 @@ def _step(model: Model, verdict: Certificate) -> Fact:
 
 def _measured_energy(model: Model, energy: str) -> dict[str, str]:
     """Return by contact law the measured energy behaviour with the integrator, unless energy is known never to grow."""
-    # The measurements were made with linear bodies, so they do not hold for other bodies.
-    if energy == "never grows" or model.why_not_linear:
+    # The measurements were made with linear bars, so they do not hold for other bodies.
+    if energy == "never grows" or model.why_not_linear or not model.of_lines:
         return {}
     integrator = model.case.method.integrator.name
     laws = [bound_law.law for bound_law in model.laws]
