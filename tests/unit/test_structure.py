@@ -6,6 +6,7 @@ import inspect
 import re
 import subprocess
 import sys
+import tokenize
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -149,6 +150,34 @@ def test_no_import_circle():
         tuple(TopologicalSorter(graph).static_order())
     except CycleError as circle:
         pytest.fail(" -> ".join(circle.args[1]))
+
+
+# How many files may know each optional feature by its names in code: its own, those of its data, the table of all.
+FEATURES = {
+    r"own_?steps": 4,
+    r"implicit": 4,
+    r"viscosity|viscous": 4,
+    r"without_?mass": 4,
+    r"followers?": 4,
+    r"couples_nodes|coupled_?mass": 4,
+    r"end_?forces": 5,  # two of them criteria of the certificate
+}
+CONTRACT = {"Implicit"}  # what an integrator returns
+
+
+def names_in_code(path):
+    with path.open("rb") as file:
+        return {token.string for token in tokenize.tokenize(file.readline) if token.type == tokenize.NAME}
+
+
+def test_few_files_know_an_optional_feature():
+    """All others ask for facts, `percuss.contact.features.Feature`. The contract and its checks are left out."""
+    apart = ("percuss.methods", "percuss.testing", "percuss.case", "percuss.step.integrator_check")
+    names = {module: names_in_code(path) - CONTRACT for module, path in MODULES.items() if not module.startswith(apart)}
+    for feature, most in FEATURES.items():
+        name = re.compile(feature, re.IGNORECASE)
+        knowing = [module for module, found in names.items() if any(map(name.search, found))]
+        assert 0 < len(knowing) <= most, f"{feature}: {', '.join(knowing)}"
 
 
 def test_names_of_modules_in_text_resolve():

@@ -103,7 +103,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
             add_unknown(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
             continue
         if reason := _reason_unknown(linear, law.name, multistage=stages is not None) or by_scheme:
-            add_unknown(law.name, reason, _energy_with_end_forces(model, bound_law))
+            add_unknown(law.name, reason, _energy_beyond_gap(model, bound_law))
             continue
         if linear.at == "explicit" and not _determined(table.explicit, linear):
             name = model.case.method.integrator.name
@@ -256,15 +256,15 @@ def _energy_guarantee(model: Model, indices: list[int], linear: LinearLaw, *, in
     return (NOT_GUARANTEED, SHARED) if _share_an_end(model, indices) else (NEVER_GROWS, BY_END)
 
 
-def _energy_with_end_forces(model: Model, bound_law: BoundLaw) -> tuple[str, str] | None:
-    """Return the energy guarantee of a law that sees or pushes end forces, and the reason for it in words.
+def _energy_beyond_gap(model: Model, bound_law: BoundLaw) -> tuple[str, str] | None:
+    """Return the energy guarantee of a law that sees or pushes more than the gap, and the reason for it in words.
 
     A law that pushes what it sees is a law of any kind for this gap, of bodies whose stiffness is
     ``K - sum of softens Sigma Sigma^T``. That energy is the elastic one and what contacts store. None for other laws,
     and where nothing is known.
     """
     linear: Any = bound_law.linear
-    if not bound_law.sees_end_force:
+    if not bound_law.sees_more_than_gap:
         return None
     state: ContactState = getattr(model.tables[-1], linear.at)
     unlike = bool(np.any(linear.sees != linear.pushes))
@@ -289,16 +289,15 @@ def _energy_with_end_forces(model: Model, bound_law: BoundLaw) -> tuple[str, str
 def _why_not_by_end(model: Model, bound_law: BoundLaw, state: ContactState) -> dict[str, bool]:
     """Return for each reason whether the force of a law does not follow from what it sees at the end of the step."""
     linear: Any = bound_law.linear
-    found = model.end_forces(0.5 * model.dt)
-    points = [found[p] for p in bound_law.where]
-    response = np.array([sum(float(side.sees @ side.response) for side in point.sides) for point in points])
+    sides = model.sides(0.5 * model.dt)
+    points = [sides[p] for p in bound_law.where]
+    response = np.array([sum(float(side.sees @ side.response) for side in point) for point in points])
     surplus = state.response[0] - model.tables[-1].end.response[0]
-    nodes = Counter(node for point in found.values() for node in point.nodes)
-    nodes.update(node for p, pair in enumerate(model.contact_points) if p not in found for node in pair.nodes)
+    nodes = Counter(side.node for point in sides for side in point)
     return {
         BILATERAL: linear.active == "all" and linear.sign == "free",
         OVERSHOOTS: bool(np.any(linear.sigma / linear.gap + surplus * response <= 0.0)),
-        SHARED: any(nodes[node] > 1 for point in points for node in point.nodes),
+        SHARED: any(nodes[side.node] > 1 for point in points for side in point),
     }
 
 

@@ -26,6 +26,7 @@ from percuss.certificate.search import MARGINAL_DISTANCE
 from percuss.contact.points import FROM_LINE, NEVER
 from percuss.heartbeat import beat
 from percuss.march.march import March
+from percuss.step.parts.end_forces import end_forces
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -176,7 +177,7 @@ class ClosedStep:
 
     def linear(self) -> bool:
         """Return whether the step is linear in the state, and no perturbation opens or closes what a law sees."""
-        found = self.model.end_forces(0.5 * self.model.dt).values()
+        found = end_forces(self.model, 0.5 * self.model.dt).values()
         if any(abs(point.sees) * sum(np.abs(row).sum() for row in point.rows.values()) > MOST_SEEN for point in found):
             return False
         state = np.random.default_rng(0).uniform(-1.0, 1.0, self.parts * self.size)
@@ -228,7 +229,7 @@ class Motions:
     @cached_property
     def end_forces(self) -> Floats:
         """The end forces that laws see or push, scaled, as rows for weighted displacements, (points, n)."""
-        found = self.model.end_forces(0.5 * self.model.dt).values()
+        found = end_forces(self.model, 0.5 * self.model.dt).values()
         out = np.zeros((len(found), self.root.size))
         for line, end_force in zip(out, found, strict=True):
             for node, row in end_force.rows.items():

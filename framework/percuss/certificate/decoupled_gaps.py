@@ -26,6 +26,7 @@ from percuss.certificate.assessment import Assessment
 from percuss.certificate.lines import LineOperator, line_operator, rows_along
 from percuss.certificate.search import largest_step_below, signed_distance
 from percuss.step.integrator_check import unchecked_scheme
+from percuss.step.parts.end_forces import end_forces
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -51,7 +52,7 @@ def closed_form(model: Model) -> type[DecoupledGapsCriterion] | None:
         or not model.laws
         or len(model.contact_points) > MOST_POINTS
         or any(feature.no_springs or feature.beyond_pencil() for feature in model.features)
-        or not all(bound_law.sees_end_force and _is_spring(bound_law.linear) for bound_law in model.laws)
+        or not all(bound_law.sees_more_than_gap and _is_spring(bound_law.linear) for bound_law in model.laws)
     ):
         return None
     lines: list[Any] = [bound_law.linear for bound_law in model.laws]
@@ -59,7 +60,7 @@ def closed_form(model: Model) -> type[DecoupledGapsCriterion] | None:
     if (softens > 0.0).any() and (softens < 0.0).any():
         return None
     # An end in contact belongs to no other contact and lies beside the end of none.
-    found = model.end_forces(0.5 * model.dt)
+    found = end_forces(model, 0.5 * model.dt)
     nodes = [node for end_force in found.values() for node in end_force.nodes]
     ends = [node for contact_point in model.contact_points for node in contact_point.nodes]
     if not all(nodes.count(node) == 1 for node in ends):
@@ -107,7 +108,7 @@ class DecoupledGapsCriterion:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self._end_forces = model.end_forces(0.5 * model.dt)  # of all contact points
+        self._end_forces = end_forces(model, 0.5 * model.dt)  # of all contact points
         self._delassus = model.contact_rows(0.5 * model.dt).diagonal
 
     @cached_property

@@ -51,7 +51,7 @@ class BoundLaw:
     resolved: tuple[tuple[tuple[int, ...], Mapping[str, Floats | float]], ...]
 
     @property
-    def sees_end_force(self) -> bool:
+    def sees_more_than_gap(self) -> bool:
         """Whether the law sees or pushes more than the gap."""
         return self.linear is not None and any(np.any(getattr(self.linear, name)) for name in OF_END_FORCE)
 

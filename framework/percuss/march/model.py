@@ -34,7 +34,7 @@ from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floa
 from percuss.methods.plugin_calls import answer
 from percuss.methods.process_guard import process_as_before
 from percuss.step.integrator_check import scheme
-from percuss.step.parts.end_forces import EndForce, end_forces, trace_stiffness
+from percuss.step.parts.end_forces import end_forces, trace_stiffness
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -284,10 +284,6 @@ class Model(ModelArrays):
             largest = np.maximum(largest, trace_stiffness(self, (start + 0.5) * self.dt))
         return largest
 
-    def end_forces(self, midpoint: float) -> dict[int, EndForce]:
-        """Return what the law of each contact point sees and pushes, at points where that is not the gap alone."""
-        return end_forces(self, midpoint)
-
     def _stiffness_limits(self, dt: float) -> Floats:
         if not self.of_lines:
             return surface_limits(self.bodies.values(), self.contact_points, dt)
@@ -366,7 +362,7 @@ class Model(ModelArrays):
 
     def sides(self, midpoint: float) -> list[list[Side]]:
         """Return the sides of all contact points, with what their laws see and push, for the supports at a time."""
-        found = self.end_forces(midpoint)
+        found = end_forces(self, midpoint)
         sides = self.contact_rows(midpoint).sides
         return [found[point].sides if point in found else sides[point] for point in range(len(sides))]
 

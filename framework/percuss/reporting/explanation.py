@@ -274,9 +274,8 @@ def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
     record = model.records_of(bound_law, model.tables[-1], bound_law.points.delassus)[bound_law.where.index(number)]
     numbers = {name: float(record[field]) for name, field in OF_RECORD.items()}
     judged = "predicted" if record["sees_predicted_gap"] else "current"
-    end_force = model.end_forces(0.5 * model.dt).get(number)
-    if end_force is not None:
-        s = sum(float(side.sees @ side.response) for side in end_force.sides)
+    if bound_law.sees_more_than_gap:
+        s = sum(float(side.sees @ side.response) for side in model.sides(0.5 * model.dt)[number])
     return {
         "at": linear.at,
         "judged": "balanced" if model.balanced[number] else judged,

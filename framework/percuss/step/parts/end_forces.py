@@ -252,7 +252,7 @@ def end_forces(model: ModelArrays, midpoint: float) -> dict[int, EndForce]:
     """
     found: dict[int, EndForce] = {}
     sides = None
-    for bound_law in (law for law in model.laws if law.sees_end_force):
+    for bound_law in (law for law in model.laws if law.sees_more_than_gap):
         sides = sides or model.contact_rows(midpoint).sides
         linear: Any = bound_law.linear
         for place, point in enumerate(bound_law.where):
@@ -316,7 +316,7 @@ def trace_stiffness(model: ModelArrays, midpoint: float) -> Floats:
 def refusals(model: ModelArrays) -> Iterator[RefusedPair]:
     """Yield laws of end forces where these are not those of linear two-node elements at ends with mass."""
     integrator = model.case.method.integrator.name
-    for bound_law in (law for law in model.laws if law.sees_end_force):
+    for bound_law in (law for law in model.laws if law.sees_more_than_gap):
         law, reason, refusing = bound_law.law.name, "", bound_law.law.name
         what = f"{law} sees or pushes the force of end elements"
         bodies = {model.body_of(node).name: node for p in bound_law.where for node in model.contact_points[p].nodes}
