@@ -21,18 +21,14 @@ class NoClosedFormError(Exception):
 
 def unlike_plain_bars(model: Model) -> str:
     """Return what sets a model apart from linear bars of two-node elements under a leap-frog scheme, or nothing."""
-    name = model.case.method.integrator.name
+    scheme = f"{model.case.method.integrator.name} is no leap-frog scheme" if model.multistage else ""
     cells = (
         f"the cells of body '{body.name}' are of the kind {kind}"
         for body in model.bodies.values()
         for kind in (body.mesh.cells if body.of_cells else ())
     )
-    reasons = {
-        model.why_not_linear: bool(model.why_not_linear),
-        f"{name} is no leap-frog scheme": model.multistage,
-    }
-    of_features = (feature.unlike_plain_bars for feature in model.features)
-    return first_of((*(reason for reason, holds in reasons.items() if holds), *of_features, *cells))
+    features = (feature.unlike_plain_bars for feature in model.features)
+    return first_of((model.why_not_linear, scheme, *features, *cells))
 
 
 class ClosedFormCriterion:

@@ -85,8 +85,8 @@ class Feature:
         Returns why no criterion covers the model; empty if one does.
     cure
         What helps against an unstable step whose critical step is not known.
-    warning, explained
-        What every run says of it, and the lines about the step of the integrator in an explanation.
+    explained
+        The lines about the step of the integrator in an explanation.
     """
 
     name: str
@@ -123,7 +123,6 @@ class Feature:
     verdict: Callable[[], tuple[Verdict, str]] | None = None
     unknown: Callable[[], str] = str
     cure: str = ""
-    warning: str = ""
     explained: tuple[str, ...] = ()
 
     def why_without(self, name: str, where: Sequence[int] = ()) -> str:

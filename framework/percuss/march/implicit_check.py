@@ -32,7 +32,6 @@ def feature(model: ModelArrays) -> ImplicitSteps | None:
     name, scheme = model.case.method.integrator.name, answer(model.case.method.integrator, "bind", model.dt)
     if not isinstance(scheme, Implicit):
         return None
-    not_compiled = f"{name} is an implicit reference in NumPy and SciPy"
     return ImplicitSteps(
         name="implicit scheme",
         scheme=scheme,
@@ -44,7 +43,7 @@ def feature(model: ModelArrays) -> ImplicitSteps | None:
         built_for_bars=True,
         keeps_constraints=True,
         solves_contact="solved at the end of the step with N^T K_eff^-1 N of the whole bodies, which adds to sigma",
-        not_compiled=not_compiled,
+        not_compiled=f"{name} is an implicit reference in NumPy and SciPy",
         sums_internal_work=True,
         dissipates=True,
         not_guaranteed=(
@@ -56,7 +55,6 @@ def feature(model: ModelArrays) -> ImplicitSteps | None:
         no_critical_step=f"{name} is implicit: it has no critical step",
         no_choice_of_step=("an explicit integrator, found", f"the implicit {name}", "No step is critical: give one."),
         verdict=partial(_verdict, model, scheme),
-        warning=f"{not_compiled}, and its time is that of these",
         explained=scheme.in_words,
     )
 

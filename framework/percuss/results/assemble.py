@@ -131,7 +131,8 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
         warnings.append(
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
         )
-    warnings += [feature.warning for feature in march.model.features if feature.warning]
+    not_compiled = (feature.not_compiled for feature in march.model.features)
+    warnings += [f"{words}, and its time is that of these" for words in not_compiled if words]
     bodies_error = energy["bodies_error"] or 0.0
     if bodies_error > ledger.BODIES_TOLERANCE:
         lost = (feature.loses_energy for feature in march.model.features)
