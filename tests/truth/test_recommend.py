@@ -67,6 +67,23 @@ def test_the_recommended_run_meets_the_bounds_and_no_run_does_so_cheaper(small):
         assert any(dataclasses.replace(other, refine=best.candidate.refine).key == one.key for other in ran), one
 
 
+BLOCK = """{block: {size: [1, 0.2], elements: [5, 1]}, at: [0, 0], velocity: [1, 0],
+      material: {young: 100, density: 0.01, poisson: 0.3}}"""
+BAR = "{bar: {length: 1, elements: 6}, material: {young: 100, density: 0.01}, area: 1, velocity: 1}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("steps: 20, courant: 0.5", "steps: 20, step: 0.0005"), (BAR, BLOCK)],
+    ids=["of a case with a time step", "of a block"],
+)
+def test_a_search_begins_with_any_case(small, old, new):
+    assert old in SMALL
+    small.write_text(SMALL.replace(old, new).replace("lagrange}", "lagrange, pairing: node-to-segment}"))
+    answer = found(small, error=None, energy=0.5, runs=12)
+    assert answer.best.energy <= 0.5
+
+
 def test_a_search_is_found_again_from_its_file(small):
     first, again = found(small, runs=12), found(small, runs=12)
     assert again.study.found == len(again.tried) == len(first.tried)  # nothing was run again

@@ -53,6 +53,11 @@ class Body:
         return self.frequency.size
 
     @property
+    def in_a_row(self) -> int:
+        """Number of elements in a row: of a bar all of them, of any other body those along the side of a cube."""
+        return self.count if self.mesh.line is not None else max(1, round(self.count ** (1 / self.mesh.nodes.shape[1])))
+
+    @property
     def shortest(self) -> float:
         """Length of the shortest element; of other cells the side of a cube of the smallest volume [length]."""
         if self.mesh.line is not None:

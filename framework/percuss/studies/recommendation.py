@@ -346,6 +346,8 @@ def _fixed(case: Case) -> Entries:
         model = Model(case)
         end = model.steps * model.dt
     fixed = {"time.step": None, "time.steps": None, "time.end": end, "record.every": 1, "record.fields": 0}
+    if case.time.courant is None:  # the case has to be one before a candidate says its own
+        fixed["time.courant"] = 1.0
     return fixed | {f"contacts.{name}.method": None for name, contact in case.contacts.items() if contact.own_law}
 
 
@@ -424,7 +426,7 @@ class _Bench:
     def meshes(self, candidate: Candidate) -> list[float]:
         """Return the refinements to choose from; a candidate that fits tells numbers of elements, nodes and steps."""
         self.usual = candidate.changes
-        found = meshes([body.mesh.lengths.size for body in self._model(self.usual).bodies.values()])
+        found = meshes([body.in_a_row for body in self._model(self.usual).bodies.values()])
         try:
             self._model({**self.usual, "refine": found[0]})
         except PluginError:  # of a shape that knows whole numbers alone
