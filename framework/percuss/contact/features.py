@@ -41,8 +41,6 @@ class Feature:
         Returns what such forces add to the stiffness of the ends of bars, by node.
     beyond_pencil, effect_unknown
         Return why the pencil, and why no criterion, covers such a force; empty if one does.
-    kernels
-        Kernels of plug-ins that it calls, with what they are in words.
     no_row_kernel
         Whether the kernel for bars of equal elements, which knows nothing but these, cannot advance them.
     built_for_bars
@@ -100,7 +98,6 @@ class Feature:
     springs: Callable[[], Mapping[int, float]] = dict
     beyond_pencil: Callable[[], str] = str
     effect_unknown: Callable[[], str] = str
-    kernels: tuple[tuple[Callable[..., float], str], ...] = ()
     no_row_kernel: bool = False
     built_for_bars: bool = False
     keeps_constraints: bool = False

@@ -159,9 +159,9 @@ def kernel_failure(march: Marching, amplitudes: object, step: int, raised: BaseE
 def _kernel_of_error(march: Marching, error: BaseException) -> str:
     """Return in words the kernel in which an error was raised, also in a function that it calls."""
     called = {frame.f_code for frame, _ in traceback.walk_tb(error.__traceback__)}
+    of_plugins = (action for action in march.arrays.actions if action.of_plugin)
     kernels: list[tuple[Any, str]] = [
-        *((kernel_of(bound.law), f"contact law {bound.law.name}: multipliers") for bound in march.arrays.kernel_laws),
-        *(kernel for feature in march.model.features for kernel in feature.kernels),
+        (kernel, f"{action.name}: {slot.__name__}") for action in of_plugins for slot, kernel in action.slots.items()
     ]
     of_plug_in = (words for kernel, words in kernels if getattr(kernel, "py_func", kernel).__code__ in called)
     return next(of_plug_in, "a kernel")

@@ -122,7 +122,6 @@ def feature(model: ModelArrays) -> Feature | None:
         springs=partial(_springs, model),
         beyond_pencil=partial(_why_beyond_pencil, model),
         effect_unknown=partial(_why_unknown, model),
-        kernels=tuple((follower.kernel, f"load {follower.load.load.name}: follow") for follower in model.followers),
     )
 
 
