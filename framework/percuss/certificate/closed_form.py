@@ -70,7 +70,7 @@ class ClosedFormCriterion:
         if {constraint.node for constraint in held_throughout(model)} & set(nodes):
             raise NoClosedFormError("an end in contact is fixed or driven")
         for contact_point in model.contact_points:
-            ends = [(model.body_of(node), model.body_of(node).end_element(node)) for node in contact_point.nodes]
+            ends = [(model.bar_of(node), model.bar_of(node).end_element(node)) for node in contact_point.nodes]
             self.sides.append([(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends])
         self.free = 2.0 / model.omega
 

@@ -250,7 +250,7 @@ def _bars(model: Model) -> _Bars:
     bands: list[Floats] = []
     inverses: list[Floats] = []
     floating: list[int] = []
-    for body in model.bodies.values():
+    for body in model.bars.values():
         axis, ends = body.mesh.direction, (body.start, body.stop - 1)
         carried = [node for node in ends if body.carrier(node) != node]
         band = body.axial_band.copy()

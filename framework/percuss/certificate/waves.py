@@ -156,13 +156,13 @@ class _Ends:
         if not step.linear():
             raise PercussError(f"{contact}: the step is not linear while it is closed")
         held = {constraint.node for constraint in motions.constraints}
-        bodies = [model.body_of(node) for node in contact_point.nodes]
+        bodies = [model.bar_of(node) for node in contact_point.nodes]
         others = [
             other.name
             for other in model.contact_points
             if other is not contact_point and set(other.nodes) & set(contact_point.nodes)
         ]
-        if held & set(contact_point.nodes) or others or any(body.stiffness.size < 2 for body in bodies):
+        if held & set(contact_point.nodes) or others or any(body.count < 2 for body in bodies):
             needed = "ends that move freely, in one contact, with two elements behind"
             raise PercussError(f"{contact}: waves need {needed}")
         self.sides = [

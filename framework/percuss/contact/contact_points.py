@@ -9,6 +9,7 @@ import numpy as np
 
 from percuss.contact.contact_point import TOUCHING, ContactPoint
 from percuss.contact.paired_surfaces import points_of_surfaces
+from percuss.mesh.bar import Bar
 from percuss.mesh.loads import ROUND_OFF
 
 if TYPE_CHECKING:
@@ -25,8 +26,9 @@ def contact_points_of(
     case: Case, spec: ContactSpec, bodies: Mapping[str, Body], problems: list[Problem]
 ) -> list[ContactPoint]:
     """Return the points of a contact of a case; none if its geometry is wrong, with the reason in `problems`."""
-    if all(bodies[side.body].mesh.line is not None for side in spec.sides):
-        point = _ends_that_meet(case, spec, bodies, problems)
+    bars = {name: body for name, body in bodies.items() if isinstance(body, Bar)}
+    if all(side.body in bars for side in spec.sides):
+        point = _ends_that_meet(case, spec, bars, problems)
         return [point] if point is not None else []
     points = []
     for found in points_of_surfaces(case, spec, bodies):
@@ -38,7 +40,7 @@ def contact_points_of(
 
 
 def _ends_that_meet(
-    case: Case, spec: ContactSpec, bodies: Mapping[str, Body], problems: list[Problem]
+    case: Case, spec: ContactSpec, bodies: Mapping[str, Bar], problems: list[Problem]
 ) -> ContactPoint | None:
     """Return the point at which two ends meet, or an end and a wall; None if they cannot, with a problem."""
     path = ("contacts", spec.name)
@@ -101,7 +103,7 @@ def _ends_that_meet(
     )
 
 
-def _facing_ends(sides: Sequence[Body], spec: ContactSpec) -> list[str]:
+def _facing_ends(sides: Sequence[Bar], spec: ContactSpec) -> list[str]:
     """Return the other ends of two bars that overlap, if these are apart or touch, else nothing."""
     ends = [
         (f"{side.body}.{name}", body.mesh.nodes[region.nodes[0]], region.outward)

@@ -14,6 +14,7 @@ import numpy as np
 
 from percuss.contact.contact_rows import Side, delassus_rows
 from percuss.contact.features import first_of
+from percuss.mesh.bar import Bar
 from percuss.mesh.loads import latest
 from percuss.methods.interfaces import Floats, LeapFrog, Stages
 
@@ -95,7 +96,7 @@ class ModelArrays:
     @property
     def of_lines(self) -> bool:
         """Whether all bodies are along lines."""
-        return all(body.mesh.line is not None for body in self.bodies.values())
+        return all(isinstance(body, Bar) for body in self.bodies.values())
 
     @property
     def n_nodes(self) -> int:
@@ -176,6 +177,24 @@ class ModelArrays:
             *(force.node for force in self.forces_on_nodes),
         ]
 
+    @cached_property
+    def bars(self) -> Mapping[str, Bar]:
+        """The bodies of a model of bars alone.
+
+        Raises
+        ------
+        TypeError
+            If one of them is no bar.
+        """
+        bars = {name: body for name, body in self.bodies.items() if isinstance(body, Bar)}
+        if len(bars) < len(self.bodies):
+            raise TypeError("what is of bars alone was asked of another body")
+        return bars
+
+    def bar_of(self, node: int) -> Bar:
+        """Return the bar that contains a node."""
+        return self.bars[self.body_of(node).name]
+
     def body_of(self, node: int) -> Body:
         """Return the body that contains a node."""
         bodies, starts = self._places
@@ -252,7 +271,8 @@ class ModelArrays:
         """
         body = self.body_of(node)
         if (beside := body.carrier(node)) != node:
-            stiffness = float(body.stiffness[body.end_element(node)])
+            bar = self.bar_of(node)
+            stiffness = float(bar.stiffness[bar.end_element(node)])
             return [Side(node, normal, free / (stiffness * self.dt**2), beside)]
         if body.inverse.size:
             return [

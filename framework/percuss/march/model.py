@@ -23,6 +23,7 @@ from percuss.errors import Problem, refuse_if_any
 from percuss.march.features import features_of
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
 from percuss.mesh import size_limits
+from percuss.mesh.bar import Bar
 from percuss.mesh.body import Body
 from percuss.mesh.cell_stiffness import frequencies_of_cells
 from percuss.mesh.cells import is_solid, modulus_of, volumes_of
@@ -38,7 +39,6 @@ from percuss.step.parts.end_forces import end_forces, trace_stiffness
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
-    from percuss.case.specs import Address
     from percuss.contact.features import Feature
 
 
@@ -217,10 +217,6 @@ class Model(ModelArrays):
         """Courant number of the element with the highest frequency omega, ``omega dt / 2``: c dt/h of a bar."""
         return 0.5 * self.dt * self.omega
 
-    def node(self, address: Address) -> int:
-        """Return the node at an end of a body."""
-        return self.bodies[address.body].node(address.region)
-
     def inactive_points(self, midpoint: float) -> tuple[int, ...]:
         """Return the contact points whose law is not active in the step around `midpoint`."""
         inactive = set(self._never_active)
@@ -287,7 +283,7 @@ class Model(ModelArrays):
     def _stiffness_limits(self, dt: float) -> Floats:
         if not self.of_lines:
             return surface_limits(self.bodies.values(), self.contact_points, dt)
-        return stiffness_limits(self.bodies.values(), self.contact_points, self._moved_nodes, dt)
+        return stiffness_limits(self.bars.values(), self.contact_points, self._moved_nodes, dt)
 
     @cached_property
     def _moved_nodes(self) -> list[list[int]]:
@@ -427,16 +423,16 @@ def _bodies_of(case: Case) -> dict[str, Body]:
             velocity = velocity * (mesh.direction if mesh.line is not None else np.zeros(mesh.nodes.shape[1]))
         try_kernels(spec.element, spec.material, view)
         mass, may_lack_mass = nodal_masses(case, spec, view, in_contact.get(name, frozenset()))
-        bodies[name] = Body(
+        facts: dict[str, Any] = {}
+        if mesh.line is not None:
+            facts["stiffness"] = answer(spec.element, "axial_stiffness", view, spec.material.modulus)
+        bodies[name] = (Bar if mesh.line is not None else Body)(
             name=name,
             number=number,
             spec=spec,
             mesh=mesh,
             start=start,
             mass=mass,
-            stiffness=answer(spec.element, "axial_stiffness", view, spec.material.modulus)
-            if mesh.line is not None
-            else np.zeros(0),
             frequency=frequencies_of_cells(spec.element, spec.material, view)
             if is_solid(spec.element)
             else answer(
@@ -446,6 +442,7 @@ def _bodies_of(case: Case) -> dict[str, Body]:
             velocity=velocity,
             may_lack_mass=may_lack_mass,
             inverse=inverse_mass(case, spec, view, mass),
+            **facts,
         )
         start = bodies[name].stop
     return bodies

@@ -106,11 +106,9 @@ def check_bodies(case: Case, bodies: Mapping[str, Body]) -> None:
     """
     problems = []
     for name, body in bodies.items():
-        sizes = {"an element length": body.mesh.lengths} if body.mesh.line else {"a volume": body.volumes_of_cells}
         quantities: dict[str, Any] = {
-            **sizes,
+            **body.sizes,
             "a mass of a node": np.where(body.may_lack_mass & (body.mass == 0.0), LARGEST_NUMBER, body.mass),
-            "a stiffness EA/h": body.stiffness,
             "a frequency 2c/h": body.frequency,
             "a velocity": np.abs(body.velocity[body.velocity != 0]),
         }

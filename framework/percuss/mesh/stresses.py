@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from percuss.mesh.bar import Bar
 from percuss.mesh.cells import PROBING_STRAIN
 from percuss.mesh.element_probe import ElementProbe
 
@@ -45,7 +46,7 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
     linear = not body.why_not_linear
     for column, number in enumerate(elements):
         if linear and body.of_cells:  # as below, relative to the first node
-            size = PROBING_STRAIN * (float(body.mesh.lengths[number]) if body.mesh.line is not None else body.shortest)
+            size = PROBING_STRAIN * (float(body.mesh.lengths[number]) if isinstance(body, Bar) else body.shortest)
             stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(nodes * dim)[dim:]]
             relative = displacement[:, column, 1:] - displacement[:, column, :1]
             field[:, column] = relative.reshape(times, -1) @ np.array(stresses)
@@ -71,10 +72,10 @@ def tangent_as_declared(bodies: Iterable[Body]) -> bool:
     of a linear body, and a step that is unstable for the linear body is unstable.
     """
     for body in bodies:
-        if not body.why_not_linear or body.mesh.line is None:  # that of cells is taken from their kernels
+        if not body.why_not_linear or not isinstance(body, Bar):  # others have no declared stiffness
             continue
         probe = ElementProbe(body.spec.element, body.spec.material, body.view)
-        numbers = np.unique(np.linspace(0, body.stiffness.size - 1, PROBED_ELEMENTS).round().astype(np.int64))
+        numbers = np.unique(np.linspace(0, body.count - 1, PROBED_ELEMENTS).round().astype(np.int64))
         for number in numbers:
             nodes = body.mesh.nodes[body.element_nodes(np.array([number]))[0] - body.start]
             along = (nodes - nodes[0]) @ body.mesh.direction

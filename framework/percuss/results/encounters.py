@@ -17,7 +17,7 @@ from percuss.jsonable import Entries
 from percuss.march.march import March, Outcome
 from percuss.march.model import Model
 from percuss.march.recording import probe_nodes
-from percuss.mesh.body import Body
+from percuss.mesh.bar import Bar
 from percuss.methods.interfaces import Floats
 
 NOT_DECLARED = "no contact is declared between them"
@@ -28,7 +28,7 @@ class End:
     """An end of a body: its address in a case, its node in the model, its normal out of the body and its position."""
 
     name: str
-    body: Body
+    body: Bar
     node: int
     outward: Floats
     position: Floats
@@ -36,7 +36,7 @@ class End:
 
 def _ends(model: Model) -> Iterator[End]:
     """Yield the ends of all bodies."""
-    for body in model.bodies.values() if model.of_lines else ():
+    for body in model.bars.values() if model.of_lines else ():
         for region, (nodes, outward, _) in body.mesh.regions.items():
             if len(nodes) == 1:
                 yield End(f"{body.name}.{region}", body, body.start + nodes[0], outward, body.mesh.nodes[nodes[0]])

@@ -105,8 +105,8 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> Entries:
     ends = model.case.recorded_ends
     motion = {quantity: np.zeros((t.size, len(ends), model.dim)) for quantity in ("displacement", "velocity")}
     for k, address in enumerate(ends):
-        body = model.bodies[address.body]
-        x = 0.0 if model.node(address) == body.start else float(body.mesh.lengths.sum())
+        body = model.bars[address.body]
+        x = 0.0 if body.node(address.region) == body.start else float(body.mesh.lengths.sum())
         for quantity, values in motion.items():
             along = getattr(solution, quantity)(body.name, np.full(t.shape, x), t)
             values[:, k] = along[:, None] * body.mesh.direction

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from percuss.contact.model_arrays import ModelArrays
-    from percuss.mesh.body import Body
+    from percuss.mesh.bar import Bar
     from percuss.methods.interfaces import Floats
 
 UNIFORM_BAR = np.dtype(
@@ -130,11 +130,12 @@ def uniform_bars(model: ModelArrays, boundary_nodes: Sequence[int]) -> Any:
     boundary_nodes
         The nodes at which contacts, loads, supports or probes act.
     """
-    bodies = list(model.bodies.values())
+    bodies = list(model.bars.values()) if model.of_lines else []
     ends = {node for body in bodies for node in (body.start, body.stop - 1)}
     bars = []
     if (
-        model.dim == 1
+        bodies
+        and model.dim == 1
         and not model.multistage
         and not any(feature.no_row_kernel for feature in model.features)
         and not model.body_forces
@@ -149,7 +150,7 @@ def uniform_bars(model: ModelArrays, boundary_nodes: Sequence[int]) -> Any:
     return record_array(bars, UNIFORM_BAR)
 
 
-def _is_uniform(body: Body) -> bool:
+def _is_uniform(body: Bar) -> bool:
     """Return whether a body is linear, with two-node elements of one stiffness and inner nodes of one mass.
 
     The kernels of a third-party plug-in are called in every step, whatever they declare: the run shows what they

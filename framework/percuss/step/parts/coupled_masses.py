@@ -302,7 +302,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem]:
         advice = f"Masses that couple nodes are not built for {what}: take lumped, or central-difference."
         yield case.problem(("method", "mass"), message, advice)
     for body in model.bodies.values():
-        reach, count = body.inverse.shape[0] - 1, body.stiffness.size
+        reach, count = body.inverse.shape[0] - 1, body.count
         if count <= reach and not {body.start, body.stop - 1}.isdisjoint(model.acted_nodes):
             message = f"expected more than {reach} elements in body '{body.name}', found {count}"
             advice = (

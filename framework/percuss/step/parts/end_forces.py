@@ -279,7 +279,7 @@ def _end_force_rows(model: ModelArrays, sides: Sequence[Side]) -> dict[int, Floa
     """Return the rows of Sigma by node: end force by displacement."""
     rows: dict[int, Floats] = {}
     for weight, side in zip(_weights(sides), sides, strict=True):
-        body = model.body_of(side.node)
+        body = model.bar_of(side.node)
         row = weight * float(body.stiffness[body.end_element(side.node)]) * side.normal
         beside = side.node + 1 if side.node == body.start else side.node - 1
         for node, sign in ((side.node, -1.0), (beside, 1.0)):
@@ -305,7 +305,7 @@ def trace_stiffness(model: ModelArrays, midpoint: float) -> Floats:
     return np.array(
         [
             sum(
-                weight**2 * model.body_of(side.node).end_stiffness(side.node)
+                weight**2 * model.bar_of(side.node).end_stiffness(side.node)
                 for weight, side in zip(_weights(sides), sides, strict=True)
             )
             for sides in model.contact_rows(midpoint).sides
