@@ -171,7 +171,7 @@ def names_in_code(path):
 
 
 def test_few_files_know_an_optional_feature():
-    """All others ask for facts, `percuss.contact.features.Feature`. The contract and its checks are left out."""
+    """All others ask for `facts` (`percuss.contact.features.Feature`). The contract and its checks are left out."""
     apart = ("percuss.methods", "percuss.testing", "percuss.case", "percuss.step.integrator_check")
     names = {module: names_in_code(path) - CONTRACT for module, path in MODULES.items() if not module.startswith(apart)}
     for feature, most in FEATURES.items():

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.contact.bound_law import OF_END_FORCE
-from percuss.contact.features import first_of
 from percuss.step.integrator_check import kernel_of, unchecked_scheme, uses_internal
 
 if TYPE_CHECKING:
@@ -91,7 +90,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     def add_unknown(name: str, reason: str, energy: tuple[str, str] | None = None) -> None:
         unknown.append(name)
         doubts.append(reason)
-        if energy or not any(feature.of_all_laws for feature in model.features):
+        if energy or not model.facts.of_all_laws:
             guarantees.append(energy or (UNKNOWN, reason))
 
     stages, (*_, table) = unchecked_scheme(model.case.method.integrator, dt)
@@ -123,7 +122,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         if not bound_law.ties:
             compliance[indices] = linear.sigma / linear.gap
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
-    by_loads = tuple(filter(None, (feature.beyond_pencil() for feature in model.features)))
+    by_loads = tuple(filter(None, (model.facts.beyond_pencil(),)))
     inactive = list(model.inactive_points(0.5 * model.dt))
     stiffness[inactive], inertia[inactive], surplus[inactive] = 0.0, 0.0, np.nan
     weakest, why = _weakest(guarantees, multistage=stages is not None)
@@ -180,7 +179,8 @@ def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[
     guarantees = [(NEVER_GROWS, BY_END) if model.contact_points else (BETWEEN, NO_CONTACT)]
     if model.why_not_linear:
         guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
-    guarantees += [(NOT_GUARANTEED, feature.not_guaranteed) for feature in model.features if feature.not_guaranteed]
+    if model.facts.not_guaranteed:
+        guarantees.append((NOT_GUARANTEED, model.facts.not_guaranteed))
     if stages is not None:
         guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     return guarantees
@@ -190,7 +190,7 @@ def _why_no_springs(model: Model, stages: Stages | None) -> str:
     """Return why closed contacts do not act in the step as the springs of a mesh do; empty where they do."""
     integrator = model.case.method.integrator
     alone = stages is not None and uses_internal(kernel_of(integrator))
-    return first_of(feature.no_springs for feature in model.features) or (f"{integrator.name} {ALONE}" if alone else "")
+    return model.facts.no_springs or (f"{integrator.name} {ALONE}" if alone else "")
 
 
 def _reason_unknown(linear: LinearLaw, law: str, *, multistage: bool) -> str:

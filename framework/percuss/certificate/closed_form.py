@@ -9,7 +9,6 @@ import numpy as np
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.lines import held_throughout
 from percuss.certificate.search import largest_step_below, signed_distance
-from percuss.contact.features import first_of
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -27,8 +26,7 @@ def unlike_plain_bars(model: Model) -> str:
         for body in model.bodies.values()
         for kind in (body.mesh.cells if body.of_cells else ())
     )
-    features = (feature.unlike_plain_bars for feature in model.features)
-    return first_of((model.why_not_linear, scheme, *features, *cells))
+    return model.why_not_linear or scheme or model.facts.unlike_plain_bars or next(cells, "")
 
 
 class ClosedFormCriterion:
@@ -58,7 +56,7 @@ class ClosedFormCriterion:
         self.model = model
         if why := unlike_plain_bars(model):
             raise NoClosedFormError(why)
-        if why := first_of(feature.no_closed_form for feature in model.features):
+        if why := model.facts.no_closed_form:
             raise NoClosedFormError(why)
         self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h
         for body in model.bodies.values():

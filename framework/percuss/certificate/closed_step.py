@@ -239,7 +239,7 @@ class Motions:
     @cached_property
     def followed(self) -> Floats:
         """The displacements on which forces depend, as rows for weighted displacements, (forces, n)."""
-        forces = [force for feature in self.model.features for force in feature.forces]
+        forces = self.model.facts.forces
         rows = np.zeros((len(forces), self.model.n_nodes, self.model.dim))
         for row, force in zip(rows, forces, strict=True):
             row[force.node] = force.force

@@ -18,7 +18,6 @@ from percuss.certificate.lines import bars_alone
 from percuss.certificate.operator_criterion import OperatorCriterion
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.step_itself import LARGEST_DENSE_STATE, StepCriterion
-from percuss.contact.features import first_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,7 +45,7 @@ def operator_criterion(model: Model, closed: ClosedContacts | None = None) -> Op
     # Contact can damp all of a short bar, so a step above theta = 1 may be stable: the step itself tells. The state of
     # ends without mass is not one of displacement and velocity alone, and states are weighted with diagonal masses.
     short = model.of_lines and any(body.count < SHORT_BAR_ELEMENTS for body in model.bodies.values())
-    covered = not any(feature.by_pencil_alone for feature in model.features)
+    covered = not model.facts.by_pencil_alone
     asked = short and covered and 2 * model.mass.size <= LARGEST_DENSE_STATE
     _, delassus, coupling = model.contact_rows(0.5 * model.dt)
     return OperatorCriterion(
@@ -58,7 +57,7 @@ def operator_criterion(model: Model, closed: ClosedContacts | None = None) -> Op
         tied=model.tied_points,
         apart=lambda: bars_alone(model) if model.of_lines else assembled_operator(model, tied=False),
         above_theta_of_one=(lambda: StepCriterion(model)) if asked else None,
-        why_open=first_of(feature.unknown_above_theta_of_one for feature in model.features if short),
+        why_open=model.facts.unknown_above_theta_of_one if short else "",
     )
 
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.criteria import RunCriterion, operator_criterion
-from percuss.contact.features import first_of
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -46,8 +45,8 @@ def cure_of(criterion: RunCriterion, critical: float) -> str:
                 limit = largest_stable_value(criterion, law, option, value)
                 if limit is not None:
                     cures.append(f"set {option} of {law.name} to at most {round_down(limit)}")
-    if np.isnan(critical) and (cure := first_of(feature.cure for feature in model.features)):
-        cures.append(cure)
+    if np.isnan(critical) and model.facts.cure:
+        cures.append(model.facts.cure)
     elif np.isnan(critical) or not cures:
         cures.append(no_step(model, criterion.free, critical))
     return ", or ".join(cures)

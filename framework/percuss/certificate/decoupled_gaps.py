@@ -51,7 +51,8 @@ def closed_form(model: Model) -> type[DecoupledGapsCriterion] | None:
         stages is not None
         or not model.laws
         or len(model.contact_points) > MOST_POINTS
-        or any(feature.no_springs or feature.beyond_pencil() for feature in model.features)
+        or model.facts.no_springs
+        or model.facts.beyond_pencil()
         or not all(bound_law.sees_more_than_gap and _is_spring(bound_law.linear) for bound_law in model.laws)
     ):
         return None

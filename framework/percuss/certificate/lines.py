@@ -244,8 +244,7 @@ class _Bars(NamedTuple):
 
 
 def _bars(model: Model) -> _Bars:
-    held = held_directions(model)
-    springs = {node: k for feature in model.features for node, k in feature.springs().items()}
+    held, springs = held_directions(model), model.facts.springs()
     nodes, mass = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
     bands: list[Floats] = []
     inverses: list[Floats] = []

@@ -20,7 +20,6 @@ from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
 from percuss.certificate.criteria import RunCriterion, operator_criterion, step_criterion
 from percuss.certificate.verdict import settled
-from percuss.contact.features import first_of
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
 from percuss.files import replacing
 from percuss.jsonable import Data, Entries
@@ -156,7 +155,7 @@ def _why_unknown(model: Model, way: str, doubts: Sequence[str]) -> str:
         return why
     if way == "pencil" and doubts:
         return f"the pencil does not cover this: {'; '.join(doubts)}"
-    why = first_of(feature.by_pencil_alone for feature in model.features)
+    why = model.facts.by_pencil_alone
     return "; ".join((why, *doubts)) if way == "black-box" and why else ""
 
 
@@ -164,9 +163,9 @@ def _why_no_critical_step(model: Model) -> str:
     """Return why no criterion has a critical step of a model; empty where one may have it."""
     if model.why_not_linear:
         return f"{model.why_not_linear}, and its critical step changes with the strain"
-    if why := first_of(feature.effect_unknown() for feature in model.features):
+    if why := model.facts.effect_unknown():
         return f"{why}, which changes the critical step"
-    return first_of(feature.no_critical_step for feature in model.features)
+    return model.facts.no_critical_step
 
 
 def _row(varied: Data, way: str, critical: float | None, reason: str, model: Any = None) -> Entries:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,7 +56,7 @@ def limit_ratio(model: Model) -> float:
     """Return the largest stable omega dt of the scheme of a model over that of central difference, which is 2."""
     integrator, stages = model.case.method.integrator, model.stages
     if stages is None:
-        return math.prod((feature.limit_ratio for feature in model.features), start=1.0)
+        return model.facts.limit_ratio
     try:
         return _limit_ratio(integrator, stages, model.dt)
     except TypeError:  # The options of the integrator may be unhashable, which the cache does not accept.

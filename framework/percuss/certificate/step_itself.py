@@ -187,7 +187,7 @@ def _stability(step: ClosedStep) -> ClosedStepStability:
     one_force = not step.model.multistage and step.model.period == 1
     theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and one_force else None
     size = step.parts * step.size
-    if size > LARGEST_DENSE_STATE and theta is not None and not any(feature.forces for feature in step.model.features):
+    if size > LARGEST_DENSE_STATE and theta is not None and not step.model.facts.forces:
         # Up to theta = 1 the closed step is bounded wherever the free step is.
         zeros = np.zeros(len(motions.model.contact_points))
         return ClosedStepStability(1.0 if motions.operator.definite(dt, zeros, zeros)[0] else np.inf, theta)
@@ -323,8 +323,7 @@ class StepCriterion:
         """
         tied = self.model.tied_points
         closed_sets = [(*tied, *(self._not_tied[k] for k in closed)) for closed in combinations(len(self._not_tied))]
-        all_sets = self.model.stages is None or any(feature.forces for feature in self.model.features) or bool(tied)
-        return closed_sets if all_sets else closed_sets[1:]
+        return closed_sets if self.model.stages is None or self.model.facts.forces or tied else closed_sets[1:]
 
     @cached_property
     def _not_tied(self) -> list[int]:

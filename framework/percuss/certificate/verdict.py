@@ -15,7 +15,7 @@ from percuss.certificate.criteria import RunCriterion, contact_names, operator_c
 from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
 from percuss.certificate.decoupled_gaps import closed_form
 from percuss.certificate.search import MARGINAL_DISTANCE
-from percuss.contact.features import Verdict, first_of
+from percuss.contact.features import Verdict
 from percuss.errors import InputError, refuse_if_any
 from percuss.garbage import collection_paused
 from percuss.march.model import Model
@@ -131,10 +131,9 @@ def _with_step(case: Case) -> SettledRun:
         return SettledRun(model, None)
     unknown = "No step is known to be stable: give one."
     changes = f"The highest frequency changes with the strain, so that {unknown[0].lower()}{unknown[1:]}"
-    unknown_effect = first_of(feature.effect_unknown() for feature in model.features)
     for expected, found, advice in (
-        *filter(None, (feature.no_choice_of_step for feature in model.features)),
-        ("loads of which the critical step is known, found that", unknown_effect, unknown),
+        model.facts.no_choice_of_step,
+        ("loads of which the critical step is known, found that", model.facts.effect_unknown(), unknown),
         ("a diagonal mass and ends in contact with mass, or linear laws, found that", unknown_by_mass(model), unknown),
         ("linear bodies, found that", model.why_not_linear, changes),
     ):
@@ -196,17 +195,16 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
         Whether to search the critical step too where only the step itself can tell it, which takes many times as long
         as to examine the step of the run; without it that is not known.
     """
-    for feature in model.features:
-        if feature.verdict is not None:
-            stable, why = feature.verdict()
-            return _unknown_certificate(closed_contacts(model, model.dt), model, why) | {"stable": stable}
+    if model.facts.verdict is not None:
+        stable, why = model.facts.verdict()
+        return _unknown_certificate(closed_contacts(model, model.dt), model, why) | {"stable": stable}
     if model.why_not_linear:
         found = _certificate_of_nonlinear_bodies(model)
-    elif why := unknown_by_mass(model) or first_of(feature.unknown() for feature in model.features):
+    elif why := unknown_by_mass(model) or model.facts.unknown():
         found = _unknown_certificate(closed_contacts(model, model.dt), model, why)
     else:
         found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), with_critical_step)
-    if why := first_of(feature.effect_unknown() for feature in model.features):
+    if why := model.facts.effect_unknown():
         why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found['why']}"
         found = found | {"stable": "unknown", "why": why, "cure": "", "worst": []}
         found = found | {"dt_critical": None, "dt_critical_free": None, "courant_critical": None, "margin": None}
@@ -257,7 +255,7 @@ def unknown_by_mass(model: Model) -> str:
 
     Ends without mass, and masses that couple nodes, are examined by the pencil alone.
     """
-    what = first_of(feature.examined for feature in model.features)
+    what = model.facts.examined
     doubts = closed_contacts(model, model.dt).doubts if what else ()
     return f"{what}, and {'; '.join(doubts)}" if doubts else ""
 

@@ -16,7 +16,6 @@ from percuss.blas import one_blas_thread
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import unlike_plain_bars
 from percuss.certificate.closed_step import ClosedStep, Motions
-from percuss.contact.features import first_of
 from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.jsonable import Entries
 
@@ -149,7 +148,7 @@ class _Ends:
     def __init__(self, model: Model, p: int) -> None:
         contact_point = model.contact_points[p]
         contact = f"contact '{contact_point.name}'"
-        if why := first_of(feature.no_waves for feature in model.features):
+        if why := model.facts.no_waves:
             raise PercussError(f"{contact}: {why}")
         motions = Motions(model)
         step = ClosedStep(motions, model.dt, [p])

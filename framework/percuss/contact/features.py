@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
@@ -116,7 +117,7 @@ class Feature:
     unknown_above_theta_of_one: str = ""
     examined: str = ""
     no_critical_step: str = ""
-    no_choice_of_step: tuple[str, str, str] | None = None
+    no_choice_of_step: tuple[str, str, str] = ("", "", "")
     verdict: Callable[[], tuple[Verdict, str]] | None = None
     unknown: Callable[[], str] = str
     cure: str = ""
@@ -128,6 +129,8 @@ class Feature:
         return self.goes_without.get(name, "") if concerned else ""
 
 
-def first_of(reasons: Iterable[str]) -> str:
-    """Return the first reason that is not empty; empty if all are."""
-    return next(filter(None, reasons), "")
+def together(features: Iterable[Feature]) -> Feature:
+    """Return the facts of all features as those of one; of a fact that several of them say the first one counts."""
+    neutral = vars(Feature(name=""))
+    said = ({name: fact for name in neutral if (fact := vars(one)[name]) != neutral[name]} for one in features)
+    return Feature(**{**neutral, **ChainMap(*said)})

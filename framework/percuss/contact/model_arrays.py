@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.contact.contact_rows import Side, delassus_rows
-from percuss.contact.features import first_of
+from percuss.contact.features import together
 from percuss.mesh.bar import Bar
 from percuss.mesh.loads import latest
 from percuss.methods.interfaces import Floats, LeapFrog, Stages
@@ -124,20 +124,24 @@ class ModelArrays:
         """The facts about the optional features that the model has."""
         raise NotImplementedError
 
+    @cached_property
+    def facts(self) -> Feature:
+        """These facts together, as those of one feature; neutral where the model has none."""
+        return together(self.features)
+
     def why_without(self, name: str, where: Sequence[int] = ()) -> str:
         """Return why the feature of this name does not go with others at the points `where`; empty if it does."""
-        return first_of(feature.why_without(name, where) for feature in self.features)
+        return next(filter(None, (feature.why_without(name, where) for feature in self.features)), "")
 
     @cached_property
     def balanced(self) -> Any:
         """Whether the force of each contact point follows from a static balance, (P,)."""
-        points = {p for feature in self.features for p in feature.balanced}
-        return np.array([p in points for p in range(len(self.contact_points))], dtype=bool)
+        return np.array([p in self.facts.balanced for p in range(len(self.contact_points))], dtype=bool)
 
     @property
     def leaps(self) -> tuple[int, ...]:
         """The number of steps from one action of the internal forces of each body to the next."""
-        return next((feature.leaps for feature in self.features if feature.leaps), (1,) * len(self.bodies))
+        return self.facts.leaps or (1,) * len(self.bodies)
 
     @property
     def period(self) -> int:
@@ -156,18 +160,12 @@ class ModelArrays:
         In linear bodies both are the same under a leap-frog scheme without viscosity whose internal forces act in every
         step. Of a multi-stage scheme the work has no such form.
         """
-        of_feature = any(feature.sums_internal_work for feature in self.features)
-        return not self.multistage and bool(self.why_not_linear or of_feature)
+        return not self.multistage and bool(self.why_not_linear or self.facts.sums_internal_work)
 
     @property
     def forces_on_nodes(self) -> tuple[NodalForce, ...]:
         """The forces on nodes, those that are given in time before those that follow the motion of their node."""
         return (*self.nodal_forces, *self.followers)
-
-    @property
-    def columns_not_in_time(self) -> list[int]:
-        """The columns of the amplitudes of loads that are not given in time."""
-        return [force.column for feature in self.features for force in feature.forces]
 
     @property
     def acted_nodes(self) -> list[int]:

@@ -105,11 +105,10 @@ class Arrays:
 
     def _stretch(self, midpoint: float, *, first: bool) -> None:
         model = self.model
-        keeps_all = model.multistage or any(feature.keeps_constraints for feature in model.features)
         constraints = [
             (index, constraint)
             for index, constraint in enumerate(model.constraints)
-            if keeps_all or constraint.active(midpoint)
+            if model.multistage or model.facts.keeps_constraints or constraint.active(midpoint)
         ]
         self.active_constraints = [index for index, _ in constraints]
         of_points = model.sides(midpoint)

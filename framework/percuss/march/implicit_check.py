@@ -107,7 +107,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
         message = f"expected linear bodies with the implicit {name}, found that {model.why_not_linear}"
         yield case.problem(("method", "integrator"), message, "Take an explicit integrator.")
     moving = [constraint.load for constraint in model.constraints if constraint.load is not None]
-    for load in (*moving, *(force.load for feature in model.features for force in feature.forces)):
+    for load in (*moving, *(force.load for force in model.facts.forces)):
         message = f"expected supports and forces with the implicit {name}, found a load that says how an end moves"
         yield case.problem(("loads", load.name), message, "Take an explicit integrator.")
     for bound_law in model.laws:

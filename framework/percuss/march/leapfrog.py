@@ -98,7 +98,7 @@ class LeapFrogStepper:
     @cached_property
     def _no_loads(self) -> Floats:
         amplitudes = self._zeros(self.model.period)
-        amplitudes[:, self.model.columns_not_in_time] = 1.0
+        amplitudes[:, [force.column for force in self.model.facts.forces]] = 1.0
         return amplitudes
 
     def load_impulse(self, amplitudes: Floats) -> Floats:

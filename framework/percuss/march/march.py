@@ -89,8 +89,8 @@ class March:
         self.dim = model.dim
         self._beginning: list[bytes] = []
         self.kernels = kernels(compiled=compiled)
-        if reasons := tuple(feature.not_compiled for feature in model.features if feature.not_compiled):
-            self.kernels = Kernels(False, reasons)
+        if model.facts.not_compiled:
+            self.kernels = Kernels(False, (model.facts.not_compiled,))
         self.arrays = Arrays(model)
         self._is_compiled = False
         self._begin()

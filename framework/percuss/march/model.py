@@ -342,19 +342,16 @@ class Model(ModelArrays):
         order = [point for bound_law in self.laws for point in bound_law.where]
         parts = [self.records_of(bound_law, table, delassus[list(bound_law.where)]) for bound_law in self.laws]
         records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
-        solved_at_end = any(feature.solves_contact for feature in self.features)
-        if self.stages is not None or solved_at_end:
+        if self.stages is not None or self.facts.solves_contact:
             records["stores"] = NOTHING
-        if solved_at_end:
+        if self.facts.solves_contact:
             records["end_stiffness"] = np.nan
         return order, records
 
     def records_of(self, bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
         """Return the records of a law at its points, where S has the diagonal `delassus`, (P,) `LAW`."""
         records = law_records(bound_law, table, delassus)
-        for feature in self.features:
-            records = feature.records(bound_law, records, delassus) if feature.records else records
-        return records
+        return self.facts.records(bound_law, records, delassus) if self.facts.records else records
 
     def sides(self, midpoint: float) -> list[list[Side]]:
         """Return the sides of all contact points, with what their laws see and push, for the supports at a time."""

@@ -140,7 +140,7 @@ class MultistageStepper:
     @cached_property
     def _no_loads(self) -> StageAmplitudes:
         amplitudes = self._zeros(1)
-        amplitudes.force[..., self.model.columns_not_in_time] = 1.0
+        amplitudes.force[..., [force.column for force in self.model.facts.forces]] = 1.0
         return amplitudes
 
     def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step

@@ -62,7 +62,7 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
     if bars:
         message = f"expected bars alone or no bar, found the bar '{bars[0]}' beside '{other}'"
         yield case.problem(("bodies", bars[0]), message, "Bars and other bodies in one case are not built.")
-    if any(feature.built_for_bars for feature in model.features):
+    if model.facts.built_for_bars:
         message = f"expected another integrator for '{other}', which is no bar, found {method.integrator.name}"
         yield case.problem(("method", "integrator"), message, "It is built for bars alone: take central-difference.")
     if case.record.fields:

@@ -12,7 +12,6 @@ from percuss.case.options import options_of
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.bound_law import OF_END_FORCE
-from percuss.contact.features import first_of
 from percuss.jsonable import Data, Entries
 from percuss.march.recording import recordable
 from percuss.mesh.cells import cells_of
@@ -227,7 +226,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     spec, law = model.case.contacts[contact_point.name], contact_point.law
     stiffness, mass, frequency = names = _names_at_end(model, contact_point)
     at_end = contact_point.stiffness, contact_point.mass, contact_point.frequency
-    s_formula = first_of(feature.delassus for feature in model.features if number in feature.balanced) or "N^T M^-1 N"
+    s_formula = model.facts.delassus if model.balanced[number] else "N^T M^-1 N"
     value: Entries = {
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
         "gap": contact_point.gap,
@@ -254,7 +253,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     if frequency == "omega":
         details.append("m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2")
     details += filter(None, [_assignments(_numbers_as_text(value["resolved"]))])
-    if solved := first_of(feature.solves_contact for feature in model.features):
+    if solved := model.facts.solves_contact:
         details.append(solved)
     elif value["row"] is None:
         details.append(f"{law.name} is no row of the contact equation: its own kernel gives the force")
@@ -269,7 +268,7 @@ def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
     """Return the linear law of a contact as the integrator evaluates it, or None where the law has its own kernel."""
     bound_law = next(bound_law for bound_law in model.laws if number in bound_law.where)
     linear = bound_law.linear
-    if linear is None or any(feature.solves_contact for feature in model.features):
+    if linear is None or model.facts.solves_contact:
         return None
     record = model.records_of(bound_law, model.tables[-1], bound_law.points.delassus)[bound_law.where.index(number)]
     numbers = {name: float(record[field]) for name, field in OF_RECORD.items()}
@@ -389,7 +388,7 @@ def _method(model: Model, component: Component) -> Fact:
     details += filter(None, ["; ".join(properties)])
     details += [f"see {reference}" for reference in component.references]
     if component.family == "integrators":
-        details += [line for feature in model.features for line in feature.explained]
+        details += model.facts.explained
         details += model.stages.in_words if model.stages else ()
     words = [f"{component.name} ({component.family}): {component.summary}"]
     return Fact(f"{component.family}/{component.name}", value, words, details)

@@ -124,19 +124,18 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
     warnings += march.model.ignored_couplings()
-    name = march.model.case.method.integrator.name
+    name, facts = march.model.case.method.integrator.name, march.model.facts
     if march.arrays.record.every > 1 and march.model.contact_points:
         warnings.append("true errors of the contact force need `record.every: 1`")
     if march.model.multistage:
         warnings.append(
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
         )
-    not_compiled = (feature.not_compiled for feature in march.model.features)
-    warnings += [f"{words}, and its time is that of these" for words in not_compiled if words]
+    if facts.not_compiled:
+        warnings.append(f"{facts.not_compiled}, and its time is that of these")
     bodies_error = energy["bodies_error"] or 0.0
-    if bodies_error > ledger.BODIES_TOLERANCE:
-        lost = (feature.loses_energy for feature in march.model.features)
-        warnings += [f"{words} {percent(bodies_error)} of the largest energy" for words in lost if words]
+    if facts.loses_energy and bodies_error > ledger.BODIES_TOLERANCE:
+        warnings.append(f"{facts.loses_energy} {percent(bodies_error)} of the largest energy")
     total = march.totals
     allowed = CONTACT_WORK_GROWTH * (total.began_with + total.largest_work) + march.noise
     if outcome.status != "unstable" and not total.contact_work <= allowed:

@@ -73,7 +73,7 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
     largest = np.maximum(np.maximum.accumulate(sizes), step_energy) if sizes.size else sizes
     growth = contact + stored - (contact + stored)[:1]
     bodies = {"internal_work": internal} if sums_internal_work else {}
-    if any(feature.dissipates for feature in march.model.features):
+    if march.model.facts.dissipates:
         # What the work of the internal forces has not stored in linear bodies.
         bodies["dissipated_energy"] = internal - (elastic - (energy_before - outcome.kinetic_before))
     elif march.arrays.variables.dissipated.size > 0:
@@ -127,8 +127,7 @@ def energy_summary(
     total = histories["kinetic_energy"] + histories["elastic_energy"]
     last = {name: float(values[-1]) if values.size else 0.0 for name, values in histories.items()}
     bodies_error = _bodies_error(march, histories, largest_energy)
-    by_scheme = any(feature.loses_energy for feature in march.model.features)
-    agree = by_scheme or not (bodies_error or 0.0) > BODIES_TOLERANCE
+    agree = march.model.facts.loses_energy or not (bodies_error or 0.0) > BODIES_TOLERANCE
     error = float(np.max(np.abs(histories["energy_error"]), initial=0.0))
     judged = not march.model.multistage and outcome.status != "unstable"
     allowed = _allowed(outcome, CLOSURE_TOLERANCE, largest_energy)
@@ -154,7 +153,7 @@ def _bodies_error(march: March, histories: Mapping[str, Floats], largest_energy:
     materials = [body.spec.material for body in march.model.bodies.values()]
     silent = any(material.state > 0 and material.dissipated_in is None for material in materials)
     # What a scheme dissipates is the difference itself.
-    takes = any(feature.dissipates for feature in march.model.features)
+    takes = march.model.facts.dissipates
     if "internal_work" not in histories or silent or takes or not largest_energy > 0.0:
         return None
     missing = histories["internal_work"] - histories["elastic_energy"]

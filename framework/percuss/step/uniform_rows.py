@@ -137,7 +137,7 @@ def uniform_bars(model: ModelArrays, boundary_nodes: Sequence[int]) -> Any:
         bodies
         and model.dim == 1
         and not model.multistage
-        and not any(feature.no_row_kernel for feature in model.features)
+        and not model.facts.no_row_kernel
         and not model.body_forces
         and ends.issuperset(boundary_nodes)
         and all(map(_is_uniform, bodies))

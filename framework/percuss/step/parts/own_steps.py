@@ -197,7 +197,7 @@ def _why_unknown(model: ModelArrays) -> str:
         return (
             f"with {name} contacts are held closed over several steps, and {laws} has a kernel, which does not say so"
         )
-    for force in (force for feature in model.features for force in feature.forces):
+    for force in model.facts.forces:
         at_end = "acts in every step at an end of a body whose internal forces may not"
         return f"load '{force.load.name}' {at_end}, under {name}"
     if model.contact_points and model.period > LONGEST_PERIOD:

@@ -217,9 +217,7 @@ def energy_growth(subject: Subject, case: Data, result: Result) -> float:
     arrays = result.arrays
     kinetic, elastic, work = arrays["kinetic_energy"], arrays["elastic_energy"], arrays["external_work"]
     energy = kinetic + elastic - work
-    if any(
-        feature.dissipates for feature in model.features
-    ):  # what a lagging viscosity takes swings; contacts are held to what they add
+    if model.facts.dissipates:  # what a lagging viscosity takes swings; contacts are held to what they add
         energy = energy + arrays["dissipated_energy"]
     all_open = (arrays["contact_force"] == 0.0).all(axis=1) & (arrays["gap"] >= 0.0).all(axis=1)
     open_energy = energy[all_open]
@@ -342,7 +340,7 @@ def check_certificate(subject: Subject, case: Entries) -> None:
     grow. If the linear laws of a pair do not describe what its runs do, its certificate is wrong.
     """
     model = Model(subject.load(subject.placed(case)))
-    if any(feature.no_choice_of_step for feature in model.features):
+    if model.facts.verdict is not None:
         raise NotApplicable("the scheme is implicit, and has no critical step")
     contacts = closed_contacts(model, model.dt)
     if contacts.unknown:
