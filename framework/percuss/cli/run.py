@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from percuss.case.arguments import expect_suffix
 from percuss.cli import common
@@ -14,8 +14,11 @@ from percuss.files import expect_writable
 from percuss.process import INTERRUPTED
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from percuss.case.case import Case
     from percuss.results.result import Result
+    from percuss.studies.alternatives import Alternatives
 
 SEARCHED = ("method.contact", "method.integrator", "refine", "time.courant")  # values that a recommendation finds
 
@@ -36,25 +39,19 @@ def run(
 ) -> None:
     """Run a case; print, save and draw its result."""
     with common.reporting(as_json) as answer:
-        from percuss.reporting import animation
         from percuss.reporting.terminal import result_lines
         from percuss.reporting.verdict import run_verdict
-        from percuss.results.exact_only import load_for_exact
         from percuss.results.ledger import open_accounts
-        from percuss.studies.alternatives import alternatives
-        from percuss.studies.perform import tied_twin
 
         if out is not None:
             expect_suffix(out, "a result", (".nc",), "Name it result.nc.")
         common.expect_drawable(plot)
         if animate is not None:
-            animation.check_animation(animate)
+            _animation().check_animation(animate)
         if tied and exact_only:
             both = "expected --tied or --exact-only, found both"
             raise InputError([Problem("percuss run", "", both, "An exact solution has no interface to tie.")])
-        loaded = common.load_case(case, set_, plugin, read=load_for_exact if exact_only else None)
-        if tied:
-            loaded = tied_twin(loaded)
+        loaded = _loaded(case, set_, plugin, tied=tied, exact_only=exact_only)
         if (plot or animate) and loaded.record.fields == 0 and loaded.of_bars:
             loaded = loaded.with_overrides({"record.fields": 400})
         if as_json:
@@ -65,7 +62,7 @@ def run(
         if result.status != "unstable" or result.summary["steps"]:  # a run that was not started has nothing to show
             answer.write(out, result.save, out)
             answer.write(plot, result.plot, plot)
-            answer.write(animate, animation.animate, result, animate)
+            answer.write(animate, lambda file: _animation().animate(result, file), animate)
         errors = [*([str(failure)] if failure else []), *answer.unwritten]
         data = {"title": result.title, **result.summary, "error": "; ".join(errors) or None}
         answer.show(data, result_lines(result))
@@ -74,19 +71,51 @@ def run(
         answer.exit_code = 1 if result.status != "done" or open_accounts(result.summary) else 0
         if result.marched:
             search = "" if tied else _search(case, set_ or [], plugin or [])
-            answer.conclude(run_verdict(result, alternatives(loaded, result) if search else None, search))
+            answer.conclude(run_verdict(result, _alternatives(loaded, result) if search else None, search))
         if result.status == "interrupted" and result.marched:
             answer.exit_code = INTERRUPTED
 
 
+# What only some runs need is imported when it is first used.
+
+
+def _animation() -> ModuleType:
+    from percuss.reporting import animation
+
+    return animation
+
+
+def _alternatives(case: Case, result: Result) -> Alternatives | None:
+    from percuss.studies.alternatives import alternatives
+
+    return alternatives(case, result)
+
+
+def _loaded(file: Path, sets: Any, plugins: Any, *, tied: bool, exact_only: bool) -> Case:
+    """Return the case as it is to be run."""
+    if exact_only:
+        from percuss.results.exact_only import load_for_exact
+
+        return common.load_case(file, sets, plugins, read=load_for_exact)
+    loaded = common.load_case(file, sets, plugins)
+    if tied:
+        from percuss.studies.perform import tied_twin
+
+        loaded = tied_twin(loaded)
+    return loaded
+
+
 def _outcome(case: Case, *, exact_only: bool, nudge: bool) -> tuple[Result, RunError | None]:
     """Return the result of a case or its exact solution, and the error that stopped the run, if one did."""
-    from percuss.results.exact_only import run_exact
     from percuss.results.runner import run as run_case
 
     with common.progress_bar() as progress, common.exact_solution_shown():
         try:
-            return run_exact(case) if exact_only else run_case(case, nudge=nudge, progress=progress), None
+            if not exact_only:
+                return run_case(case, nudge=nudge, progress=progress), None
+            from percuss.results.exact_only import run_exact
+
+            return run_exact(case), None
         except RunError as error:
             if error.result is None:  # a plug-in raised it
                 raise
