@@ -131,3 +131,50 @@ def test_automatic_stiffness_of_a_strip_is_that_of_its_bar(integrator, pairing):
             found.append((*beta, certificate(model)["dt_critical"]))
     assert np.array(found[:2]) == pytest.approx(np.array(found[2:]), rel=1e-6)
     assert certificate(model)["stable"] == "yes"
+
+
+REFUSED = {
+    "an area": ({"bodies.left.area": 1}, "bodies.left.area: block has no cross-section"),
+    "a speed": ({"bodies.left.velocity": 1}, "expected a vector, as body 'left' is along no line, found 1"),
+    "an element of bars": (
+        {"bodies.left.element": "bar"},
+        "expected an element for the quad cells of block, found bar",
+    ),
+    "an element of triangles": ({"bodies.left.element": "tri3"}, "found tri3, which is for triangle cells"),
+    "no ratio": ({"bodies.left.material.poisson": None}, "bodies.left.material.poisson: missing"),
+    "overlap": ({"bodies.right.at": [0.5, 0.0]}, "found an overlap of 0.5"),
+    "apart": ({"bodies.right.at": [3.0, 5.0]}, "found no point of one that meets the other"),
+    "coupled masses": ({"method.mass": "reciprocal"}, "expected elements of two nodes with the mass reciprocal"),
+    "ends without mass": ({"method.mass": "redistributed"}, "at ends in contact with the mass redistributed"),
+    "a push along no line": ({"loads.p": {"constant": 1, "on": "left.left"}}, "loads.p.direction: missing"),
+    "a load that follows": (
+        {"loads.p": {"absorbing": {}, "on": "left.left", "direction": [1, 0]}},
+        "expected bodies along a line with absorbing, found 'left'",
+    ),
+    "steps of their own": ({"method.integrator": "asynchronous"}, "expected another integrator for 'left'"),
+    "an implicit scheme": ({"method.integrator": "implicit-hht"}, "expected another integrator for 'left'"),
+    "end forces": ({"method.contact": "nitsche"}, "expected another law for 'left', which is no bar, found nitsche"),
+    "coupling": ({"method.contact": "uzawa"}, "expected another law for 'left', which is no bar, found uzawa"),
+    "rigid on many points": (
+        {"method.contact": "lagrange", "method.pairing": "gauss-points"},
+        "expected a law with a compliance on gauss-points, found lagrange",
+    ),
+    "snapshots": ({"record.fields": 10}, "record.fields: expected 0, as 'left' is no bar, found 10"),
+    "a bar beside": (
+        {"bodies.b": {"bar": {"length": 1.0, "elements": 2}, "area": 1.0, "material": {"young": 1.0, "density": 1.0}}},
+        "expected bars alone or no bar, found the bar 'b' beside 'left'",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_not_built_is_refused_with_its_reason(name):
+    changes, said = REFUSED[name]
+    case = percuss.load({
+        "percuss": 1, "bodies": {"left": block(0.0, 0.5, [4, 2]), "right": block(1.0, -0.5, [4, 2])},
+        "contacts": {"tip": {"between": ["left.right", "right.left"]}}, "time": {"courant": 0.5, "steps": 1},
+        "method": {"contact": {"name": "regularised-lagrange"}, "pairing": "node-to-segment"},
+    })  # fmt: skip
+    with pytest.raises(percuss.InputError) as refusal:
+        Model(case.with_overrides(changes))
+    assert said in str(refusal.value)
