@@ -124,6 +124,15 @@ def test_an_output_is_checked_before_anything_is_run(bench, command, said):
     assert said in refused(bench, command)
 
 
+def test_an_animation_of_what_is_no_bar_is_refused_before_the_run(bench):
+    block = {"block": {"size": [1.0, 1.0], "elements": [1, 1]}, "velocity": [1.0, 0.0],
+             "material": {"young": 1.0, "density": 1.0, "poisson": 0.0}}  # fmt: skip
+    case = {"percuss": 1, "bodies": {"b": block}, "time": {"courant": 0.5, "steps": 1}}
+    (bench / "block.yaml").write_text(yaml.safe_dump(case))
+    told = refused(bench, "run block.yaml --animate out.gif")
+    assert "out.gif: expected a case of bars to animate, found another body\n  Draw the run with --plot." in told
+
+
 def test_a_file_among_the_varied_values_is_an_input(bench):
     (bench / "other.csv").write_text("0,0\n0.1,0.02\n")
     vary = "--vary loads.push.table.file=record.csv,other.csv"

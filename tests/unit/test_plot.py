@@ -505,7 +505,7 @@ def test_an_animation_that_cannot_be_made_is_refused_before_the_run(good, tmp_pa
         animation.check_animation("a.avi")
     result = fresh(good)
     result.field_arrays.clear()
-    with pytest.raises(InputError, match="no stress over space and time"):
+    with pytest.raises(InputError, match="with stress over space and time to animate, found none"):
         animation.animate(result, tmp_path / "a.gif")
 
 

@@ -52,6 +52,9 @@ def run(
             both = "expected --tied or --exact-only, found both"
             raise InputError([Problem("percuss run", "", both, "An exact solution has no interface to tie.")])
         loaded = _loaded(case, set_, plugin, tied=tied, exact_only=exact_only)
+        if animate is not None and not loaded.of_bars:
+            no_bars = "expected a case of bars to animate, found another body"
+            raise InputError([Problem(str(animate), "", no_bars, "Draw the run with --plot.")])
         if (plot or animate) and loaded.record.fields == 0 and loaded.of_bars:
             loaded = loaded.with_overrides({"record.fields": 400})
         if as_json:

@@ -80,8 +80,9 @@ def animate(result: Result, path: str | os.PathLike[str]) -> None:
     """
     check_animation(path)
     if not result.field_arrays:
-        message = "has no stress over space and time to animate"
-        raise InputError([Problem(str(path), "", message, "Record it: record: {fields: 100}.")])
+        message = "expected a result with stress over space and time to animate, found none"
+        advice = "Bars record it with record: {fields: 100}; other bodies have none: draw them with --plot."
+        raise InputError([Problem(str(path), "", message, advice)])
     suffix = Path(path).suffix.lower()
     with drawing():
         from matplotlib.animation import FFMpegWriter, PillowWriter
