@@ -135,7 +135,7 @@ class _Compiler(CompilerBase):  # type: ignore[misc]
     lowering: type[NativeLowering]
 
     def define_pipelines(self) -> list[Any]:
-        """Return numba's own passes, with another translation in the place of its last but one."""
+        """Return numba's own passes, with another translation instead of their last but one."""
         pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
         pipeline.passes = [
             (self.lowering if each is NativeLowering else each, about) for each, about in pipeline.passes
@@ -226,7 +226,7 @@ def restored_callee(target_context: Any, payload: tuple[Any, ...]) -> CompileRes
 
 
 def use_storage(dispatcher: Any, storage: Any) -> None:
-    """Have a compiled function load and save its code by `storage`, in the place of numba's own cache."""
+    """Have a compiled function load and save its code by `storage`, instead of numba's own cache."""
     dispatcher._cache = storage
 
 

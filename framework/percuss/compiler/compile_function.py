@@ -59,7 +59,7 @@ def compile_function(function: types.FunctionType, *, entry: bool, key: str = ""
 
 
 class StoredFunction:
-    """What is compiled of one function, stored on disk for each signature, in the place of numba's own cache.
+    """What is compiled of one function, stored on disk for each signature, instead of numba's own cache.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ class Feature:
     records
         Returns the `LAW` records of a law at such points, from those at other points and the diagonal of S.
     delassus
-        What stands in S at such points in the place of ``N^T M^-1 N``.
+        What stands in S at such points instead of ``N^T M^-1 N``.
     leaps
         Number of steps from one action of the internal forces of each body to the next.
     limit_ratio
@@ -55,7 +55,7 @@ class Feature:
     not_compiled
         Why its steps are not compiled.
     sums_internal_work, dissipates
-        Whether the energy ledger counts the work of the internal forces in the place of the elastic energy, and whether
+        Whether the energy ledger counts the work of the internal forces instead of the elastic energy, and whether
         linear bodies dissipate what they do not store of it.
     loses_energy
         The warning, up to a percentage, where internal forces did other work than the bodies store; the ledger may then

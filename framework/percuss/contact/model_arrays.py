@@ -155,7 +155,7 @@ class ModelArrays:
 
     @property
     def sums_internal_work(self) -> bool:
-        """Whether the energy ledger counts the work of the internal forces in the place of the elastic energy.
+        """Whether the energy ledger counts the work of the internal forces instead of the elastic energy.
 
         In linear bodies both are the same under a leap-frog scheme without viscosity whose internal forces act in every
         step. Of a multi-stage scheme the work has no such form.

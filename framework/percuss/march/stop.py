@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-NOT_STARTED = "the certificate says no, so no step was made"
+NOT_STARTED = "the certificate says unstable, so the run was not started"
 
 
 Kind = Literal["contact work", "energy", "not solved", "kernel", "not started"]

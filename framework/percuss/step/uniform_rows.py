@@ -1,4 +1,4 @@
-"""Rows of equal two-node elements in one dimension, whose step needs one number in the place of arrays.
+"""Rows of equal two-node elements in one dimension, whose step needs one number instead of arrays.
 
 All inner nodes of such a bar have the same mass and all elements the same stiffness: a step without contact is
 ``v += rate ((u_{i+1} - u_i) - (u_i - u_{i-1}))``, then ``u += dt v``. Plain Python rounds the products before it adds

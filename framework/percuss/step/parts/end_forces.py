@@ -6,7 +6,7 @@ nodes, negative where they press the ends together.
 
 Such a law is evaluated at ``G^T u + g_0``, ``G = N + sees Sigma``, and pushes ``P = N + pushes Sigma``. The entries of
 a contact point contain ``M^-1 P``, also at the nodes beside its ends, so that multipliers act as those of any law. What
-the law sees stands in the place of the gap while the contact equation is solved; the gap comes back after that. In the
+the law sees replaces the gap while the contact equation is solved; the gap comes back after that. In the
 functions of the loop `e` is the record of such a point.
 """
 
@@ -141,7 +141,7 @@ def softening(law: Row, e: Row) -> float:
 
 
 def show_end_forces(data: EndForces, n: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Put what the laws see in the place of gaps and gap rates, which are kept."""
+    """Put what the laws see instead of gaps and gap rates, which are kept."""
     rows = data.rows
     for i in range(data.of_points.size):
         e = data.of_points[i]
