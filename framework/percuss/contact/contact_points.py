@@ -23,15 +23,16 @@ if TYPE_CHECKING:
 
 
 def contact_points_of(
-    case: Case, spec: ContactSpec, bodies: Mapping[str, Body], problems: list[Problem]
+    case: Case, number: int, spec: ContactSpec, bodies: Mapping[str, Body], problems: list[Problem]
 ) -> list[ContactPoint]:
-    """Return the points of a contact of a case; none if its geometry is wrong, with the reason in `problems`."""
-    bars = {name: body for name, body in bodies.items() if isinstance(body, Bar)}
-    if all(side.body in bars for side in spec.sides):
-        point = _ends_that_meet(case, spec, bars, problems)
+    """Return the points of contact `number` of a case; none if its geometry is wrong, with the reason in `problems`."""
+    sides = [bodies.get(side.body) for side in spec.sides]
+    bars = [body for body in sides if isinstance(body, Bar)]
+    if len(bars) == len(sides):
+        point = _ends_that_meet(case, number, spec, bars, problems)
         return [point] if point is not None else []
     points = []
-    for found in points_of_surfaces(case, spec, bodies):
+    for found in points_of_surfaces(case, number, spec, bodies):
         if isinstance(found, ContactPoint):
             points.append(found)
         else:
@@ -40,7 +41,7 @@ def contact_points_of(
 
 
 def _ends_that_meet(
-    case: Case, spec: ContactSpec, bodies: Mapping[str, Bar], problems: list[Problem]
+    case: Case, number: int, spec: ContactSpec, sides: Sequence[Bar], problems: list[Problem]
 ) -> ContactPoint | None:
     """Return the point at which two ends meet, or an end and a wall; None if they cannot, with a problem."""
     path = ("contacts", spec.name)
@@ -48,7 +49,6 @@ def _ends_that_meet(
     def add_problem(at: tuple[str, ...], message: str, advice: str) -> None:
         problems.append(case.problem(at, message, advice))
 
-    sides = [bodies[side.body] for side in spec.sides]
     normal = sides[0].mesh.regions[spec.sides[0].region].outward
     nodes = tuple(body.node(side.region) for body, side in zip(sides, spec.sides, strict=True))
     positions = [body.mesh.nodes[node - body.start] for body, node in zip(sides, nodes, strict=True)]
@@ -89,7 +89,7 @@ def _ends_that_meet(
     alike = [k for k, value in enumerate(stiffness) if value <= softest * (1.0 + ROUND_OFF)]
     return ContactPoint(
         name=spec.name,
-        contact=list(case.contacts).index(spec.name),
+        contact=number,
         gradient=tuple((node, sign * normal) for node, sign in zip(nodes, (-1.0, 1.0), strict=False)),
         normal=normal,
         at_wall=len(nodes) == 1,

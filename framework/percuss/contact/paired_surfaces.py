@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, PairedPoints
 
 
-def points_of_surfaces(case: Case, spec: ContactSpec, bodies: Mapping[str, Body]) -> Iterator[ContactPoint | Problem]:
+def points_of_surfaces(
+    case: Case, number: int, spec: ContactSpec, bodies: Mapping[str, Body]
+) -> Iterator[ContactPoint | Problem]:
     """Yield the contact points of two surfaces, or of a surface and a wall; or what is wrong with them."""
     path = ("contacts", spec.name)
     sides = [bodies[side.body] for side in spec.sides]
@@ -49,7 +51,6 @@ def points_of_surfaces(case: Case, spec: ContactSpec, bodies: Mapping[str, Body]
         message = f"expected bodies apart or touching, found an overlap of {-deepest:.6g}"
         yield case.problem(path, message, f"Move them apart by {-deepest:.12g}, or drop the contact.")
         return
-    number = list(case.contacts).index(spec.name)
     for p in range(found.gap.size):
         gradient: dict[int, Floats] = {}
         for k in range(found.start[p], found.start[p + 1]):

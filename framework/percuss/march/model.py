@@ -97,7 +97,11 @@ class Model(ModelArrays):
         courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
         self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / self.omega)
         problems: list[Problem] = []
-        points = [point for spec in case.contacts.values() for point in contact_points_of(case, spec, bodies, problems)]
+        points = [
+            point
+            for number, spec in enumerate(case.contacts.values())
+            for point in contact_points_of(case, number, spec, bodies, problems)
+        ]
         loads = supports_and_loads(case, bodies, problems)
         refuse_if_any(problems)
         self._set(contact_points=tuple(points), **loads._asdict())
