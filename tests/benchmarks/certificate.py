@@ -40,7 +40,7 @@ def main() -> None:
             March(model).run()
             told = best(lambda model=model: certificate(model))
             march = best(lambda model=model: March(model).run(), 2)
-            elements = model.n_nodes - len(model.bodies)
+            elements = model.bodies.n_nodes - len(model.bodies)
             print(f"{elements:9d} {told:10.4f} s {march:8.4f} s  {integrator} + {law['name']}")
 
 

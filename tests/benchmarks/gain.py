@@ -103,7 +103,7 @@ def gain(case: dict[str, Any], law: dict[str, Any]) -> tuple[float, int]:
         outcome = march.run(None)
         found = ledger.energies(march, outcome)
         energy = found["kinetic_energy"] + found["elastic_energy"]
-        start = 0.5 * float(march.model.mass @ (initial_velocity(march.model) ** 2).sum(axis=1))
+        start = 0.5 * float(march.model.bodies.mass @ (initial_velocity(march.model) ** 2).sum(axis=1))
         pressed = outcome.record.contact_force[: outcome.records] != 0.0
         closings = int((pressed[1:] & ~pressed[:-1]).sum() + pressed[0].sum())
         most = float(np.nanmax(energy)) / start - 1.0

@@ -138,7 +138,7 @@ def once(data: dict[str, Any]) -> dict[str, float]:
     result_of(march, outcome, certificate)
     return {
         "load": load, "model": build, "certificate": certified, "march": marched, "result": lap(),
-        "nodes": model.n_nodes,
+        "nodes": model.bodies.n_nodes,
     }  # fmt: skip
 
 

@@ -130,7 +130,7 @@ def with_percuss(method: str, refine: int, repeats: int) -> Row:
 
 def elastic_and_kinetic(model: Any, displacement: Any, other: Any, velocity: Any) -> float:
     """Return the kinetic energy of a velocity plus the elastic energy as a product of two displacements, or of one."""
-    energy = 0.5 * float(model.mass @ velocity**2)
+    energy = 0.5 * float(model.bodies.mass @ velocity**2)
     for body in model.bodies.values():
         here = slice(body.start, body.stop)
         energy += 0.5 * float(body.stiffness @ (np.diff(displacement[here]) * np.diff(other[here])))

@@ -564,7 +564,7 @@ class Bench:
         """Return whether the case at the edge is a right one that takes its time."""
         with contextlib.suppress(PercussError):
             model = settled(percuss.load(self.work / "edge.yaml")).model
-            return max(model.steps, model.n_nodes) > MOST_STEPS
+            return max(model.steps, model.bodies.n_nodes) > MOST_STEPS
         return False
 
     @contextlib.contextmanager

@@ -309,14 +309,14 @@ def test_rows_of_the_laws_and_the_step_itself_agree_on_the_critical_step(element
     model = model_of(impact(element, law, integrator, n=3))
     rows, step = operator_criterion(model).critical_step, step_criterion(model).critical_step
     assert rows == pytest.approx(step, rel=1e-5)
-    assert rows < 2.0 / model.omega
+    assert rows < 2.0 / model.bodies.omega
 
 
 def test_a_ratio_of_one_keeps_the_free_step():
     # as of two-node bars: the contact is measured by m omega^2 / 2 of the end
     for element in ELEMENTS:
         model = model_of(impact(element, {"name": "bipenalty", "beta_s": 50.0, "ratio": 1.0}))
-        assert operator_criterion(model).critical_step == pytest.approx(2.0 / model.omega, rel=1e-8)
+        assert operator_criterion(model).critical_step == pytest.approx(2.0 / model.bodies.omega, rel=1e-8)
 
 
 def test_theta_is_twice_the_penalty_at_courant_number_one():

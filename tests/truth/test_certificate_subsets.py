@@ -88,7 +88,7 @@ def test_a_yes_holds_for_every_subset_and_every_stretch(integrator, case, couran
     model = loaded(case)
     found = certificate(model)
     bodies = Bodies(case)
-    assert model.omega == pytest.approx(bodies.frequency, rel=1e-12)
+    assert model.bodies.omega == pytest.approx(bodies.frequency, rel=1e-12)
     largest, when, closed = largest_radius(bodies, integrator, model.dt, 10.0)
     event(found["stable"])
     if found["stable"] in {"yes", "marginal"}:

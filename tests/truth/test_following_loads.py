@@ -199,12 +199,12 @@ def test_the_critical_step_of_velocity_verlet_with_an_absorbing_end():
     case = bar({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5, elements=8)
     model = Model(percuss.load(case))
     critical = certificate(model)["courant_critical"]
-    mass, identity = model.mass[:, None], np.eye(9)
+    mass, identity = model.bodies.mass[:, None], np.eye(9)
     stiffness = 8 * STEEL["young"] / 10.0 * (np.diff(identity, axis=0).T @ np.diff(identity, axis=0))
     dashpot = np.diag([0.0] * 8 + [1.0])
 
     def radius(courant):
-        dt = courant * 2.0 / model.omega
+        dt = courant * 2.0 / model.bodies.omega
         kick, damp = -dt * stiffness / mass, identity - dt * dashpot / mass
         return np.abs(np.linalg.eigvals(np.block([[identity + dt * kick, dt * damp], [kick, damp]]))).max()
 
@@ -225,13 +225,13 @@ def test_pencil_and_step_itself_agree_on_mounts():
         model = Model(percuss.load(case))
         by_pencil, by_step = (kind(model).critical_step for kind in (operator_criterion, step_criterion))
         assert by_step == pytest.approx(by_pencil, rel=1e-5)
-        assert (by_pencil < 2.0 / model.omega * (1 - 1e-9)) is (stiffness > 0.0)
+        assert (by_pencil < 2.0 / model.bodies.omega * (1 - 1e-9)) is (stiffness > 0.0)
 
 
 def test_a_dashpot_that_drives_is_unstable():
     case = bar({"drive": mount(damping=0.5)}, elements=4, courant=0.5)
     model = Model(percuss.load(case))
-    driven = model.followers[0].__class__(**{**vars(model.followers[0]), "numbers": (0.0, -0.5)})
+    driven = model.loads.followers[0].__class__(**{**vars(model.loads.followers[0]), "numbers": (0.0, -0.5)})
     found = certificate(model._derived(followers=(driven,)))
     assert found["by"] == "black-box"
     assert found["stable"] == "no"

@@ -169,7 +169,7 @@ def test_rotation_and_elements_of_more_nodes():
     assert abs(matrix - matrix.T).max() < 1e-12
     start, stop = model.bodies["a"].start, model.bodies["a"].stop
     assert np.abs(matrix[start:stop, start:stop] @ np.ones(stop - start)).max() < 1e-10
-    along = model.nodes[start:stop, 0]
+    along = model.bodies.nodes[start:stop, 0]
     assert along @ (matrix[start:stop, start:stop] @ along) == pytest.approx(100.0, rel=1e-10)  # EA L at unit strain
     assert run(case).summary["energy"]["ledger_error"] < 1e-11
 

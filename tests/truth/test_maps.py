@@ -199,7 +199,7 @@ def test_a_wave_packet_gets_through_as_the_interface_says():
         at = x - 150 - speed * time
         return np.exp(-((at / 25) ** 2)) * np.cos(k * (x - 150) - turn / courant * time)
 
-    root = np.sqrt(model.mass)
+    root = np.sqrt(model.bodies.mass)
     now, before = packet(0.0), packet(-courant)
     state = np.concatenate([root * now, root * (now - before)])
     for _ in range(round(300 / speed / courant)):

@@ -444,7 +444,7 @@ def test_a_grid_of_all_that_may_be_chosen_has_hardly_anything_cheaper(case, erro
 
 def planned(case, candidate):
     model = Model(case.with_overrides({**recommendation._fixed(case), **candidate.changes}))
-    return model.steps * len(model.nodes)
+    return model.steps * len(model.bodies.nodes)
 
 
 def error_of(case, candidate):

@@ -91,7 +91,7 @@ def test_critical_steps_are_those_of_an_independent_program(cells, plane, poisso
     model = Model(percuss.load(case))
     speed = np.sqrt(model.bodies["a"].modulus)
     found = certificate(model)
-    assert 2.0 / model.omega * speed * 20 == pytest.approx(element, rel=1e-3)
+    assert 2.0 / model.bodies.omega * speed * 20 == pytest.approx(element, rel=1e-3)
     assert found["dt_critical_free"] * speed * 20 == pytest.approx(assembled, abs=1e-3)
     assert found["stable"] == "yes"
 

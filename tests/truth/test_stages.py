@@ -450,7 +450,7 @@ def test_the_works_are_what_the_kinetic_energy_takes_up(files):
     march_ = March(model)
     march_.compile()
     march_.stepper.start()
-    K, mass, total = dense.assemble(case).K, model.mass, march_.arrays.step.totals[0]
+    K, mass, total = dense.assemble(case).K, model.bodies.mass, march_.arrays.step.totals[0]
     total.floor = np.inf
     kinetic = lambda v: 0.5 * float(mass @ v**2)  # noqa: E731
     moved = 0

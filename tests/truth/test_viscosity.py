@@ -201,7 +201,7 @@ def test_bodies_of_several_blocks_move_as_one(dim):
     for _ in range(steps + 1):
         stress = count * np.diff(u + viscosity * dt * v)
         force = push + np.append(stress, 0.0) - np.insert(stress, 0, 0.0)
-        v = v + dt * force / model.mass
+        v = v + dt * force / model.bodies.mass
         v[0] = 0.0
         u = u + dt * v
     moved = march.u.reshape(-1, dim) @ direction

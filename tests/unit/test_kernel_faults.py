@@ -116,7 +116,7 @@ def test_a_multiplier_that_is_not_set_stops_the_run_and_is_named(file, mistake, 
     dt = march.model.dt
     assert outcome.status == "unstable"
     assert outcome.stop.step == np.floor(0.1 / dt) + 1
-    body = march.model.body_of(outcome.stop.node)
+    body = march.model.bodies.at(outcome.stop.node)
     assert (body.name, outcome.stop.node - body.start) == ("b", 4)
     what, cause = MISTAKES[mistake]
     assert outcome.stop.what == what

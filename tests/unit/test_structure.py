@@ -406,10 +406,10 @@ ABOUT_LINES = {
 PART_THERE = {
     "case/case.py", "certificate/assembled.py", "certificate/closed_step.py", "certificate/criteria.py", "cli/run.py",
     "contact/contact_points.py", "contact/model_arrays.py", "contact/paired_surfaces.py", "march/model.py",
-    "march/refusals.py", "mesh/cells.py", "mesh/kernel_trial.py", "mesh/loads.py", "mesh/size_limits.py",
+    "march/refusals.py", "mesh/bodies.py", "mesh/cells.py", "mesh/kernel_trial.py", "mesh/loads.py", "mesh/size_limits.py",
     "mesh/stresses.py", "methods/interfaces/body.py", "methods/plugin_calls.py", "reporting/explanation.py",
 }  # fmt: skip
-ASKS = re.compile(r"\bBar\b|\bof_lines\b|\bof_bars\b|\.bars\b|\bbar_of\b|mesh\.(line|lengths|direction)\b")
+ASKS = re.compile(r"\bBar\b|\bof_lines\b|\bof_bars\b|\.bars\b|\bbar_at\b|mesh\.(line|lengths|direction)\b")
 
 
 def test_only_declared_files_ask_whether_a_body_is_a_line():

@@ -23,10 +23,10 @@ def assembled_operator(model: Model, *, tied: bool = True) -> Operator:
 
     basis = free_motions(model)
     stiffness = csr_array(block_diag([body.stiffness_matrix() for body in model.bodies.values()], format="csr"))
-    rows = gap_rows(model.contact_points, model.n_nodes * model.dim, model.dim)
+    rows = gap_rows(model.contact_points, model.bodies.n_nodes * model.dim, model.dim)
     if tied and model.tied_points:
         basis = basis @ _without(rows[:, list(model.tied_points)].T @ basis)
-    mass = diags_array(model.mass_of_dofs)
+    mass = diags_array(model.bodies.mass_of_dofs)
     return Operator(
         csr_array(basis.T @ stiffness @ basis), csr_array(basis.T @ mass @ basis), csr_array(basis.T @ rows)
     )
@@ -34,7 +34,7 @@ def assembled_operator(model: Model, *, tied: bool = True) -> Operator:
 
 def operator_of(model: Model) -> Operator:
     """Return the operator of a stretch of a run: banded for bars, sparse for any other bodies."""
-    return line_operator(model) if model.of_lines else assembled_operator(model)
+    return line_operator(model) if model.bodies.of_lines else assembled_operator(model)
 
 
 def rigid_motions(model: Model) -> Floats:
@@ -47,14 +47,14 @@ def rigid_motions(model: Model) -> Floats:
     dim, held, columns = model.dim, held_directions(model), []
     for body in model.bodies.values():
         inside = slice(body.start, body.stop)
-        arm = model.nodes[inside] - model.nodes[inside].mean(axis=0)
+        arm = model.bodies.nodes[inside] - model.bodies.nodes[inside].mean(axis=0)
         fields = [np.tile(axis, (len(arm), 1)) for axis in np.eye(dim)]
         for first in range(dim):
             for second in range(first + 1, dim):
                 turned = np.zeros_like(arm)
                 turned[:, first], turned[:, second] = -arm[:, second], arm[:, first]
                 fields.append(turned / np.abs(arm).max())
-        motions = np.zeros((len(fields), model.n_nodes, dim))
+        motions = np.zeros((len(fields), model.bodies.n_nodes, dim))
         motions[:, inside] = fields
         nodes = [node for node in held if body.start <= node < body.stop]
         caught = [motions[:, node] @ direction for node in nodes for direction in held[node]]
@@ -69,7 +69,7 @@ def free_motions(model: Model) -> Any:
 
     held, dim = held_directions(model), model.dim
     columns: list[tuple[int, Floats]] = []
-    for node in range(model.n_nodes):
+    for node in range(model.bodies.n_nodes):
         if node not in held:
             columns += [(node, axis) for axis in np.eye(dim)]
             continue
@@ -85,7 +85,7 @@ def free_motions(model: Model) -> Any:
     values = np.array([axis for _, axis in columns]).reshape(-1, dim)
     dofs = (nodes[:, None] * dim + np.arange(dim)).ravel()
     matrix = csr_array(
-        (values.ravel(), (dofs, np.repeat(np.arange(nodes.size), dim))), shape=(model.n_nodes * dim, nodes.size)
+        (values.ravel(), (dofs, np.repeat(np.arange(nodes.size), dim))), shape=(model.bodies.n_nodes * dim, nodes.size)
     )
     matrix.eliminate_zeros()
     return matrix

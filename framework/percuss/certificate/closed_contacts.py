@@ -177,8 +177,8 @@ def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
 def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[str, str]]:
     """Return the energy guarantees that bodies and scheme give and limit, each with the reason for it in words."""
     guarantees = [(NEVER_GROWS, BY_END) if model.contact_points else (BETWEEN, NO_CONTACT)]
-    if model.why_not_linear:
-        guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
+    if model.bodies.why_not_linear:
+        guarantees.append((NOT_GUARANTEED, f"{model.bodies.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if model.facts.not_guaranteed:
         guarantees.append((NOT_GUARANTEED, model.facts.not_guaranteed))
     if stages is not None:
@@ -276,7 +276,7 @@ def _energy_beyond_gap(model: Model, bound_law: BoundLaw) -> tuple[str, str] | N
     reasons = {
         f"{bound_law.law.name} {NO_POTENTIAL}": unlike,
         INTERVALS: linear.during is not None,
-        DRIVES: any(constraint.load is not None and constraint.node in ends for constraint in model.whole.constraints),
+        DRIVES: any(drive.load is not None and drive.node in ends for drive in model.whole.loads.constraints),
     }
     if not current:
         reasons |= _why_not_by_end(model, bound_law, state)

@@ -26,7 +26,7 @@ def unlike_plain_bars(model: Model) -> str:
         for body in model.bodies.values()
         for kind in (body.mesh.cells if body.of_cells else ())
     )
-    return model.why_not_linear or scheme or model.facts.unlike_plain_bars or next(cells, "")
+    return model.bodies.why_not_linear or scheme or model.facts.unlike_plain_bars or next(cells, "")
 
 
 class ClosedFormCriterion:
@@ -68,9 +68,10 @@ class ClosedFormCriterion:
         if {constraint.node for constraint in held_throughout(model)} & set(nodes):
             raise NoClosedFormError("an end in contact is fixed or driven")
         for contact_point in model.contact_points:
-            ends = [(model.bar_of(node), model.bar_of(node).end_element(node)) for node in contact_point.nodes]
+            bars = [(model.bodies.bar_at(node), node) for node in contact_point.nodes]
+            ends = [(bar, bar.end_element(node)) for bar, node in bars]
             self.sides.append([(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends])
-        self.free = 2.0 / model.omega
+        self.free = 2.0 / model.bodies.omega
 
     def _excess(self, dt: float) -> float:
         """Return the signed distance of a step from the critical one: -1 to 1, continuous, 0 at the critical step."""

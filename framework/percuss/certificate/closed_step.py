@@ -119,7 +119,7 @@ class ClosedStep:
         signs = np.ones(len(self.model.contact_points))
         signs[self.closed] = -1.0
         nodes = [node for contact_point in self.model.contact_points for node in contact_point.nodes]
-        lightest = min((self.model.mass[node] for node in nodes), default=float(self.model.mass.min()))
+        lightest = min((self.model.bodies.mass[node] for node in nodes), default=float(self.model.bodies.mass.min()))
         unit = self._unit
         self._scale = unit * np.sqrt(lightest) / self.motions.root
         order = self.march.arrays.order
@@ -198,9 +198,9 @@ class Motions:
         self.model = model
         self.constraints = held_throughout(model)
         self.held = held_directions(model)
-        self.basis = _basis(model, self.held) if model.of_lines else free_motions(model)
+        self.basis = _basis(model, self.held) if model.bodies.of_lines else free_motions(model)
         self.projection = self.basis.T.tocsr()
-        self.root = np.sqrt(model.mass_of_dofs)
+        self.root = np.sqrt(model.bodies.mass_of_dofs)
         self.shortest_element = min(body.shortest for body in model.bodies.values())
         self._march: March | None = None
         self.open_points: Any = None  # contact points of that march before a combination holds some of them closed
@@ -240,7 +240,7 @@ class Motions:
     def followed(self) -> Floats:
         """The displacements on which forces depend, as rows for weighted displacements, (forces, n)."""
         forces = self.model.facts.forces
-        rows = np.zeros((len(forces), self.model.n_nodes, self.model.dim))
+        rows = np.zeros((len(forces), self.model.bodies.n_nodes, self.model.dim))
         for row, force in zip(rows, forces, strict=True):
             row[force.node] = force.force
         return self._weighted(rows.reshape(len(forces), self.root.size))
@@ -253,12 +253,12 @@ class Motions:
     def strainless(self) -> Floats:
         """Motions without strain: translation of bars that are free along their axis, and all motion across, (n, z)."""
         model, basis = self.model, self.basis
-        if not model.of_lines:
+        if not model.bodies.of_lines:
             return np.asarray(self.projection @ (rigid_motions(model) * self.root[:, None]))
         columns = []
         along = np.zeros(basis.shape[1])
         for body in model.bodies.values():
-            axis = np.zeros((model.n_nodes, model.dim))
+            axis = np.zeros((model.bodies.n_nodes, model.dim))
             axis[body.start : body.stop] = body.mesh.direction
             along += np.abs(basis.T @ axis.ravel())
             held = [direction for node in range(body.start, body.stop) for direction in self.held.get(node, [])]
@@ -286,8 +286,9 @@ class Motions:
             if abs(value * dt**2 / 4.0 - 1.0) < 4.0 * MARGINAL_DISTANCE:
                 moving = np.flatnonzero((operator.place >= rows.start) & (operator.place < rows.stop))
                 nodes, mode = operator.nodes[moving], block.highest_mode(value)[operator.place[moving] - rows.start]
-                full = np.zeros((self.model.n_nodes, self.model.dim))
-                full[nodes] = (operator.signs[moving] * mode * np.sqrt(self.model.mass[nodes]))[:, None] * axes[nodes]
+                full = np.zeros((self.model.bodies.n_nodes, self.model.dim))
+                size = operator.signs[moving] * mode * np.sqrt(self.model.bodies.mass[nodes])
+                full[nodes] = size[:, None] * axes[nodes]
                 columns.append(self.projection @ full.ravel())
         return np.array(columns).reshape(-1, self.basis.shape[1]).T
 
@@ -338,4 +339,4 @@ def _basis(model: Model, held_at: dict[int, list[Floats]]) -> Any:
     dofs = (nodes[:, None] * model.dim + np.arange(model.dim)).ravel()
     values = np.array([direction for _, direction in columns]).ravel()
     place = np.repeat(np.arange(nodes.size), model.dim)
-    return sparse.csr_array((values, (dofs, place)), shape=(model.n_nodes * model.dim, nodes.size))
+    return sparse.csr_array((values, (dofs, place)), shape=(model.bodies.n_nodes * model.dim, nodes.size))

@@ -44,9 +44,9 @@ def operator_criterion(model: Model, closed: ClosedContacts | None = None) -> Op
 
     # Contact can damp all of a short bar, so a step above theta = 1 may be stable: the step itself tells. The state of
     # ends without mass is not one of displacement and velocity alone, and states are weighted with diagonal masses.
-    short = model.of_lines and any(body.count < SHORT_BAR_ELEMENTS for body in model.bodies.values())
+    short = model.bodies.of_lines and any(body.count < SHORT_BAR_ELEMENTS for body in model.bodies.values())
     covered = not model.facts.by_pencil_alone
-    asked = short and covered and 2 * model.mass.size <= LARGEST_DENSE_STATE
+    asked = short and covered and 2 * model.bodies.mass.size <= LARGEST_DENSE_STATE
     _, delassus, coupling = model.contact_rows(0.5 * model.dt)
     return OperatorCriterion(
         operator_of(model),
@@ -55,7 +55,7 @@ def operator_criterion(model: Model, closed: ClosedContacts | None = None) -> Op
         contact_names(model),
         limit_ratio=limit_ratio(model),
         tied=model.tied_points,
-        apart=lambda: bars_alone(model) if model.of_lines else assembled_operator(model, tied=False),
+        apart=lambda: bars_alone(model) if model.bodies.of_lines else assembled_operator(model, tied=False),
         above_theta_of_one=(lambda: StepCriterion(model)) if asked else None,
         why_open=model.facts.unknown_above_theta_of_one if short else "",
     )

@@ -35,9 +35,8 @@ def cure_of(criterion: RunCriterion, critical: float) -> str:
     model = criterion.model
     cures = []
     if critical > 0:
-        cures.append(
-            f"lower the step to {round_down(critical)} (Courant number {round_down(0.5 * critical * model.omega)})"
-        )
+        courant = round_down(0.5 * critical * model.bodies.omega)
+        cures.append(f"lower the step to {round_down(critical)} (Courant number {courant})")
     for law in (bound_law.law for bound_law in model.laws):
         for option in law.stiffening:
             value = getattr(law, option, None)

@@ -115,7 +115,7 @@ class DecoupledGapsCriterion:
     @cached_property
     def _kappa(self) -> Floats:
         """``-N^T M^-1 Sigma / s``, (P,)."""
-        mass, out = self.model.mass, np.zeros(len(self._end_forces))
+        mass, out = self.model.bodies.mass, np.zeros(len(self._end_forces))
         rows = self.model.contact_rows(0.5 * self.model.dt).sides
         for p, sides in enumerate(rows):
             sigma = self._end_forces[p].rows
@@ -142,7 +142,7 @@ class DecoupledGapsCriterion:
         entries: dict[int, list[tuple[int, float]]] = {}
         for p, end_force in self._end_forces.items():
             for node, row in end_force.rows.items():
-                along = float(row @ self.model.body_of(node).mesh.direction)
+                along = float(row @ self.model.bodies.at(node).mesh.direction)
                 entries.setdefault(node, []).append((p, along))
         return dataclasses.replace(bodies, rows=rows_along(bodies, entries))
 

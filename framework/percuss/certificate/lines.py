@@ -221,7 +221,7 @@ def _full(band: Floats) -> Floats:
 def held_throughout(model: Model) -> list[Constraint]:
     """Return the supports and drives that act in the first step and in the last; others count as absent."""
     first, last = 0.5 * model.dt, (model.steps - 0.5) * model.dt
-    return [constraint for constraint in model.constraints if constraint.active(first) and constraint.active(last)]
+    return [support for support in model.loads.constraints if support.active(first) and support.active(last)]
 
 
 def held_directions(model: Model) -> dict[int, list[Floats]]:
@@ -249,7 +249,7 @@ def _bars(model: Model) -> _Bars:
     bands: list[Floats] = []
     inverses: list[Floats] = []
     floating: list[int] = []
-    for body in model.bars.values():
+    for body in model.bodies.bars.values():
         axis, ends = body.mesh.direction, (body.start, body.stop - 1)
         carried = [node for node in ends if body.carrier(node) != node]
         band = body.axial_band.copy()
@@ -269,7 +269,7 @@ def _bars(model: Model) -> _Bars:
         band = band[:, lo:hi]
         for k, off in enumerate(band):
             off[max(hi - lo - k, 0) :] = 0.0
-        inverse = 1.0 / body.mass[None, lo:hi] if model.couples_nodes else np.zeros((0, hi - lo))
+        inverse = 1.0 / body.mass[None, lo:hi] if model.bodies.couples_nodes else np.zeros((0, hi - lo))
         if body.inverse.size:
             inverse = with_ends_held(body.inverse, first=left_out[0], last=left_out[1])
         if not any(left_out):
@@ -299,7 +299,7 @@ def _contacts_at(model: Model) -> dict[int, list[tuple[int, float]]]:
     at_node: dict[int, list[tuple[int, float]]] = {}
     for p, contact_point in enumerate(model.contact_points):
         for node, normal in contact_point.gradient:
-            body = model.body_of(node)
+            body = model.bodies.at(node)
             along = float(normal @ body.mesh.direction)
             at_node.setdefault(body.carrier(node), []).append((p, along))
     return at_node

@@ -161,13 +161,13 @@ def _why_unknown(model: Model, way: str, doubts: Sequence[str]) -> str:
 
 def _why_no_critical_step(model: Model) -> str:
     """Return why no criterion has a critical step of a model; empty where one may have it."""
-    if model.why_not_linear:
-        return f"{model.why_not_linear}, and its critical step changes with the strain"
+    if model.bodies.why_not_linear:
+        return f"{model.bodies.why_not_linear}, and its critical step changes with the strain"
     if why := model.facts.effect_unknown():
         return f"{why}, which changes the critical step"
     return model.facts.no_critical_step
 
 
 def _row(varied: Data, way: str, critical: float | None, reason: str, model: Any = None) -> Entries:
-    courant = 0.5 * critical * model.omega if critical is not None else None
+    courant = 0.5 * critical * model.bodies.omega if critical is not None else None
     return {**varied, "courant_critical": courant, "dt_critical": critical, "by": way, "reason": reason}

@@ -135,7 +135,7 @@ def _with_step(case: Case) -> SettledRun:
         model.facts.no_choice_of_step,
         ("loads of which the critical step is known, found that", model.facts.effect_unknown(), unknown),
         ("a diagonal mass and ends in contact with mass, or linear laws, found that", unknown_by_mass(model), unknown),
-        ("linear bodies, found that", model.why_not_linear, changes),
+        ("linear bodies, found that", model.bodies.why_not_linear, changes),
     ):
         if found:
             raise InputError([case.problem(("time", "courant"), f"expected {expected} {found}", advice)])
@@ -198,7 +198,7 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
     if model.facts.verdict is not None:
         stable, why = model.facts.verdict()
         return _unknown_certificate(closed_contacts(model, model.dt), model, why) | {"stable": stable}
-    if model.why_not_linear:
+    if model.bodies.why_not_linear:
         found = _certificate_of_nonlinear_bodies(model)
     elif why := unknown_by_mass(model) or model.facts.unknown():
         found = _unknown_certificate(closed_contacts(model, model.dt), model, why)
@@ -242,7 +242,7 @@ def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_cr
     }
     if not np.isnan(critical):
         margin = model.dt / critical if critical > 0 else np.inf
-        found |= {"dt_critical": critical, "courant_critical": 0.5 * critical * model.omega, "margin": margin}
+        found |= {"dt_critical": critical, "courant_critical": 0.5 * critical * model.bodies.omega, "margin": margin}
     if len(criterion.stretches) > 1:
         found["stretch"] = [stretch.start, stretch.stop]
     if verdict == "no":
@@ -288,7 +288,7 @@ def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
     """
     laws = closed_contacts(model, model.dt)
     out = _unknown_certificate(
-        laws, model, f"{model.why_not_linear}, and its highest frequency changes with the strain"
+        laws, model, f"{model.bodies.why_not_linear}, and its highest frequency changes with the strain"
     )
     if laws.unknown or not tangent_as_declared(model.bodies.values()):
         return out

@@ -155,7 +155,7 @@ class _Ends:
         if not step.linear():
             raise PercussError(f"{contact}: the step is not linear while it is closed")
         held = {constraint.node for constraint in motions.constraints}
-        bodies = [model.bar_of(node) for node in contact_point.nodes]
+        bodies = [model.bodies.bar_at(node) for node in contact_point.nodes]
         others = [
             other.name
             for other in model.contact_points
@@ -182,7 +182,7 @@ class _Ends:
 
     @staticmethod
     def _unit_displacement(motions: Motions, model: Model, node: int, normal: Floats) -> Floats:
-        full = np.zeros((model.n_nodes, model.dim))
+        full = np.zeros((model.bodies.n_nodes, model.dim))
         full[node] = normal
         return np.asarray(motions.projection @ (full.ravel() * motions.root))
 

@@ -19,21 +19,21 @@ def contact_problem(model: ModelArrays) -> ContactProblem:
     """Return the mechanical problem of a case: the model without its mesh, its time step and its methods."""
     bodies = list(model.bodies.values())
     loads = []
-    for nodal_force in model.forces_on_nodes:
+    for nodal_force in model.loads.on_nodes:
         vector = nodal_force.force
         if nodal_force.load.acts_as == "acceleration":  # the force contains the mass of the node, a part of the mesh
-            vector = vector / model.mass[nodal_force.node]
+            vector = vector / model.bodies.mass[nodal_force.node]
         loads.append(_load(nodal_force.load, vector, _end_of(model, nodal_force.node)))
     loads += [
         _load(constraint.load, constraint.direction, _end_of(model, constraint.node))
-        for constraint in model.constraints
+        for constraint in model.loads.constraints
         if constraint.load is not None
     ]
     loads += [
         _load(body_force.load, body_force.acceleration, bodies[body_force.body].name)
-        for body_force in model.body_forces
+        for body_force in model.loads.body_forces
     ]
-    fixed = [_end_of(model, constraint.node) for constraint in model.constraints if constraint.load is None]
+    fixed = [_end_of(model, constraint.node) for constraint in model.loads.constraints if constraint.load is None]
     order = {name: number for number, name in enumerate(model.case.loads)}
     return ContactProblem(
         bodies=MappingProxyType({body.name: _body(body) for body in bodies}),
@@ -78,5 +78,5 @@ def _load(spec: LoadSpec, vector: Floats, place: BodyEnd | str) -> ProblemLoad:
 
 
 def _end_of(model: ModelArrays, node: int) -> BodyEnd:
-    body = model.body_of(node)
+    body = model.bodies.at(node)
     return BodyEnd(body.name, node == body.start)

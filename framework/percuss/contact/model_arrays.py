@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import bisect
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,7 +13,6 @@ import numpy as np
 
 from percuss.contact.contact_rows import Side, delassus_rows
 from percuss.contact.features import together
-from percuss.mesh.bar import Bar
 from percuss.mesh.loads import latest
 from percuss.methods.interfaces import Floats, LeapFrog, Stages
 
@@ -23,8 +21,8 @@ if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
     from percuss.contact.contact_point import ContactPoint
     from percuss.contact.features import Feature
-    from percuss.mesh.body import Body
-    from percuss.mesh.loads import BodyForce, Constraint, Follower, NodalForce
+    from percuss.mesh.bodies import Bodies
+    from percuss.mesh.loads import Constraint, SupportsAndLoads
 
 
 class ContactRows(NamedTuple):
@@ -54,14 +52,10 @@ class ModelArrays:
     dt, steps
         Time step and number of steps; Courant number 1 where the case gives no step.
     bodies
-        The bodies by name, in the order of the case.
-    mass, nodes
-        Masses and positions of all nodes, (nodes,) and (nodes, dim).
-    omega
-        Largest frequency of an element [1/time].
+        The bodies by name, in the order of the case, and all their nodes.
     contact_points
         The contact points, in the order of the case.
-    constraints, nodal_forces, followers, body_forces
+    loads
         Supports, drives and loads.
     stages
         Stages of a multi-stage scheme; None for a leap-frog scheme.
@@ -75,15 +69,9 @@ class ModelArrays:
     case: Case
     dt: float
     steps: int
-    bodies: Mapping[str, Body]
-    mass: Floats
-    nodes: Floats
-    omega: float
+    bodies: Bodies
     contact_points: tuple[ContactPoint, ...]
-    constraints: tuple[Constraint, ...]
-    nodal_forces: tuple[NodalForce, ...]
-    followers: tuple[Follower, ...]
-    body_forces: tuple[BodyForce, ...]
+    loads: SupportsAndLoads
     stages: Stages | None
     tables: tuple[LeapFrog, ...]
     laws: tuple[BoundLaw, ...]
@@ -92,27 +80,6 @@ class ModelArrays:
     def dim(self) -> int:
         """Number of space dimensions."""
         return self.case.dimension
-
-    @property
-    def of_lines(self) -> bool:
-        """Whether all bodies are along lines."""
-        return all(isinstance(body, Bar) for body in self.bodies.values())
-
-    @property
-    def n_nodes(self) -> int:
-        """Number of nodes."""
-        return self.mass.size
-
-    @cached_property
-    def mass_of_dofs(self) -> Floats:
-        """Nodal mass of each degree of freedom, (nodes * dim,)."""
-        return np.repeat(self.mass, self.dim)
-
-    @cached_property
-    def inverse_mass_of_dofs(self) -> Floats:
-        """The inverse of that mass, 0 at an end without mass, (nodes * dim,)."""
-        mass = self.mass_of_dofs
-        return np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
 
     @property
     def multistage(self) -> bool:
@@ -149,60 +116,13 @@ class ModelArrays:
         return math.lcm(*self.leaps)
 
     @property
-    def why_not_linear(self) -> str:
-        """The reason why internal forces are not proportional to displacements; empty where all bodies are linear."""
-        return "; ".join(filter(None, (body.why_not_linear for body in self.bodies.values())))
-
-    @property
     def sums_internal_work(self) -> bool:
         """Whether the energy ledger counts the work of the internal forces instead of the elastic energy.
 
         In linear bodies both are the same under a leap-frog scheme without viscosity whose internal forces act in every
         step. Of a multi-stage scheme the work has no such form.
         """
-        return not self.multistage and bool(self.why_not_linear or self.facts.sums_internal_work)
-
-    @property
-    def forces_on_nodes(self) -> tuple[NodalForce, ...]:
-        """The forces on nodes, those that are given in time before those that follow the motion of their node."""
-        return (*self.nodal_forces, *self.followers)
-
-    @property
-    def acted_nodes(self) -> list[int]:
-        """Nodes on which a support, a drive or a load acts, each as often as that is so."""
-        return [
-            *(constraint.node for constraint in self.constraints),
-            *(force.node for force in self.forces_on_nodes),
-        ]
-
-    @cached_property
-    def bars(self) -> Mapping[str, Bar]:
-        """The bodies of a model of bars alone.
-
-        Raises
-        ------
-        TypeError
-            If one of them is no bar.
-        """
-        bars = {name: body for name, body in self.bodies.items() if isinstance(body, Bar)}
-        if len(bars) < len(self.bodies):
-            raise TypeError("what is of bars alone was asked of another body")
-        return bars
-
-    def bar_of(self, node: int) -> Bar:
-        """Return the bar that contains a node."""
-        return self.bars[self.body_of(node).name]
-
-    def body_of(self, node: int) -> Body:
-        """Return the body that contains a node."""
-        bodies, starts = self._places
-        return bodies[bisect.bisect_right(starts, node) - 1]
-
-    @cached_property
-    def _places(self) -> tuple[list[Body], list[int]]:
-        """The bodies, and the first node of each."""
-        bodies = list(self.bodies.values())
-        return bodies, [body.start for body in bodies]
+        return not self.multistage and bool(self.bodies.why_not_linear or self.facts.sums_internal_work)
 
     def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
         """Return intervals of steps (first, one past last) within which no support, drive or law starts or ends.
@@ -213,7 +133,7 @@ class ModelArrays:
         total = self.steps + 1
         instants = [
             instant
-            for constraint in self.constraints
+            for constraint in self.loads.constraints
             if constraint.load is not None
             for instant in (constraint.load.start, constraint.load.stop)
         ]
@@ -235,10 +155,10 @@ class ModelArrays:
 
     def contact_rows(self, midpoint: float) -> ContactRows:
         """Return N and S = N^T M^-1 N for the supports and drives active at `midpoint`."""
-        active = tuple(k for k, constraint in enumerate(self.constraints) if constraint.active(midpoint))
+        active = tuple(k for k, constraint in enumerate(self.loads.constraints) if constraint.active(midpoint))
         rows = self._known_contact_rows.get(active)
         if rows is None:
-            sides = self._sides([self.constraints[k] for k in active])
+            sides = self._sides([self.loads.constraints[k] for k in active])
             rows = self._known_contact_rows[active] = ContactRows(sides, *delassus_rows(sides))
         return rows
 
@@ -267,9 +187,9 @@ class ModelArrays:
 
         Where the mass couples nodes, those that a force on the side moves too follow, with no normal of their own.
         """
-        body = self.body_of(node)
+        body = self.bodies.at(node)
         if (beside := body.carrier(node)) != node:
-            bar = self.bar_of(node)
+            bar = self.bodies.bar_at(node)
             stiffness = float(bar.stiffness[bar.end_element(node)])
             return [Side(node, normal, free / (stiffness * self.dt**2), beside)]
         if body.inverse.size:
@@ -277,29 +197,12 @@ class ModelArrays:
                 Side(moved, normal if moved == node else np.zeros_like(normal), free * response)
                 for moved, response in body.response(node).items()
             ]
-        return [Side(node, normal, free / self.mass[node])]
+        return [Side(node, normal, free / self.bodies.mass[node])]
 
     def normals(self) -> Floats:
         """Return N of all contact points, (nodes * dim, P)."""
-        normals = np.zeros((self.n_nodes, self.dim, len(self.contact_points)))
+        normals = np.zeros((self.bodies.n_nodes, self.dim, len(self.contact_points)))
         for p, contact_point in enumerate(self.contact_points):
             for node, normal in contact_point.gradient:
                 normals[node, :, p] += normal
-        return normals.reshape(self.n_nodes * self.dim, -1)
-
-    @cached_property
-    def couples_nodes(self) -> bool:
-        """Whether the mass of a body couples its nodes, so that M^-1 is banded."""
-        return any(body.inverse.size for body in self.bodies.values())
-
-    def mobility(self, node: int) -> float:
-        """Return the acceleration of a node by a unit force on it, 1/m where the mass is diagonal [1/mass]."""
-        return self.body_of(node).response(node)[node]
-
-    def mass_held(self, node: int) -> float:
-        """Return the mass that a reaction accelerates along with a node: its own where the mass is diagonal."""
-        return 1.0 / self.mobility(node) if self.couples_nodes else float(self.mass[node])
-
-    def change_of_velocity(self, impulse: Floats, node: int) -> Floats:
-        """Return the change of the velocity of a node by an impulse on it, (dim,)."""
-        return impulse * self.mobility(node) if self.couples_nodes else impulse / self.mass[node]
+        return normals.reshape(self.bodies.n_nodes * self.dim, -1)

@@ -81,15 +81,15 @@ class Arrays:
         model, dim = self.model, self.model.dim
         dofs: list[tuple[Any, ...]] = []
         for node in self.place:
-            body = model.body_of(node).number
-            dofs += [(node * dim + axis, model.mass[node], body * dim + axis, *([0.0] * 6)) for axis in range(dim)]
+            body, mass = model.bodies.at(node).number, model.bodies.mass[node]
+            dofs += [(node * dim + axis, mass, body * dim + axis, *([0.0] * 6)) for axis in range(dim)]
         boundary, now = record_array(dofs, BOUNDARY_DOF), empty_records(1, NOW)
         now["dt"], now["span"], now["dim"] = model.dt, model.dt, dim
         now["gap_response"], now["rate_response"] = model.dt * model.dt, model.dt
         bodies = len(model.bodies) * dim
         leap_frog = not model.multistage
         amplitudes = np.zeros(2 * self.columns + bodies if leap_frog else self.columns)
-        momentum = np.zeros(bodies if model.body_forces and leap_frog else 0)
+        momentum = np.zeros(bodies if model.loads.body_forces and leap_frog else 0)
         nothing = record_array([], SHARE)
         loads = Loads(
             nothing, nothing, nothing, np.zeros(0), amplitudes, amplitudes[2 * self.columns :], momentum, momenta
@@ -107,7 +107,7 @@ class Arrays:
         model = self.model
         constraints = [
             (index, constraint)
-            for index, constraint in enumerate(model.constraints)
+            for index, constraint in enumerate(model.loads.constraints)
             if model.multistage or model.facts.keeps_constraints or constraint.active(midpoint)
         ]
         self.active_constraints = [index for index, _ in constraints]
@@ -147,8 +147,8 @@ class Arrays:
         model, dim = self.model, self.model.dim
         first = 0 if model.multistage else self.columns  # column of the first prescribed velocity
         held = [
-            (self.place[constraint.node], i * dim, model.mass_held(constraint.node), first + constraint.column, 0.0)
-            for i, (_, constraint) in enumerate(constraints)
+            (self.place[support.node], i * dim, model.bodies.mass_held(support.node), first + support.column, 0.0)
+            for i, (_, support) in enumerate(constraints)
         ]
         shares = [
             (i, point, float(constraint.direction @ side.pushes))
@@ -158,12 +158,12 @@ class Arrays:
             if side.node == constraint.node and constraint.active(midpoint)
         ]
         forces = [
-            (self.place[force.node], i * dim, model.mobility(force.node), force.column)
-            for i, force in enumerate(model.nodal_forces, start=len(constraints))
+            (self.place[force.node], i * dim, model.bodies.mobility(force.node), force.column)
+            for i, force in enumerate(model.loads.nodal_forces, start=len(constraints))
         ]
         axes = [
             *(constraint.direction for _, constraint in constraints),
-            *(force.force for force in model.forces_on_nodes),
+            *(force.force for force in model.loads.on_nodes),
         ]
         return self.step.loads._replace(
             constraints=record_array(held, CONSTRAINT),
@@ -194,12 +194,12 @@ class Arrays:
             yield Action(BULK, uniform_rows.advance_whole, rows)
             yield Action(STRAIN_ENERGY, uniform_rows.add_energies, rows)
             return
-        yield Action(KINETIC_ENERGY, bulk.add_kinetic_energy, bulk.Masses(model.mass_of_dofs, step.totals))
+        yield Action(KINETIC_ENERGY, bulk.add_kinetic_energy, bulk.Masses(model.bodies.mass_of_dofs, step.totals))
         for block, element, material in self.blocks:
             cells = has_cells(element)
             largest = int((block.stop - block.start).max()) if cells else bulk.PIECE + 2
             data = bulk.Bulk(
-                block, model.mass_of_dofs, model.inverse_mass_of_dofs, np.zeros(largest * model.dim),
+                block, model.bodies.mass_of_dofs, model.bodies.inverse_mass_of_dofs, np.zeros(largest * model.dim),
                 step.loads.accelerations, np.zeros(model.dim), step.loads.momentum, step.totals, model.dim, model.dt,
                 0.0 if model.multistage else model.dt, (),
             )  # fmt: skip
@@ -241,12 +241,12 @@ class Arrays:
 def _places(model: Model) -> dict[int, int]:
     """Return the boundary nodes, each with the index of its first boundary degree of freedom."""
     contact_nodes = [node for contact_point in model.contact_points for node in contact_point.nodes]
-    acted_nodes = model.acted_nodes
+    acted_nodes = model.loads.acted_nodes
     beside = [
         node
         for end in (*contact_nodes, *acted_nodes)
-        if model.mass[end] > 0.0
-        for node in model.body_of(end).response(end)
+        if model.bodies.mass[end] > 0.0
+        for node in model.bodies.at(end).response(end)
     ]
     beside += [side.node for sides in model.sides(0.5 * model.dt) for side in sides]
     probed = [node for nodes in probe_nodes(model) for node, _ in nodes]

@@ -56,14 +56,14 @@ class ImplicitStepper:
     def __init__(self, model: Model, implicit: Implicit) -> None:
         self.model, self.implicit = model, implicit
         self.dt, self.gamma = model.dt, implicit.gamma
-        self.mass: Floats = model.mass_of_dofs
+        self.mass: Floats = model.bodies.mass_of_dofs
         self.u: Floats = np.zeros(self.mass.size)
         self.v: Floats = initial_velocity(model).ravel().astype(np.float64)
         self.acceleration: Floats = np.zeros(self.mass.size)
         self.stiffness = stiffness_matrix(model)
         self.patterns = self._load_patterns()
         self.held = np.array(
-            [c.node * model.dim + int(np.argmax(np.abs(c.direction))) for c in model.constraints], dtype=np.int64
+            [c.node * model.dim + int(np.argmax(np.abs(c.direction))) for c in model.loads.constraints], dtype=np.int64
         )
         self.order = [point for bound_law in model.laws for point in bound_law.where]
         self.normals = np.ascontiguousarray(model.normals()[:, self.order])  # N of all points in the order of the loop
@@ -85,11 +85,11 @@ class ImplicitStepper:
         """Return the nodal forces of each load at amplitude 1, (columns, nodes * dim); column 0 is zero."""
         model, dim = self.model, self.model.dim
         loads = list(model.case.loads.values())
-        patterns = np.zeros((len(loads) + 1, model.n_nodes, dim))
-        for nodal_force in model.nodal_forces:
+        patterns = np.zeros((len(loads) + 1, model.bodies.n_nodes, dim))
+        for nodal_force in model.loads.nodal_forces:
             patterns[nodal_force.column, nodal_force.node] += nodal_force.force
         bodies = list(model.bodies.values())
-        for body_force in model.body_forces:
+        for body_force in model.loads.body_forces:
             body = bodies[body_force.body]
             force = np.outer(body.mass, body_force.acceleration)
             patterns[loads.index(body_force.load) + 1, body.start : body.stop] += force

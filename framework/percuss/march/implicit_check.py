@@ -103,10 +103,10 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
     if not any(isinstance(feature, ImplicitSteps) for feature in model.features):
         return
     case, name = model.case, model.case.method.integrator.name
-    if model.why_not_linear:
-        message = f"expected linear bodies with the implicit {name}, found that {model.why_not_linear}"
+    if model.bodies.why_not_linear:
+        message = f"expected linear bodies with the implicit {name}, found that {model.bodies.why_not_linear}"
         yield case.problem(("method", "integrator"), message, "Take an explicit integrator.")
-    moving = [constraint.load for constraint in model.constraints if constraint.load is not None]
+    moving = [constraint.load for constraint in model.loads.constraints if constraint.load is not None]
     for load in (*moving, *(force.load for force in model.facts.forces)):
         message = f"expected supports and forces with the implicit {name}, found a load that says how an end moves"
         yield case.problem(("loads", load.name), message, "Take an explicit integrator.")

@@ -37,8 +37,8 @@ class LeapFrogStepper:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.v: Floats = np.zeros(model.n_nodes * model.dim)
-        self.u: Floats = np.zeros(model.n_nodes * model.dim)
+        self.v: Floats = np.zeros(model.bodies.n_nodes * model.dim)
+        self.u: Floats = np.zeros(model.bodies.n_nodes * model.dim)
         self.v[:] = starting_velocity(model).ravel()
         self.columns = len(model.case.loads) + 1
         self._impulse = np.zeros(model.dim)
@@ -71,7 +71,7 @@ class LeapFrogStepper:
                 amplitudes[:, self.columns + column] = of_load
             else:
                 amplitudes[:, column] = amplitude(spec, t, model.dt, average=True)
-        for body_force in model.body_forces:
+        for body_force in model.loads.body_forces:
             column = loads.index(body_force.load) + 1
             factor = amplitudes[:, column]
             if (leap := model.leaps[body_force.body]) > 1:
@@ -109,7 +109,7 @@ class LeapFrogStepper:
             # NumPy adds the terms of an array of its own in pairs, with less round-off.
             forces, accelerations = amplitudes[:, : self.columns].copy(), amplitudes[:, 2 * self.columns :].copy()
             sums = forces.sum(axis=0)
-            for nodal_force in model.nodal_forces:
+            for nodal_force in model.loads.nodal_forces:
                 total += sums[nodal_force.column] * nodal_force.force
             weights = np.array([body.mass.sum() for body in model.bodies.values()])
             total += weights @ accelerations.sum(axis=0).reshape(-1, model.dim)

@@ -109,21 +109,21 @@ class March:
         if not self._beginning:
             march._begin()
             return march
-        march.reactions = np.zeros(len(self.model.constraints))
+        march.reactions = np.zeros(len(self.model.loads.constraints))
         march._restore_state(self._beginning)
         return march
 
     def _begin(self) -> None:
         """Make the state before the first step."""
         model = self.model
-        self.reactions = np.zeros(len(model.constraints))
+        self.reactions = np.zeros(len(model.loads.constraints))
         self.stepper: Stepper
         self.stepper = LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
         for feature in model.features:
             if isinstance(feature, ImplicitSteps):
                 self.stepper = ImplicitStepper(model, feature.scheme)
         self.u, self.v = self.stepper.u, self.stepper.v
-        self.arrays.begin(self._momenta() if model.body_forces else np.zeros(0))
+        self.arrays.begin(self._momenta() if model.loads.body_forces else np.zeros(0))
         for part in self.arrays.parts:
             part.balance_at_rest(self.u, self.v)
         self._link(0.5 * model.dt)
@@ -142,7 +142,7 @@ class March:
         self.stepper.set_step(step, arrays.parts, self.kernels, self._midpoint)
 
     def _momenta(self) -> Floats:
-        mass = self.model.mass[:, None]
+        mass = self.model.bodies.mass[:, None]
         velocity = self.v.reshape(-1, self.dim)
         return np.concatenate(
             [
@@ -378,7 +378,7 @@ class March:
         if (energy := next((energy for energy in found if energy is not None), None)) is not None:
             return energy
         # Not `@`: from about ten thousand entries on, BLAS wakes threads, which costs more than the sum.
-        return 0.5 * float(np.einsum("i,i,i", self.model.mass_of_dofs, v, v))
+        return 0.5 * float(np.einsum("i,i,i", self.model.bodies.mass_of_dofs, v, v))
 
     @cached_property
     def noise(self) -> float:

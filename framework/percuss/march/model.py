@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,16 +22,10 @@ from percuss.errors import Problem, refuse_if_any
 from percuss.march.features import features_of
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
 from percuss.mesh import size_limits
-from percuss.mesh.bar import Bar
-from percuss.mesh.body import Body
-from percuss.mesh.cell_stiffness import frequencies_of_cells
-from percuss.mesh.cells import is_solid, modulus_of, volumes_of
-from percuss.mesh.kernel_trial import try_kernels
+from percuss.mesh.bodies import bodies_of
 from percuss.mesh.loads import Constraint, acts_at, supports_and_loads
-from percuss.mesh.masses import ends_at_contacts, inverse_mass, nodal_masses
 from percuss.methods.blame import said_by
-from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog
-from percuss.methods.plugin_calls import answer
+from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LeapFrog
 from percuss.methods.process_guard import process_as_before
 from percuss.step.integrator_check import scheme
 from percuss.step.parts.end_forces import end_forces, trace_stiffness
@@ -87,15 +80,10 @@ class Model(ModelArrays):
     @np.errstate(all="ignore")  # numbers that are not finite are refused with their place
     @process_as_before()
     def __init__(self, case: Case) -> None:
-        bodies = _bodies_of(case)
-        size_limits.check_bodies(case, bodies)
-        mass = np.concatenate([body.mass for body in bodies.values()])
-        nodes = np.concatenate([body.mesh.nodes for body in bodies.values()])
-        mass.flags.writeable = nodes.flags.writeable = False
-        self._set(case=case, bodies=bodies, mass=mass, nodes=nodes, _never_active=(), _whole=None)
-        self._set(omega=max(float(body.frequency.max()) for body in bodies.values()))
+        bodies = bodies_of(case)
+        self._set(case=case, bodies=bodies, _never_active=(), _whole=None)
         courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
-        self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / self.omega)
+        self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / bodies.omega)
         problems: list[Problem] = []
         points = [
             point
@@ -104,7 +92,7 @@ class Model(ModelArrays):
         ]
         loads = supports_and_loads(case, bodies, problems)
         refuse_if_any(problems)
-        self._set(contact_points=tuple(points), **loads._asdict())
+        self._set(contact_points=tuple(points), loads=loads)
         self._bind()
 
     # -- construction and derived models -----------------------------------------------------------------
@@ -175,9 +163,7 @@ class Model(ModelArrays):
         return self._derived(
             dt=dt,
             steps=1,
-            constraints=tuple(constraints),
-            nodal_forces=(),
-            body_forces=(),
+            loads=self.loads._replace(constraints=tuple(constraints), nodal_forces=(), body_forces=()),
             stages=stages,
             tables=tables,
             laws=tuple(dataclasses.replace(bound_law, during=None) for bound_law in self.laws_at(dt)),
@@ -194,11 +180,12 @@ class Model(ModelArrays):
         for first, last in self.segments():
             midpoint = (first + 0.5) * self.dt
             constraints = tuple(
-                index for index, constraint in enumerate(self.constraints) if constraint.active(midpoint)
+                index for index, constraint in enumerate(self.loads.constraints) if constraint.active(midpoint)
             )
             inactive = self.inactive_points(midpoint)
             if (constraints, inactive) not in listed:
-                at_rest = [dataclasses.replace(self.constraints[index], load=None, column=0) for index in constraints]
+                acting = (self.loads.constraints[index] for index in constraints)
+                at_rest = [dataclasses.replace(constraint, load=None, column=0) for constraint in acting]
                 model = self.without_loads(self.dt, at_rest, inactive)
                 start, stop = first * self.dt, min(last, self.steps) * self.dt
                 listed[constraints, inactive] = Stretch(start, max(stop, start), constraints, inactive, model)
@@ -219,7 +206,7 @@ class Model(ModelArrays):
     @property
     def courant(self) -> float:
         """Courant number of the element with the highest frequency omega, ``omega dt / 2``: c dt/h of a bar."""
-        return 0.5 * self.dt * self.omega
+        return 0.5 * self.dt * self.bodies.omega
 
     def inactive_points(self, midpoint: float) -> tuple[int, ...]:
         """Return the contact points whose law is not active in the step around `midpoint`."""
@@ -285,9 +272,9 @@ class Model(ModelArrays):
         return largest
 
     def _stiffness_limits(self, dt: float) -> Floats:
-        if not self.of_lines:
+        if not self.bodies.of_lines:
             return surface_limits(self.bodies.values(), self.contact_points, dt)
-        return stiffness_limits(self.bars.values(), self.contact_points, self._moved_nodes, dt)
+        return stiffness_limits(self.bodies.bars.values(), self.contact_points, self._moved_nodes, dt)
 
     @cached_property
     def _moved_nodes(self) -> list[list[int]]:
@@ -295,7 +282,7 @@ class Model(ModelArrays):
         moved: list[set[int]] = [set() for _ in self.contact_points]
         for start, _ in self.segments(laws=False):
             for nodes, sides in zip(moved, self.contact_rows((start + 0.5) * self.dt).sides, strict=True):
-                nodes.update(side.node for side in sides if _moves(side, self.mass))
+                nodes.update(side.node for side in sides if _moves(side, self.bodies.mass))
         return [sorted(nodes) for nodes in moved]
 
     def laws_at(self, dt: float) -> tuple[BoundLaw, ...]:
@@ -410,40 +397,3 @@ def _moves(side: Side, mass: Floats) -> bool:
     """Return whether a contact force moves a side of its point."""
     # Round-off may be left of the direction of a drive that is oblique to the axes.
     return side.beside is not None or bool(side.normal @ side.response * mass[side.node] > 1e-12)
-
-
-def _bodies_of(case: Case) -> dict[str, Body]:
-    bodies: dict[str, Body] = {}
-    start = 0
-    in_contact = ends_at_contacts(case)
-    for number, (name, spec) in enumerate(case.bodies.items()):
-        mesh = size_limits.mesh_of_body(case, spec)
-        view = BodyMesh(mesh, spec.section, spec.plane_of(mesh.nodes.shape[1]))
-        velocity = np.asarray(spec.velocity, dtype=float)
-        if velocity.ndim == 0:  # along the body; a body along no line has none by default
-            velocity = velocity * (mesh.direction if mesh.line is not None else np.zeros(mesh.nodes.shape[1]))
-        try_kernels(spec.element, spec.material, view)
-        mass, may_lack_mass = nodal_masses(case, spec, view, in_contact.get(name, frozenset()))
-        facts: dict[str, Any] = {}
-        if mesh.line is not None:
-            facts["stiffness"] = answer(spec.element, "axial_stiffness", view, spec.material.modulus)
-        bodies[name] = (Bar if mesh.line is not None else Body)(
-            name=name,
-            number=number,
-            spec=spec,
-            mesh=mesh,
-            start=start,
-            mass=mass,
-            frequency=frequencies_of_cells(spec.element, spec.material, view)
-            if is_solid(spec.element)
-            else answer(
-                spec.element, "highest_frequency", view, math.sqrt(modulus_of(spec.material, view) / spec.material.rho)
-            ),
-            volumes=volumes_of(spec.element, view),
-            velocity=velocity,
-            may_lack_mass=may_lack_mass,
-            inverse=inverse_mass(case, spec, view, mass),
-            **facts,
-        )
-        start = bodies[name].stop
-    return bodies

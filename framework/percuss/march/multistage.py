@@ -44,9 +44,9 @@ class MultistageStepper:
 
     def __init__(self, model: Model, stages: Stages) -> None:
         self.model, self.stages = model, stages
-        self.nodal = model.n_nodes * model.dim
+        self.nodal = model.bodies.n_nodes * model.dim
         self.columns = len(model.case.loads) + 1
-        size = self.nodal + len(model.contact_points) + len(model.constraints) + self.columns
+        size = self.nodal + len(model.contact_points) + len(model.loads.constraints) + self.columns
         kept = model.case.method.integrator.kept
         self.levels = 2 + kept
         self.state = State(np.zeros(size), np.zeros(size), np.zeros((kept, size)))
@@ -58,11 +58,11 @@ class MultistageStepper:
         self.responses = self._responses(model.tables)
         loads = list(model.case.loads.values())
         bodies, rows = list(model.bodies.values()), []
-        for k, body_force in enumerate(model.body_forces):
+        for k, body_force in enumerate(model.loads.body_forces):
             body, column = bodies[body_force.body], loads.index(body_force.load) + 1
             rows.append((body.start, body.stop, k * model.dim, column, 0.0))
         self.body_forces = record_array(rows, BODY_FORCE)
-        self.axes = np.array([body_force.acceleration for body_force in model.body_forces], dtype=float).ravel()
+        self.axes = np.array([body_force.acceleration for body_force in model.loads.body_forces], dtype=float).ravel()
         integrator = model.case.method.integrator
         kernel = kernel_of(integrator)
         self.scheme = Scheme(kernel, stages.numbers, uses_internal(kernel), f"integrator {integrator.name}")
@@ -86,8 +86,8 @@ class MultistageStepper:
         """Use the arrays and actions of the next stretch of the run."""
         stages, columns, model = self.stages, self.columns, self.model
         self.system = System(
-            step, model.mass_of_dofs, model.inverse_mass_of_dofs, self.body_forces, self.axes,
-            np.array([constraint.active(midpoint) for constraint in model.constraints], dtype=np.int64),
+            step, model.bodies.mass_of_dofs, model.bodies.inverse_mass_of_dofs, self.body_forces, self.axes,
+            np.array([constraint.active(midpoint) for constraint in model.loads.constraints], dtype=np.int64),
             self.responses, self.ends, np.array(stages.times, dtype=float),
             np.zeros((len(stages.times), columns)), np.zeros((2, columns)), self.amplitude_sums, np.zeros(1),
         )  # fmt: skip
@@ -146,9 +146,9 @@ class MultistageStepper:
     def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step
         """Return the impulse of the loads on all bodies so far, (dim,)."""
         model, total = self.model, np.zeros(self.model.dim)
-        for force in model.forces_on_nodes:
+        for force in model.loads.on_nodes:
             total += self.amplitude_sums[force.column] * force.force
         bodies = list(model.bodies.values())
-        for body_force, record in zip(model.body_forces, self.body_forces, strict=True):
+        for body_force, record in zip(model.loads.body_forces, self.body_forces, strict=True):
             total += self.amplitude_sums[record.column] * bodies[body_force.body].mass.sum() * body_force.acceleration
         return model.dt * total

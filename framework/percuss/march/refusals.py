@@ -35,7 +35,7 @@ def not_movable(model: ModelArrays) -> Iterator[Problem]:
     for start, stop in model.segments(laws=False):
         diagonal = model.contact_rows((start + 0.5) * model.dt).diagonal
         for contact_point, delassus in zip(model.contact_points, diagonal, strict=True):
-            lightest = min(model.mass[node] for node in contact_point.nodes)
+            lightest = min(model.bodies.mass[node] for node in contact_point.nodes)
             if lightest > 0.0 and delassus * lightest < 1e-12 and contact_point.name not in told:
                 message = "expected a contact that can move, found every side fixed or driven"
                 advice = "Free one of the ends, or drop the contact."

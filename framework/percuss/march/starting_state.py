@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def initial_velocity(model: Model) -> Floats:
     """Return the velocity at t = 0, (nodes, dim): that of the bodies, subject to the active supports and drives."""
-    velocity = np.empty((model.n_nodes, model.dim))
+    velocity = np.empty((model.bodies.n_nodes, model.dim))
     for body in model.bodies.values():
         velocity[body.start : body.stop] = body.velocity
     _impose_velocities(model, velocity, 0.0)
@@ -30,11 +30,11 @@ def starting_velocity(model: Model) -> Floats:
     """
     velocity = initial_velocity(model)
     before = velocity.copy()
-    for force in model.forces_on_nodes:
+    for force in model.loads.on_nodes:
         impulse = force.impulse_at_start(_impulse_before_start(force.load, model.dt), velocity[force.node])
-        velocity[force.node] -= model.change_of_velocity(impulse, force.node)
+        velocity[force.node] -= model.bodies.change_of_velocity(impulse, force.node)
     bodies = list(model.bodies.values())
-    for body_force in model.body_forces:
+    for body_force in model.loads.body_forces:
         body = bodies[body_force.body]
         duration = model.dt * model.leaps[body.number]
         fall = _impulse_before_start(body_force.load, duration) * body_force.acceleration
@@ -47,8 +47,8 @@ def starting_velocity(model: Model) -> Floats:
 
 def _carry_to_neighbours(model: Model, velocity: Floats, before: Floats) -> None:
     """Change the velocities beside the ends on which loads, supports and drives act, as `before` has become theirs."""
-    for end in dict.fromkeys(model.acted_nodes):
-        response = model.body_of(end).response(end)
+    for end in dict.fromkeys(model.loads.acted_nodes):
+        response = model.bodies.at(end).response(end)
         for node, value in response.items():
             if node != end:
                 velocity[node] += value / response[end] * (velocity[end] - before[end])
@@ -59,7 +59,7 @@ def _impose_velocities(model: Model, velocity: Floats, time: float) -> None:
 
     A prescribed velocity is extrapolated linearly to a `time` before t = 0.
     """
-    for constraint in model.constraints:
+    for constraint in model.loads.constraints:
         if constraint.active(0.5 * model.dt):
             prescribed = 0.0
             if constraint.load is not None:

@@ -106,6 +106,16 @@ class SupportsAndLoads(NamedTuple):
     followers: tuple[Follower, ...]
     body_forces: tuple[BodyForce, ...]
 
+    @property
+    def on_nodes(self) -> tuple[NodalForce, ...]:
+        """The forces on nodes, those that are given in time before those that follow the motion of their node."""
+        return (*self.nodal_forces, *self.followers)
+
+    @property
+    def acted_nodes(self) -> list[int]:
+        """Nodes on which a support, a drive or a load acts, each as often as that is so."""
+        return [*(constraint.node for constraint in self.constraints), *(force.node for force in self.on_nodes)]
+
 
 def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Problem]) -> SupportsAndLoads:
     """Return the supports and loads of a case; those that do not fit together are added to `problems`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -94,7 +94,7 @@ def within_limits(values: Any) -> Any:
     return (values >= SMALLEST_NUMBER) & (values <= LARGEST_NUMBER)
 
 
-def check_bodies(case: Case, bodies: Mapping[str, Body]) -> None:
+def check_bodies(case: Case, bodies: Sequence[Body]) -> None:
     """Refuse bodies of which one of the quantities is out of bounds.
 
     Element lengths, masses, stiffnesses, frequencies and velocities other than zero have to lie within the bounds.
@@ -105,7 +105,7 @@ def check_bodies(case: Case, bodies: Mapping[str, Body]) -> None:
         With one problem for each body that is out of bounds.
     """
     problems = []
-    for name, body in bodies.items():
+    for body in bodies:
         quantities: dict[str, Any] = {
             **body.sizes,
             "a mass of a node": np.where(body.may_lack_mass & (body.mass == 0.0), LARGEST_NUMBER, body.mass),
@@ -122,7 +122,7 @@ def check_bodies(case: Case, bodies: Mapping[str, Body]) -> None:
                 if not value > 0 and _sizes_within_limits(body):
                     message, advice = _not_positive_message(case, body, quantity, first, value)
                 own = ("velocity",) if quantity == "a velocity" else ()
-                problems.append(case.problem(("bodies", name, *own), message, advice, any_inside=True))
+                problems.append(case.problem(("bodies", body.name, *own), message, advice, any_inside=True))
                 break
     refuse_if_any(problems)
 

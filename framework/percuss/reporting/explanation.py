@@ -74,7 +74,7 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     source = [f"source: {case.source}"] if case.source else []
     yield Fact("title", case.title, ["", case.title or "Untitled case"], source)
     dimensions = f"{model.dim} dimension{'s' if model.dim > 1 else ''}"
-    heading = f"Bodies ({model.n_nodes} nodes in {dimensions})"
+    heading = f"Bodies ({model.bodies.n_nodes} nodes in {dimensions})"
     yield _group("bodies", heading, (_body(body) for body in model.bodies.values()))
     explained: set[str] = set()
     first = {point.name: p for p, point in reversed(list(enumerate(model.contact_points)))}
@@ -82,7 +82,7 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     yield _group("contacts", "Contacts" if contacts else "No contact", contacts)
     yield _group("loads", "Loads" if case.loads else "", (_load(spec) for spec in case.loads.values()))
     yield _step(model, verdict)
-    yield Fact("nodes", model.n_nodes)
+    yield Fact("nodes", model.bodies.n_nodes)
     yield Fact("certificate", verdict, ["Stability of the closed linear step"], [verdict["why"]])
     measured = _measured_energy(model, verdict["energy"])
     energy = [f"measured, {law}: {told}" for law, told in measured.items()]
@@ -172,8 +172,8 @@ def _step(model: Model, verdict: Certificate) -> Fact:
     time = model.case.time
     body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
     element = int(np.argmax(body.frequency))
-    smallest = 2.0 / model.omega
-    where = "every element" if np.ptp(body.frequency) <= 1e-9 * model.omega else f"element {element}"
+    smallest = 2.0 / model.bodies.omega
+    where = "every element" if np.ptp(body.frequency) <= 1e-9 * model.bodies.omega else f"element {element}"
     size = "2/omega" if body.of_cells else "h/c"  # omega is the highest frequency, 2c/h of a two-node bar
     how = f"dt = {model.dt:.9g}"
     if time.step is not None:
@@ -208,7 +208,7 @@ def _step(model: Model, verdict: Certificate) -> Fact:
 def _measured_energy(model: Model, energy: str) -> dict[str, str]:
     """Return by contact law the measured energy behaviour with the integrator, unless energy is known never to grow."""
     # The measurements were made with linear bars, so they do not hold for other bodies.
-    if energy == "never grows" or model.why_not_linear or not model.of_lines:
+    if energy == "never grows" or model.bodies.why_not_linear or not model.bodies.of_lines:
         return {}
     integrator = model.case.method.integrator.name
     laws = [bound_law.law for bound_law in model.laws]
@@ -289,9 +289,9 @@ def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
 
 def _names_at_end(model: Model, contact_point: ContactPoint) -> tuple[str, str, str]:
     """Return the names of stiffness, mass and frequency of the sides of a contact (`ContactPoints`)."""
-    if not model.of_lines:
+    if not model.bodies.of_lines:
         return "M w/h", "rho w h / 2", "2c/h"
-    if any(model.body_of(node).of_cells for node in contact_point.nodes):
+    if any(model.bodies.at(node).of_cells for node in contact_point.nodes):
         return "m omega^2 / 2", "m", "omega"
     return "EA/h", "rho A h / 2", "2c/h"
 

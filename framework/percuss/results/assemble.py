@@ -33,14 +33,14 @@ def _stop_entry(model: Model, stop: Stop | None, certificate: Certificate) -> St
     """Return step, time, node and likely cause of a stopped run, or None if the run was not stopped."""
     if stop is None:
         return None
-    body = model.body_of(stop.node)
+    body = model.bodies.at(stop.node)
     return {
         "step": stop.step,
         "time": stop.step * model.dt,
         "node": stop.node,
         "body": body.name,
         "node_in_body": stop.node - body.start,
-        "position": [float(x) for x in model.nodes[stop.node]],
+        "position": [float(x) for x in model.bodies.nodes[stop.node]],
         "what": stop.what,
         "cause": cause.likely_cause(stop, certificate),
     }
@@ -92,7 +92,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "status": outcome.status,
         "stop": _stop_entry(model, outcome.stop, certificate),
         "steps": outcome.done,
-        "nodes": model.n_nodes,
+        "nodes": model.bodies.n_nodes,
         "dt": model.dt,
         "end": outcome.done * model.dt,
         "courant": model.courant,
@@ -243,7 +243,8 @@ def _fields(march: March, outcome: Outcome) -> Entries:
         first_state += elements.size * points * state
         stress.append(stress_field(body, elements, u, states.reshape(snapshots, elements.size, points, state)))
         names += [body.name] * elements.size
-        positions.append(0.5 * (model.nodes[nodes[:, 0]] + model.nodes[nodes[:, 1]]))  # the ends come first
+        begin, end = model.bodies.nodes[nodes[:, 0]], model.bodies.nodes[nodes[:, 1]]  # the ends come first
+        positions.append(0.5 * (begin + end))
     return {
         "time": np.arange(snapshots) * record.field_every * model.dt,
         "body": names,

@@ -36,7 +36,7 @@ class End:
 
 def _ends(model: Model) -> Iterator[End]:
     """Yield the ends of all bodies."""
-    for body in model.bars.values() if model.of_lines else ():
+    for body in model.bodies.bars.values() if model.bodies.of_lines else ():
         for region, (nodes, outward, _) in body.mesh.regions.items():
             if len(nodes) == 1:
                 yield End(f"{body.name}.{region}", body, body.start + nodes[0], outward, body.mesh.nodes[nodes[0]])
@@ -110,13 +110,13 @@ def encounters(march: March, outcome: Outcome, arrays: Entries) -> list[str]:
         if depth > _touching(end):
             notes.append(f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}")
     for number, contact_point in enumerate(model.contact_points):
-        if model.dim == 1 or contact_point.at_wall or not model.of_lines:
+        if model.dim == 1 or contact_point.at_wall or not model.bodies.of_lines:
             continue
         relative = _relative(march, outcome, arrays, *contact_point.nodes)
         beside = np.linalg.norm(relative - np.outer(relative @ contact_point.normal, contact_point.normal), axis=1)
         pressing = arrays["contact_force"][-beside.size :, number] != 0.0
         # The faces are taken as squares: they have no point in common beyond half the sum of their sides.
-        width = 0.5 * sum(model.body_of(node).spec.section ** 0.5 for node in contact_point.nodes)
+        width = 0.5 * sum(model.bodies.at(node).spec.section ** 0.5 for node in contact_point.nodes)
         if (off := np.flatnonzero(pressing & (beside > width))).size:
             since = arrays["time"][-beside.size :][off[0]]
             notes.append(

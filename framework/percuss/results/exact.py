@@ -64,14 +64,14 @@ def engine_for(model: Model, end: float) -> tuple[Solution | None, ContactProble
 
     If none covers it, both are None, and the text has the reasons.
     """
-    if not model.of_lines:
+    if not model.bodies.of_lines:
         return None, None, "no exact solution is known of bodies that are no bars"
     problem = contact_problem(model)
     registry, chosen = model.case.registry, model.case.method.solution
     engines: Any = [chosen] if chosen else (registry.get("solutions", name)() for name in registry.names("solutions"))
     reasons = []
     for engine in engines:
-        linear_only = model.why_not_linear if engine.linear_bodies_only else ""
+        linear_only = model.bodies.why_not_linear if engine.linear_bodies_only else ""
         reason = linear_only or answer(engine, "covers", problem) or answer(engine, "too_costly", problem, end)
         if reason is None:
             return engine, problem, ""

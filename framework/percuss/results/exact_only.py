@@ -105,7 +105,7 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> Entries:
     ends = model.case.recorded_ends
     motion = {quantity: np.zeros((t.size, len(ends), model.dim)) for quantity in ("displacement", "velocity")}
     for k, address in enumerate(ends):
-        body = model.bars[address.body]
+        body = model.bodies.bars[address.body]
         x = 0.0 if body.node(address.region) == body.start else float(body.mesh.lengths.sum())
         for quantity, values in motion.items():
             along = getattr(solution, quantity)(body.name, np.full(t.shape, x), t)

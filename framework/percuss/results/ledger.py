@@ -180,10 +180,10 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
     """
     model, dim = march.model, march.dim
     velocities = outcome.starting_velocity.reshape(-1, dim), outcome.final_velocity.reshape(-1, dim)
-    before, after = ((model.mass[:, None] * velocity).sum(axis=0) for velocity in velocities)
-    started, moving = (float((model.mass * np.linalg.norm(velocity, axis=1)).sum()) for velocity in velocities)
+    before, after = ((model.bodies.mass[:, None] * velocity).sum(axis=0) for velocity in velocities)
+    started, moving = (float((model.bodies.mass * np.linalg.norm(velocity, axis=1)).sum()) for velocity in velocities)
     supports = np.zeros(dim)
-    for constraint, reaction in zip(model.constraints, outcome.reactions, strict=True):
+    for constraint, reaction in zip(model.loads.constraints, outcome.reactions, strict=True):
         supports += model.dt * reaction * constraint.direction
     walls = np.zeros(dim)
     for contact_point, impulse in zip(model.contact_points, outcome.sums.impulse, strict=True):
@@ -199,7 +199,7 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
         support_impulse,
         float(np.abs(outcome.load_impulse).max(initial=0.0)),
         # Balanced forces bring no momentum: their round-off is relative to the momentum that their energy could bring.
-        float(np.sqrt(2.0 * float(model.mass.sum()) * largest_energy)),
+        float(np.sqrt(2.0 * float(model.bodies.mass.sum()) * largest_energy)),
     )
     imbalance = float(np.abs(closure).max())
     return {

@@ -209,7 +209,7 @@ def _work_of(model: Model) -> tuple[object, ...]:
     bodies = ((type(body.spec.element), type(body.spec.material)) for body in model.bodies.values())
     record = model.case.record
     methods = dict.fromkeys([type(model.case.method.integrator), *laws, *bodies])
-    return (*methods, model.mass.size, model.steps, record.every, record.fields)
+    return (*methods, model.bodies.mass.size, model.steps, record.every, record.fields)
 
 
 def stop_message(stop: StopSummary) -> str:

@@ -130,7 +130,7 @@ def uniform_bars(model: ModelArrays, boundary_nodes: Sequence[int]) -> Any:
     boundary_nodes
         The nodes at which contacts, loads, supports or probes act.
     """
-    bodies = list(model.bars.values()) if model.of_lines else []
+    bodies = list(model.bodies.bars.values()) if model.bodies.of_lines else []
     ends = {node for body in bodies for node in (body.start, body.stop - 1)}
     bars = []
     if (
@@ -138,7 +138,7 @@ def uniform_bars(model: ModelArrays, boundary_nodes: Sequence[int]) -> Any:
         and model.dim == 1
         and not model.multistage
         and not model.facts.no_row_kernel
-        and not model.body_forces
+        and not model.loads.body_forces
         and ends.issuperset(boundary_nodes)
         and all(map(_is_uniform, bodies))
     ):

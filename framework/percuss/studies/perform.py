@@ -129,7 +129,7 @@ def foreseen(case: Case, task: Task) -> tuple[Run, int]:
         found = certificate(recordable(model), criterion, with_critical_step=False)
         if found["stable"] == "no" and changed.time.on_unstable == "stop":
             raise RunError(f"the certificate says unstable\n  {found['why']}")
-        node_steps.append(model.steps * len(model.nodes))
+        node_steps.append(model.steps * len(model.bodies.nodes))
 
     return _perform(case, task, examined)[0], node_steps[-1]
 

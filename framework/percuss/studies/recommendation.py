@@ -395,7 +395,7 @@ class _Bench:
             model = self._model({**self.usual, "refine": refine, "time.courant": courant})
         except InputError:  # too large for this machine
             return math.inf
-        return float(model.steps * len(model.nodes))
+        return float(model.steps * len(model.bodies.nodes))
 
     def _model(self, changes: Data) -> Model:
         return Model(self.case.with_overrides({**self.fixed, **changes}))

@@ -72,12 +72,12 @@ class CoupledMasses(Part[Coupling]):
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
         """Return the part, None where all masses are diagonal."""
         model, step = setting.model, setting.step
-        if not model.couples_nodes:
+        if not model.bodies.couples_nodes:
             return None
         rows = [
             (setting.place[node] + d, setting.place[end] + d, value / response[end])
-            for end in dict.fromkeys(model.acted_nodes)
-            for response in (model.body_of(end).response(end),)
+            for end in dict.fromkeys(model.loads.acted_nodes)
+            for response in (model.bodies.at(end).response(end),)
             for node, value in response.items()
             if node != end
             for d in range(model.dim)
@@ -89,8 +89,8 @@ class CoupledMasses(Part[Coupling]):
         coupling, factor = arrays_for_the_loop(model.bodies.values(), model.dim)
         correction, former, change = (np.zeros(coupling.shape[1]) for _ in range(3))
         data = Coupling(
-            coupling, factor, correction, former, change, model.mass_of_dofs, neighbours, step.boundary, step.totals,
-            model.dim, model.dt, sums_work,
+            coupling, factor, correction, former, change, model.bodies.mass_of_dofs, neighbours, step.boundary,
+            step.totals, model.dim, model.dt, sums_work,
         )  # fmt: skip
         return cls(data, multistage=model.multistage)
 
@@ -269,7 +269,7 @@ def coupled_kinetic(factor: Floats, v: Floats, dim: int, work_space: Floats) -> 
 
 def feature(model: ModelArrays) -> Feature | None:
     """Return what is to know of masses that couple nodes; None where all are diagonal."""
-    if not model.couples_nodes:
+    if not model.bodies.couples_nodes:
         return None
     mass = model.case.method.mass.name
     return Feature(
@@ -293,7 +293,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem]:
     A support, a drive or a load on an end whose motion the mass couples to the other end of its body has no neighbours
     of its own.
     """
-    if not model.couples_nodes:
+    if not model.bodies.couples_nodes:
         return
     mass, case = model.case.method.mass.name, model.case
     if what := model.why_without("coupled masses"):
@@ -303,7 +303,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem]:
         yield case.problem(("method", "mass"), message, advice)
     for body in model.bodies.values():
         reach, count = body.inverse.shape[0] - 1, body.count
-        if count <= reach and not {body.start, body.stop - 1}.isdisjoint(model.acted_nodes):
+        if count <= reach and not {body.start, body.stop - 1}.isdisjoint(model.loads.acted_nodes):
             message = f"expected more than {reach} elements in body '{body.name}', found {count}"
             advice = (
                 f"The mass {mass} couples both of its ends, and a support, a drive or a load acts on one: take more."

@@ -88,7 +88,7 @@ class EndForcesOfLaws(Part[EndForces]):
             end_force = found[point]
             start = len(entries)
             entries += [
-                (setting.place[node] + d, value, value / setting.model.mass[node])
+                (setting.place[node] + d, value, value / setting.model.bodies.mass[node])
                 for node, row in end_force.rows.items()
                 for d, value in enumerate(row)
             ]
@@ -279,7 +279,7 @@ def _end_force_rows(model: ModelArrays, sides: Sequence[Side]) -> dict[int, Floa
     """Return the rows of Sigma by node: end force by displacement."""
     rows: dict[int, Floats] = {}
     for weight, side in zip(_weights(sides), sides, strict=True):
-        body = model.bar_of(side.node)
+        body = model.bodies.bar_at(side.node)
         row = weight * float(body.stiffness[body.end_element(side.node)]) * side.normal
         beside = side.node + 1 if side.node == body.start else side.node - 1
         for node, sign in ((side.node, -1.0), (beside, 1.0)):
@@ -294,10 +294,10 @@ def _opened(
     normal = next((side.normal for side in sides if side.node == node), np.zeros(model.dim))
     seen, pushed = (normal + multiple * row for multiple in multiples)
     free = pushed
-    for constraint in model.constraints:
+    for constraint in model.loads.constraints:
         if constraint.node == node and constraint.active(midpoint):
             free = free - (constraint.direction @ free) * constraint.direction
-    return Side(node, normal, free / model.mass[node], seen=seen, pushed=pushed)
+    return Side(node, normal, free / model.bodies.mass[node], seen=seen, pushed=pushed)
 
 
 def trace_stiffness(model: ModelArrays, midpoint: float) -> Floats:
@@ -305,7 +305,7 @@ def trace_stiffness(model: ModelArrays, midpoint: float) -> Floats:
     return np.array(
         [
             sum(
-                weight**2 * model.bar_of(side.node).end_stiffness(side.node)
+                weight**2 * model.bodies.bar_at(side.node).end_stiffness(side.node)
                 for weight, side in zip(_weights(sides), sides, strict=True)
             )
             for sides in model.contact_rows(midpoint).sides
@@ -319,13 +319,13 @@ def refusals(model: ModelArrays) -> Iterator[RefusedPair]:
     for bound_law in (law for law in model.laws if law.sees_more_than_gap):
         law, reason, refusing = bound_law.law.name, "", bound_law.law.name
         what = f"{law} sees or pushes the force of end elements"
-        bodies = {model.body_of(node).name: node for p in bound_law.where for node in model.contact_points[p].nodes}
+        bodies = {model.bodies.at(node).name: node for p in bound_law.where for node in model.contact_points[p].nodes}
         if model.multistage:
             reason = f"{what}, which is evaluated in leap-frog schemes alone"
         elif why := model.why_without("end forces", bound_law.where):
             reason = f"{what}, {why}"
         for node in bodies.values():
-            body = model.body_of(node)
+            body = model.bodies.at(node)
             if body.of_cells:
                 reason = f"{what}, which is known of two-node elements alone: body '{body.name}' has {_kinds(body)}"
             elif body.why_not_linear:

@@ -167,7 +167,7 @@ def add_round_off(data: Balance, n: int, u: Floats, v: Floats, a: Floats) -> Non
 def feature(model: ModelArrays) -> Feature | None:
     """Return what is to know of ends without mass; None where all ends in contact have mass."""
     points = enumerate(model.contact_points)
-    massless = frozenset(p for p, point in points if model.mass[list(point.nodes)].min() == 0.0)
+    massless = frozenset(p for p, point in points if model.bodies.mass[list(point.nodes)].min() == 0.0)
     if not massless:
         return None
     mass = model.case.method.mass.name
@@ -226,7 +226,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
     if not massless.any():
         return
     name, integrator = case.method.mass.name, case.method.integrator.name
-    for body in model.bars.values():
+    for body in model.bodies.bars.values():
         if not all(body.mass[beside - body.start] > 0.0 for beside in body.ends_without_mass.values()):
             message = f"expected a node with mass beside each end without mass of body '{body.name}', found none"
             yield case.problem(("method", "mass"), message, "Give the body more elements.")

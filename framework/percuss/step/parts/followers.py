@@ -72,17 +72,17 @@ class Followers(Part[Following]):
 
     def __init__(self, setting: Setting, data: Following) -> None:
         super().__init__(data)
-        self.loads, self.multistage = setting.model.followers, setting.model.multistage
+        self.loads, self.multistage = setting.model.loads.followers, setting.model.multistage
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
         """Return the part, None where no load follows the motion of an end."""
         model, step, rows = setting.model, setting.step, []
-        if not model.followers:
+        if not model.loads.followers:
             return None
-        first = step.loads.axes.size // model.dim - len(model.followers)  # their axes are the last ones
-        for i, follower in enumerate(model.followers, start=first):
-            place, mobility = setting.place[follower.node], model.mobility(follower.node)
+        first = step.loads.axes.size // model.dim - len(model.loads.followers)  # their axes are the last ones
+        for i, follower in enumerate(model.loads.followers, start=first):
+            place, mobility = setting.place[follower.node], model.bodies.mobility(follower.node)
             times = follower.switched_on, follower.load.stop
             rows.append((place, i * model.dim, mobility, follower.column, *times, *([0.0] * 6)))
         followers = record_array(rows, FOLLOWER)
@@ -114,11 +114,11 @@ class Followers(Part[Following]):
 
 def feature(model: ModelArrays) -> Feature | None:
     """Return what is to know of loads that follow the motion of an end; None where there is none."""
-    if not model.followers:
+    if not model.loads.followers:
         return None
     return Feature(
         name="loads that follow the motion of an end",
-        forces=model.followers,
+        forces=model.loads.followers,
         springs=partial(_springs, model),
         beyond_pencil=partial(_why_beyond_pencil, model),
         effect_unknown=partial(_why_unknown, model),
@@ -151,7 +151,7 @@ def _stiffness_and_damping(follower: Follower, end: float) -> tuple[float, float
 def _why_unknown(model: ModelArrays) -> str:
     """Return why no certificate covers the loads that follow the motion; empty if one does."""
     end = model.steps * model.dt
-    for follower in model.followers:
+    for follower in model.loads.followers:
         name = f"load '{follower.load.name}' follows the motion of an end"
         if follower.load.start > 0 or follower.load.stop < end:
             return f"{name} during a part of the run alone"
@@ -167,10 +167,10 @@ def _why_beyond_pencil(model: ModelArrays) -> str:
     and its spring adds to the stiffness of the end.
     """
     touched = {node for contact_point in model.contact_points for node in contact_point.nodes}
-    for follower in model.followers:
+    for follower in model.loads.followers:
         name = f"load '{follower.load.name}' follows the motion of an end"
         found = _stiffness_and_damping(follower, model.steps * model.dt)
-        along = abs(float(follower.force @ model.body_of(follower.node).mesh.direction))
+        along = abs(float(follower.force @ model.bodies.at(follower.node).mesh.direction))
         if found is None or min(found) < 0.0:
             return f"{name} otherwise than a spring and a dashpot"
         if model.multistage:
@@ -186,9 +186,9 @@ def _springs(model: ModelArrays) -> dict[int, float]:
     """Return the stiffness of the springs at the ends of bars, by node."""
     end = model.steps * model.dt
     springs: dict[int, float] = {}
-    for follower in model.followers:
+    for follower in model.loads.followers:
         stiffness, _ = _stiffness_and_damping(follower, end) or (0.0, 0.0)
-        along = float(follower.force @ model.body_of(follower.node).mesh.direction)
+        along = float(follower.force @ model.bodies.at(follower.node).mesh.direction)
         springs[follower.node] = stiffness * along**2
     return springs
 

@@ -148,7 +148,7 @@ def feature(model: ModelArrays) -> Feature | None:
     """Return what is to know of bodies with steps of their own; None where the scheme gives them none."""
     if model.multistage or not model.tables[0].own_steps:
         return None
-    ratios = [model.omega / float(body.frequency.max()) for body in model.bodies.values()]
+    ratios = [model.bodies.omega / float(body.frequency.max()) for body in model.bodies.values()]
     leaps = tuple(max(1, int(ratio * (1.0 + TOLERANCE))) for ratio in ratios)
     if max(leaps) == 1:
         return Feature(name="own steps", built_for_bars=True)

@@ -104,8 +104,8 @@ def feature(model: ModelArrays) -> Feature | None:
 
 def refusals(model: ModelArrays) -> Iterator[Problem]:
     """Yield a problem where bodies are not linear: the viscosity is that of a stiffness."""
-    if viscosity_of(model) and model.why_not_linear:
+    if viscosity_of(model) and model.bodies.why_not_linear:
         name = model.case.method.integrator.name
-        message = f"expected linear bodies with the viscous {name}, found that {model.why_not_linear}"
+        message = f"expected linear bodies with the viscous {name}, found that {model.bodies.why_not_linear}"
         advice = "Its viscosity is that of a stiffness, which these bodies do not have: take central-difference."
         yield model.case.problem(("method", "integrator"), message, advice)

@@ -1,0 +1,161 @@
+"""All bodies of a model together: their nodes, numbered one body after the other, and their masses."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.mesh import size_limits
+from percuss.mesh.bar import Bar
+from percuss.mesh.body import Body
+from percuss.mesh.cell_stiffness import frequencies_of_cells
+from percuss.mesh.cells import is_solid, modulus_of, volumes_of
+from percuss.mesh.kernel_trial import try_kernels
+from percuss.mesh.masses import ends_at_contacts, inverse_mass, nodal_masses
+from percuss.methods.interfaces import BodyMesh
+from percuss.methods.plugin_calls import answer, read_only
+
+if TYPE_CHECKING:
+    from percuss.case.case import Case
+    from percuss.methods.interfaces import Floats
+
+
+class Bodies(Mapping[str, Body]):
+    """The bodies of a model by name, in the order of the case.
+
+    Attributes
+    ----------
+    mass, nodes
+        Masses and positions of all nodes, (nodes,) and (nodes, dim).
+    n_nodes, dim
+        Number of nodes and of space dimensions.
+    omega
+        Largest frequency of an element [1/time].
+    couples_nodes
+        Whether the mass of a body couples its nodes, so that M^-1 is banded.
+    why_not_linear
+        The reason why internal forces are not proportional to displacements; empty where all bodies are linear.
+    """
+
+    def __init__(self, bodies: list[Body]) -> None:
+        self._bodies = bodies
+        self._by_name = {body.name: body for body in bodies}
+        self._starts = [body.start for body in bodies]
+        self.mass: Floats = read_only(np.concatenate([body.mass for body in bodies]))
+        self.nodes: Floats = read_only(np.concatenate([body.mesh.nodes for body in bodies]))
+        self.n_nodes, self.dim = self.nodes.shape
+        self.omega = max(float(body.frequency.max()) for body in bodies)
+        self.couples_nodes = any(body.inverse.size for body in bodies)
+        self.why_not_linear = "; ".join(filter(None, (body.why_not_linear for body in bodies)))
+
+    def __getitem__(self, name: str) -> Body:
+        return self._by_name[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_name)
+
+    def __len__(self) -> int:
+        return len(self._bodies)
+
+    @cached_property
+    def mass_of_dofs(self) -> Floats:
+        """Nodal mass of each degree of freedom, (nodes * dim,)."""
+        return np.repeat(self.mass, self.dim)
+
+    @cached_property
+    def inverse_mass_of_dofs(self) -> Floats:
+        """The inverse of that mass, 0 at an end without mass, (nodes * dim,)."""
+        mass = self.mass_of_dofs
+        return np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
+
+    @cached_property
+    def of_lines(self) -> bool:
+        """Whether all bodies are along lines."""
+        return all(isinstance(body, Bar) for body in self._bodies)
+
+    @cached_property
+    def bars(self) -> Mapping[str, Bar]:
+        """The bodies, where all are bars.
+
+        Raises
+        ------
+        TypeError
+            If one of them is no bar.
+        """
+        bars = {body.name: body for body in self._bodies if isinstance(body, Bar)}
+        if len(bars) < len(self):
+            raise TypeError("what is of bars alone was asked of another body")
+        return bars
+
+    def at(self, node: int) -> Body:
+        """Return the body that contains a node."""
+        return self._bodies[bisect.bisect_right(self._starts, node) - 1]
+
+    def bar_at(self, node: int) -> Bar:
+        """Return the bar that contains a node."""
+        return self.bars[self.at(node).name]
+
+    def mobility(self, node: int) -> float:
+        """Return the acceleration of a node by a unit force on it, 1/m where the mass is diagonal [1/mass]."""
+        return self.at(node).response(node)[node]
+
+    def mass_held(self, node: int) -> float:
+        """Return the mass that a reaction accelerates along with a node: its own where the mass is diagonal."""
+        return 1.0 / self.mobility(node) if self.couples_nodes else float(self.mass[node])
+
+    def change_of_velocity(self, impulse: Floats, node: int) -> Floats:
+        """Return the change of the velocity of a node by an impulse on it, (dim,)."""
+        return impulse * self.mobility(node) if self.couples_nodes else impulse / self.mass[node]
+
+
+def bodies_of(case: Case) -> Bodies:
+    """Return the bodies of a case.
+
+    Raises
+    ------
+    InputError
+        If a body is too large, or its numbers are beyond the limits.
+    """
+    bodies: list[Body] = []
+    in_contact = ends_at_contacts(case)
+    for number, (name, spec) in enumerate(case.bodies.items()):
+        mesh = size_limits.mesh_of_body(case, spec)
+        view = BodyMesh(mesh, spec.section, spec.plane_of(mesh.nodes.shape[1]))
+        velocity = np.asarray(spec.velocity, dtype=float)
+        if velocity.ndim == 0:  # along the body; a body along no line has none by default
+            velocity = velocity * (mesh.direction if mesh.line is not None else np.zeros(mesh.nodes.shape[1]))
+        try_kernels(spec.element, spec.material, view)
+        mass, may_lack_mass = nodal_masses(case, spec, view, in_contact.get(name, frozenset()))
+        facts: dict[str, Any] = {}
+        if mesh.line is not None:
+            facts["stiffness"] = answer(spec.element, "axial_stiffness", view, spec.material.modulus)
+        bodies.append(
+            (Bar if mesh.line is not None else Body)(
+                name=name,
+                number=number,
+                spec=spec,
+                mesh=mesh,
+                start=bodies[-1].stop if bodies else 0,
+                mass=mass,
+                frequency=frequencies_of_cells(spec.element, spec.material, view)
+                if is_solid(spec.element)
+                else answer(
+                    spec.element,
+                    "highest_frequency",
+                    view,
+                    math.sqrt(modulus_of(spec.material, view) / spec.material.rho),
+                ),
+                volumes=volumes_of(spec.element, view),
+                velocity=velocity,
+                may_lack_mass=may_lack_mass,
+                inverse=inverse_mass(case, spec, view, mass),
+                **facts,
+            )
+        )
+    size_limits.check_bodies(case, bodies)
+    return Bodies(bodies)
