@@ -284,6 +284,6 @@ def test_an_end_that_is_driven_all_the_time_is_as_stiff_to_contact_as_a_wall():
     """One that a drive lets go is not: contact may then move its whole body."""
     moving, still = (percuss.load(places.CASES / f"{name}.yaml") for name in ("moving-wall", "doyen-impact"))
     cases = (moving, still, moving.with_overrides({"loads.motion.until": 0.5}))
-    limits = [float(Model(case).points([0], 3e-3).stiffness_limit[0]) for case in cases]
+    limits = [float(Model(case).binding.points([0], 3e-3).stiffness_limit[0]) for case in cases]
     assert limits[0] == pytest.approx(limits[1], rel=1e-12)
     assert limits[2] < 0.9 * limits[1]

@@ -149,7 +149,7 @@ def test_theta_of_several_contacts_is_that_of_the_determinant(direction):
     motions = Motions(model)
     closed_step, free = (ClosedStep(motions, model.dt, c) for c in ([0, 1, 2], []))
     said = closed_contacts(model, model.dt)
-    _, diagonal, others = model.contact_rows(0.5 * model.dt)
+    _, diagonal, others = model.rows.at(0.5 * model.dt)
     s = np.array([[others[p].get(q, 0.0) for q in range(3)] for p in range(3)]) + np.diag(diagonal)
     thetas = model.dt**2 * np.linalg.eigvals(np.linalg.solve(np.eye(3) + s * said.inertia, s * said.stiffness))
     assert np.linalg.det(closed_step.matrix()) == pytest.approx(np.prod(1 - thetas).real, abs=1e-10)

@@ -338,7 +338,7 @@ def test_the_stiffest_contact_that_a_step_allows_is_that_of_exact_matrices(eleme
     stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
     reserve = np.diag(4.0 / model.dt**2 * 0.01 * mass) - 100.0 * stiffness
     limit = 1.0 / np.linalg.inv(reserve)[-1, -1]
-    assert model.points([0], model.dt).stiffness_limit[0] == pytest.approx(limit, rel=1e-7)
+    assert model.binding.points([0], model.dt).stiffness_limit[0] == pytest.approx(limit, rel=1e-7)
 
 
 def test_automatic_step_and_penalty_run():

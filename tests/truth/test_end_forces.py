@@ -240,7 +240,7 @@ def test_the_operator_of_the_loop_is_that_of_dense_matrices():
         for other in points.others[point.other_start : point.other_stop]:
             found[p, other.point] = other.value
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
-    kappa = model.points(range(5), model.dt).trace_stiffness
+    kappa = model.binding.points(range(5), model.dt).trace_stiffness
     np.testing.assert_allclose(kappa, dense.kappa, rtol=1e-13)
 
 

@@ -398,16 +398,18 @@ def test_no_file_knows_a_place_on_somebodys_machine():
 
 ABOUT_LINES = {
     "certificate/closed_form.py", "certificate/decoupled_gaps.py", "certificate/lines.py", "certificate/waves.py",
-    "contact/contact_problem.py", "contact/stiffness_limits.py", "mesh/bar.py", "results/encounters.py",
-    "results/exact.py", "results/exact_only.py", "results/true_error.py", "step/parts/end_forces.py",
-    "step/parts/ends_without_mass.py", "step/parts/followers.py", "step/uniform_rows.py", "testing/checks/bulk.py",
+    "contact/contact_problem.py", "contact/stiffness_limits.py", "contact/trace_stiffness.py", "mesh/bar.py",
+    "results/encounters.py", "results/exact.py", "results/exact_only.py", "results/true_error.py",
+    "step/parts/end_forces.py", "step/parts/ends_without_mass.py", "step/parts/followers.py", "step/uniform_rows.py",
+    "testing/checks/bulk.py",
 }  # fmt: skip
 # Where bars and other bodies part: their meshes, contact points, operators and refusals, and how they are described.
 PART_THERE = {
     "case/case.py", "certificate/assembled.py", "certificate/closed_step.py", "certificate/criteria.py", "cli/run.py",
-    "contact/contact_points.py", "contact/model_arrays.py", "contact/paired_surfaces.py", "march/model.py",
-    "march/refusals.py", "mesh/bodies.py", "mesh/cells.py", "mesh/kernel_trial.py", "mesh/loads.py", "mesh/size_limits.py",
-    "mesh/stresses.py", "methods/interfaces/body.py", "methods/plugin_calls.py", "reporting/explanation.py",
+    "contact/contact_points.py", "contact/point_rows.py", "contact/paired_surfaces.py", "contact/binding.py",
+    "march/refusals.py", "mesh/bodies.py", "mesh/cells.py", "mesh/kernel_trial.py", "mesh/loads.py",
+    "mesh/size_limits.py", "mesh/stresses.py", "methods/interfaces/body.py", "methods/plugin_calls.py",
+    "reporting/explanation.py",
 }  # fmt: skip
 ASKS = re.compile(r"\bBar\b|\bof_lines\b|\bof_bars\b|\.bars\b|\bbar_at\b|mesh\.(line|lengths|direction)\b")
 

@@ -155,7 +155,7 @@ def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
     elements and follows from the current state.
     """
     balanced = model.balanced
-    delassus = model.contact_rows(0.5 * model.dt).diagonal
+    delassus = model.rows.at(0.5 * model.dt).diagonal
     compliance = laws.compliance + np.where(balanced, delassus * model.dt**2, 0.0)
     acting = balanced.copy()
     acting[list(model.inactive_points(0.5 * model.dt))] = False

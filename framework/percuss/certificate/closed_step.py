@@ -224,7 +224,7 @@ class Motions:
     @cached_property
     def gaps(self) -> Floats:
         """Gap matrix N^T of all contacts for weighted displacements, (P, n)."""
-        return self._weighted(self.model.normals().T)
+        return self._weighted(self.model.rows.normals().T)
 
     @cached_property
     def end_forces(self) -> Floats:

@@ -47,7 +47,7 @@ def operator_criterion(model: Model, closed: ClosedContacts | None = None) -> Op
     short = model.bodies.of_lines and any(body.count < SHORT_BAR_ELEMENTS for body in model.bodies.values())
     covered = not model.facts.by_pencil_alone
     asked = short and covered and 2 * model.bodies.mass.size <= LARGEST_DENSE_STATE
-    _, delassus, coupling = model.contact_rows(0.5 * model.dt)
+    _, delassus, coupling = model.rows.at(0.5 * model.dt)
     return OperatorCriterion(
         operator_of(model),
         (delassus, coupling),

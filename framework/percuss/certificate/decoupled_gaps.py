@@ -110,13 +110,13 @@ class DecoupledGapsCriterion:
     def __init__(self, model: Model) -> None:
         self.model = model
         self._end_forces = end_forces(model, 0.5 * model.dt)  # of all contact points
-        self._delassus = model.contact_rows(0.5 * model.dt).diagonal
+        self._delassus = model.rows.at(0.5 * model.dt).diagonal
 
     @cached_property
     def _kappa(self) -> Floats:
         """``-N^T M^-1 Sigma / s``, (P,)."""
         mass, out = self.model.bodies.mass, np.zeros(len(self._end_forces))
-        rows = self.model.contact_rows(0.5 * self.model.dt).sides
+        rows = self.model.rows.at(0.5 * self.model.dt).sides
         for p, sides in enumerate(rows):
             sigma = self._end_forces[p].rows
             out[p] = -sum(float(side.response @ sigma[side.node]) for side in sides if mass[side.node] > 0.0)

@@ -371,7 +371,7 @@ def _stiffened_contacts(model: Model, laws: ClosedContacts) -> str:
     pressing = laws.predicted & (laws.stiffness > 0)
     before: Any = None
     for first, _ in model.segments():
-        delassus = model.contact_rows((first + 0.5) * model.dt).diagonal
+        delassus = model.rows.at((first + 0.5) * model.dt).diagonal
         after = laws.compliance + np.where(pressing, laws.surplus, 0.0) * delassus
         stiffer = [] if before is None else [int(p) for p in np.flatnonzero(after < before * (1.0 - 1e-12))]
         if stiffer:

@@ -7,14 +7,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contact.contact_rows import Side, delassus_rows
 from percuss.contact.features import together
+from percuss.contact.point_rows import PointRows
 from percuss.mesh.loads import latest
-from percuss.methods.interfaces import Floats, LeapFrog, Stages
+from percuss.methods.interfaces import LeapFrog, Stages
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -22,25 +22,7 @@ if TYPE_CHECKING:
     from percuss.contact.contact_point import ContactPoint
     from percuss.contact.features import Feature
     from percuss.mesh.bodies import Bodies
-    from percuss.mesh.loads import Constraint, SupportsAndLoads
-
-
-class ContactRows(NamedTuple):
-    """The rows of N and S of all contact points.
-
-    Attributes
-    ----------
-    sides
-        The sides of each contact point, one at a wall.
-    diagonal : (P,) array
-        Diagonal of S [1/mass].
-    others
-        The other entries of each row of S, as `percuss.contact.contact_rows.delassus_rows` returns them.
-    """
-
-    sides: list[list[Side]]
-    diagonal: Floats
-    others: list[dict[int, float]]
+    from percuss.mesh.loads import SupportsAndLoads
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -153,56 +135,7 @@ class ModelArrays:
         edges = sorted(cuts)
         return list(itertools.pairwise(edges))
 
-    def contact_rows(self, midpoint: float) -> ContactRows:
-        """Return N and S = N^T M^-1 N for the supports and drives active at `midpoint`."""
-        active = tuple(k for k, constraint in enumerate(self.loads.constraints) if constraint.active(midpoint))
-        rows = self._known_contact_rows.get(active)
-        if rows is None:
-            sides = self._sides([self.loads.constraints[k] for k in active])
-            rows = self._known_contact_rows[active] = ContactRows(sides, *delassus_rows(sides))
-        return rows
-
     @cached_property
-    def _known_contact_rows(self) -> dict[tuple[int, ...], ContactRows]:
-        """The rows of N and S for each set of active supports and drives that was met."""
-        return {}
-
-    def _sides(self, active: Sequence[Constraint]) -> list[list[Side]]:
-        directions: dict[int, list[Floats]] = {}
-        for constraint in active:
-            directions.setdefault(constraint.node, []).append(constraint.direction)
-        sides = []
-        for contact_point in self.contact_points:
-            pair_sides = []
-            for node, normal in contact_point.gradient:
-                free = normal.copy()
-                for direction in directions.get(node, ()):
-                    free -= (direction @ free) * direction
-                pair_sides += self._sides_of(node, normal, free)
-            sides.append(pair_sides)
-        return sides
-
-    def _sides_of(self, node: int, normal: Floats, free: Floats) -> list[Side]:
-        """Return a side of a contact point, with `free` the part of its normal along which no constraint holds it.
-
-        Where the mass couples nodes, those that a force on the side moves too follow, with no normal of their own.
-        """
-        body = self.bodies.at(node)
-        if (beside := body.carrier(node)) != node:
-            bar = self.bodies.bar_at(node)
-            stiffness = float(bar.stiffness[bar.end_element(node)])
-            return [Side(node, normal, free / (stiffness * self.dt**2), beside)]
-        if body.inverse.size:
-            return [
-                Side(moved, normal if moved == node else np.zeros_like(normal), free * response)
-                for moved, response in body.response(node).items()
-            ]
-        return [Side(node, normal, free / self.bodies.mass[node])]
-
-    def normals(self) -> Floats:
-        """Return N of all contact points, (nodes * dim, P)."""
-        normals = np.zeros((self.bodies.n_nodes, self.dim, len(self.contact_points)))
-        for p, contact_point in enumerate(self.contact_points):
-            for node, normal in contact_point.gradient:
-                normals[node, :, p] += normal
-        return normals.reshape(self.bodies.n_nodes * self.dim, -1)
+    def rows(self) -> PointRows:
+        """The rows of N and S of the contact points."""
+        return PointRows(self.bodies, self.loads.constraints, self.contact_points, self.dt)

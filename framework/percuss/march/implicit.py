@@ -66,7 +66,9 @@ class ImplicitStepper:
             [c.node * model.dim + int(np.argmax(np.abs(c.direction))) for c in model.loads.constraints], dtype=np.int64
         )
         self.order = [point for bound_law in model.laws for point in bound_law.where]
-        self.normals = np.ascontiguousarray(model.normals()[:, self.order])  # N of all points in the order of the loop
+        self.normals = np.ascontiguousarray(
+            model.rows.normals()[:, self.order]
+        )  # N of all points in the order of the loop
         self.initial_gap = np.array([model.contact_points[point].gap for point in self.order])
         self._factorise()
         self._bind_laws()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,24 +10,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.contact.bound_law import BoundLaw, bind_law, joined
+from percuss.contact.binding import Binding
+from percuss.contact.bound_law import BoundLaw
 from percuss.contact.contact_points import contact_points_of
 from percuss.contact.contact_rows import Side, law_records
 from percuss.contact.model_arrays import ModelArrays
 from percuss.contact.points import LAW, NOTHING
-from percuss.contact.stiffness_limits import stiffness_limits
-from percuss.contact.surface_limits import surface_limits
 from percuss.errors import Problem, refuse_if_any
 from percuss.march.features import features_of
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
 from percuss.mesh import size_limits
 from percuss.mesh.bodies import bodies_of
 from percuss.mesh.loads import Constraint, acts_at, supports_and_loads
-from percuss.methods.blame import said_by
-from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LeapFrog
+from percuss.methods.interfaces import ContactLaw, Floats, LeapFrog
 from percuss.methods.process_guard import process_as_before
 from percuss.step.integrator_check import scheme
-from percuss.step.parts.end_forces import end_forces, trace_stiffness
+from percuss.step.parts.end_forces import end_forces
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -118,7 +115,7 @@ class Model(ModelArrays):
         stages, tables = scheme(self.case.method.integrator, self.dt)
         self._set(stages=stages, tables=tables)
         refuse(self, BEFORE_LAWS)
-        self._set(laws=self._bound_laws(self.dt))
+        self._set(laws=self.binding.laws(self.dt))
         refuse(self, WITH_LAWS)
 
     def with_step(self, dt: float) -> Model:
@@ -225,111 +222,18 @@ class Model(ModelArrays):
         tied = {p for bound_law in self.laws if bound_law.ties and bound_law.during is None for p in bound_law.where}
         return tuple(sorted(p for p in tied.difference(self._never_active) if not self.balanced[p]))
 
-    def points(self, where: Sequence[int], dt: float) -> ContactPoints:
-        """Return the properties of the contact points `where` that a law receives for a time step `dt`."""
-
-        def column(values: Any, dtype: type = float) -> Any:
-            array: Any = np.array(values, dtype=dtype)
-            array.flags.writeable = False
-            return array
-
-        contact_points = [self.contact_points[p] for p in where]
-        delassus, coupling, _ = self.whole._largest_delassus
-        return ContactPoints(
-            names=tuple(contact_point.name for contact_point in contact_points),
-            stiffness=column([contact_point.stiffness for contact_point in contact_points]),
-            frequency=column([contact_point.frequency for contact_point in contact_points]),
-            mass=column([contact_point.mass for contact_point in contact_points]),
-            equal_sides=column([contact_point.equal_sides for contact_point in contact_points], bool),
-            delassus=column(delassus[list(where)]),
-            coupling=column(coupling[list(where)]),
-            weight=column([contact_point.weight for contact_point in contact_points]),
-            limits=lambda: column(self.whole._stiffness_limits(dt)[list(where)]),
-            traces=lambda: column(self.whole._trace_stiffness[list(where)]),
-        )
-
     @cached_property
-    def _largest_delassus(self) -> tuple[Floats, Floats, list[set[int]]]:
-        """The largest diagonal entry s of S over the run, and the largest absolute row sum of S over s, (P,) each.
-
-        The last are the contact points that are coupled with each at some time of the run.
-        """
-        largest, sums = np.zeros(len(self.contact_points)), np.zeros(len(self.contact_points))
-        neighbours: list[set[int]] = [set() for _ in self.contact_points]
-        for start, _ in self.segments(laws=False):
-            _, diagonal, others = self.contact_rows((start + 0.5) * self.dt)
-            largest = np.maximum(largest, diagonal)
-            sums = np.maximum(sums, diagonal + np.array([sum(map(abs, row.values())) for row in others]))
-            neighbours = [near.union(row) for near, row in zip(neighbours, others, strict=True)]
-        return largest, sums / largest, neighbours
-
-    @cached_property
-    def _trace_stiffness(self) -> Floats:
-        """The largest `ContactPoints.trace_stiffness` of each contact point over the run, (P,)."""
-        largest = np.zeros(len(self.contact_points))
-        for start, _ in self.segments(laws=False):
-            largest = np.maximum(largest, trace_stiffness(self, (start + 0.5) * self.dt))
-        return largest
-
-    def _stiffness_limits(self, dt: float) -> Floats:
-        if not self.bodies.of_lines:
-            return surface_limits(self.bodies.values(), self.contact_points, dt)
-        return stiffness_limits(self.bodies.bars.values(), self.contact_points, self._moved_nodes, dt)
-
-    @cached_property
-    def _moved_nodes(self) -> list[list[int]]:
-        """Nodes of each contact point that its force moves at some time of the run: not always fixed or driven."""
-        moved: list[set[int]] = [set() for _ in self.contact_points]
-        for start, _ in self.segments(laws=False):
-            for nodes, sides in zip(moved, self.contact_rows((start + 0.5) * self.dt).sides, strict=True):
-                nodes.update(side.node for side in sides if _moves(side, self.bodies.mass))
-        return [sorted(nodes) for nodes in moved]
+    def binding(self) -> Binding:
+        """What laws receive of their points over the whole run, and the laws bound to them."""
+        return Binding(self) if self.whole is self else self.whole.binding
 
     def laws_at(self, dt: float) -> tuple[BoundLaw, ...]:
         """Return the laws bound for a time step `dt`, in the order of `laws`."""
-        return self.whole.laws if dt == self.whole.dt else self._bound_laws(dt)
-
-    def _bound_laws(self, dt: float) -> tuple[BoundLaw, ...]:
-        groups: dict[ContactLaw, list[int]] = {}
-        for p, contact_point in enumerate(self.contact_points):
-            groups.setdefault(contact_point.law, []).append(p)
-        problems: list[Problem] = []
-        laws = []
-        for law, where in groups.items():
-            try:
-                laws.append(bind_law(law, tuple(where), self.points(where, dt), dt))
-            except ValueError as error:
-                problems.append(self.case.problem(("method", "contact"), said_by(error)))
-        refuse_if_any(problems)
-        coupled = [bound_law for bound_law in laws if bound_law.linear is None and bound_law.law.uses_coupling]
-        for kind in dict.fromkeys(type(bound_law.law) for bound_law in coupled):
-            alike = [bound_law for bound_law in coupled if type(bound_law.law) is kind]
-            one = joined(alike, self.points, dt)
-            if one is not None:
-                laws = [*(bound_law for bound_law in laws if bound_law not in alike), one]
-            else:
-                self._refuse_shared_ends(alike)
-        return tuple(sorted(laws, key=lambda bound_law: (bound_law.linear is None, bound_law.where)))
-
-    def _refuse_shared_ends(self, laws: Sequence[BoundLaw]) -> None:
-        """Refuse laws of one class between coupled contacts, which their kernel is to solve together, and cannot."""
-        neighbours = self.whole._largest_delassus[2]
-        advice = "Give both the same options, or let its `bind` return arrays of one number for each point."
-
-        def problem(p: int, q: int) -> Problem:
-            first, second = self.contact_points[p].name, self.contact_points[q].name
-            message = (
-                f"expected the coupled contacts '{first}' and '{second}' to be solved together by the kernel of "
-                f"{laws[0].law.name}; found options that it cannot tell apart"
-            )
-            return self.case.problem(("contacts", second), message, advice, any_inside=True)
-
-        pairs = [(p, other) for one, other in itertools.combinations(laws, 2) for p in one.where]
-        refuse_if_any([problem(p, q) for p, other in pairs for q in neighbours[p] if q in other.where])
+        return self.whole.laws if dt == self.whole.dt else self.binding.laws(dt)
 
     def law_records(self, table: LeapFrog | None = None) -> tuple[list[int], Any]:
         """Return the order of the contact points in the loop, and their law records in that order, (P,) `LAW`."""
-        table, delassus = table or self.tables[-1], self.contact_rows(0.5 * self.dt).diagonal
+        table, delassus = table or self.tables[-1], self.rows.at(0.5 * self.dt).diagonal
         order = [point for bound_law in self.laws for point in bound_law.where]
         parts = [self.records_of(bound_law, table, delassus[list(bound_law.where)]) for bound_law in self.laws]
         records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
@@ -347,7 +251,7 @@ class Model(ModelArrays):
     def sides(self, midpoint: float) -> list[list[Side]]:
         """Return the sides of all contact points, with what their laws see and push, for the supports at a time."""
         found = end_forces(self, midpoint)
-        sides = self.contact_rows(midpoint).sides
+        sides = self.rows.at(midpoint).sides
         return [found[point].sides if point in found else sides[point] for point in range(len(sides))]
 
     def ignored_couplings(self) -> list[str]:
@@ -357,7 +261,7 @@ class Model(ModelArrays):
             for node in contact_point.nodes:
                 at_node.setdefault(node, []).append(p)
         coupled = {tuple(contacts): "share an end" for contacts in at_node.values() if len(contacts) > 1}
-        for p, near in enumerate(self.whole._largest_delassus[2]):
+        for p, near in enumerate(self.binding.neighbours):
             apart = (q for q in near if p < q and not {*self.contact_points[p].nodes} & {*self.contact_points[q].nodes})
             coupled |= dict.fromkeys(((p, q) for q in apart), "are coupled by the mass of a body")
         sentences = []
@@ -391,9 +295,3 @@ class Model(ModelArrays):
                     for point, number in zip(where, numbers, strict=True):
                         parameters[self.contact_points[point].name][name] = float(number)
         return parameters
-
-
-def _moves(side: Side, mass: Floats) -> bool:
-    """Return whether a contact force moves a side of its point."""
-    # Round-off may be left of the direction of a drive that is oblique to the axes.
-    return side.beside is not None or bool(side.normal @ side.response * mass[side.node] > 1e-12)

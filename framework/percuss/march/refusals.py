@@ -33,7 +33,7 @@ def not_movable(model: ModelArrays) -> Iterator[Problem]:
     """Yield each contact whose sides are all fixed or driven at some time: its force is unknown."""
     told = set()
     for start, stop in model.segments(laws=False):
-        diagonal = model.contact_rows((start + 0.5) * model.dt).diagonal
+        diagonal = model.rows.at((start + 0.5) * model.dt).diagonal
         for contact_point, delassus in zip(model.contact_points, diagonal, strict=True):
             lightest = min(model.bodies.mass[node] for node in contact_point.nodes)
             if lightest > 0.0 and delassus * lightest < 1e-12 and contact_point.name not in told:

@@ -233,9 +233,8 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
         "law": law.name,
         "given": _options(law, with_defaults=False),
         "resolved": {key: one for key, one in model.parameters()[contact_point.name].items() if key != "law"},
-        "chosen": dict(law.chosen(model.points([number], model.dt), model.dt)),
-        "point": dict(zip(names, at_end, strict=True))
-        | {"s": float(model.contact_rows(0.5 * model.dt).diagonal[number])},
+        "chosen": dict(law.chosen(model.binding.points([number], model.dt), model.dt)),
+        "point": dict(zip(names, at_end, strict=True)) | {"s": float(model.rows.at(0.5 * model.dt).diagonal[number])},
     }
     value["row"] = _linear_law_data(model, number, value["point"]["s"])
     gap = "touching" if value["gap"] == 0 else f"gap {value['gap']:.9g}"

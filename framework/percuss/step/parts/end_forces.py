@@ -22,6 +22,7 @@ from percuss.compiler.record_arrays import Records, Row, record_array
 from percuss.contact.bound_law import OF_END_FORCE
 from percuss.contact.contact_rows import Side
 from percuss.contact.points import BY_CURRENT, BY_PART, NEVER, NOTHING, Points
+from percuss.contact.trace_stiffness import weights_of
 from percuss.errors import RefusedPair
 from percuss.methods.blame import breach
 from percuss.step.account import ROUNDING, stored_energy
@@ -253,7 +254,7 @@ def end_forces(model: ModelArrays, midpoint: float) -> dict[int, EndForce]:
     found: dict[int, EndForce] = {}
     sides = None
     for bound_law in (law for law in model.laws if law.sees_more_than_gap):
-        sides = sides or model.contact_rows(midpoint).sides
+        sides = sides or model.rows.at(midpoint).sides
         linear: Any = bound_law.linear
         for place, point in enumerate(bound_law.where):
             sees, pushes, softens = (float(getattr(linear, name)[place]) for name in OF_END_FORCE)
@@ -269,16 +270,10 @@ def end_forces(model: ModelArrays, midpoint: float) -> dict[int, EndForce]:
     return found
 
 
-def _weights(sides: Sequence[Side]) -> list[float]:
-    """Return the weight of each side in the end force, proportional to 1/m of its end node; they sum to 1."""
-    mobility = [float(side.normal @ side.response) for side in sides]
-    return [value / sum(mobility) for value in mobility]
-
-
 def _end_force_rows(model: ModelArrays, sides: Sequence[Side]) -> dict[int, Floats]:
     """Return the rows of Sigma by node: end force by displacement."""
     rows: dict[int, Floats] = {}
-    for weight, side in zip(_weights(sides), sides, strict=True):
+    for weight, side in zip(weights_of(sides), sides, strict=True):
         body = model.bodies.bar_at(side.node)
         row = weight * float(body.stiffness[body.end_element(side.node)]) * side.normal
         beside = side.node + 1 if side.node == body.start else side.node - 1
@@ -298,19 +293,6 @@ def _opened(
         if constraint.node == node and constraint.active(midpoint):
             free = free - (constraint.direction @ free) * constraint.direction
     return Side(node, normal, free / model.bodies.mass[node], seen=seen, pushed=pushed)
-
-
-def trace_stiffness(model: ModelArrays, midpoint: float) -> Floats:
-    """Return `percuss.ContactPoints.trace_stiffness` of all contact points, for the supports active at a time, (P,)."""
-    return np.array(
-        [
-            sum(
-                weight**2 * model.bodies.bar_at(side.node).end_stiffness(side.node)
-                for weight, side in zip(_weights(sides), sides, strict=True)
-            )
-            for sides in model.contact_rows(midpoint).sides
-        ]
-    )
 
 
 def refusals(model: ModelArrays) -> Iterator[RefusedPair]:

@@ -1,0 +1,155 @@
+"""What the contact laws of a model receive of their points over the whole run, and the laws bound to these points."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.contact.bound_law import BoundLaw, bind_law, joined
+from percuss.contact.stiffness_limits import stiffness_limits
+from percuss.contact.surface_limits import surface_limits
+from percuss.contact.trace_stiffness import trace_stiffness
+from percuss.errors import Problem, refuse_if_any
+from percuss.methods.blame import said_by
+from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats
+
+if TYPE_CHECKING:
+    from percuss.contact.contact_rows import Side
+    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.point_rows import ContactRows
+
+
+class Binding:
+    """The properties of the contact points of a model, as laws receive them, and the laws bound to the points.
+
+    Parameters
+    ----------
+    model
+        The model of the whole run; its laws may still be missing.
+    """
+
+    def __init__(self, model: ModelArrays) -> None:
+        self.model = model
+        self.contact_points = model.contact_points
+
+    def points(self, where: Sequence[int], dt: float) -> ContactPoints:
+        """Return the properties of the contact points `where` that a law receives for a time step `dt`."""
+
+        def column(values: Any, dtype: type = float) -> Any:
+            array: Any = np.array(values, dtype=dtype)
+            array.flags.writeable = False
+            return array
+
+        contact_points = [self.contact_points[p] for p in where]
+        delassus, coupling = self._largest_delassus
+        return ContactPoints(
+            names=tuple(contact_point.name for contact_point in contact_points),
+            stiffness=column([contact_point.stiffness for contact_point in contact_points]),
+            frequency=column([contact_point.frequency for contact_point in contact_points]),
+            mass=column([contact_point.mass for contact_point in contact_points]),
+            equal_sides=column([contact_point.equal_sides for contact_point in contact_points], bool),
+            delassus=column(delassus[list(where)]),
+            coupling=column(coupling[list(where)]),
+            weight=column([contact_point.weight for contact_point in contact_points]),
+            limits=lambda: column(self._stiffness_limits(dt)[list(where)]),
+            traces=lambda: column(self._trace_stiffness[list(where)]),
+        )
+
+    def laws(self, dt: float) -> tuple[BoundLaw, ...]:
+        """Return the laws bound for a time step `dt`: linear laws before laws with a kernel, in the order of points.
+
+        Raises
+        ------
+        InputError
+            If the options of a law do not fit, or laws of coupled contacts cannot be solved together by their kernel.
+        """
+        groups: dict[ContactLaw, list[int]] = {}
+        for p, contact_point in enumerate(self.contact_points):
+            groups.setdefault(contact_point.law, []).append(p)
+        problems: list[Problem] = []
+        laws = []
+        for law, where in groups.items():
+            try:
+                laws.append(bind_law(law, tuple(where), self.points(where, dt), dt))
+            except ValueError as error:
+                problems.append(self.model.case.problem(("method", "contact"), said_by(error)))
+        refuse_if_any(problems)
+        coupled = [bound_law for bound_law in laws if bound_law.linear is None and bound_law.law.uses_coupling]
+        for kind in dict.fromkeys(type(bound_law.law) for bound_law in coupled):
+            alike = [bound_law for bound_law in coupled if type(bound_law.law) is kind]
+            one = joined(alike, self.points, dt)
+            if one is not None:
+                laws = [*(bound_law for bound_law in laws if bound_law not in alike), one]
+            else:
+                self._refuse_shared_ends(alike)
+        return tuple(sorted(laws, key=lambda bound_law: (bound_law.linear is None, bound_law.where)))
+
+    @cached_property
+    def neighbours(self) -> list[set[int]]:
+        """The contact points that are coupled with each at some time of the run."""
+        neighbours: list[set[int]] = [set() for _ in self.contact_points]
+        for rows in self._over_the_run():
+            neighbours = [near.union(row) for near, row in zip(neighbours, rows.others, strict=True)]
+        return neighbours
+
+    def _refuse_shared_ends(self, laws: Sequence[BoundLaw]) -> None:
+        """Refuse laws of one class between coupled contacts, which their kernel is to solve together, and cannot."""
+        advice = "Give both the same options, or let its `bind` return arrays of one number for each point."
+
+        def problem(p: int, q: int) -> Problem:
+            first, second = self.contact_points[p].name, self.contact_points[q].name
+            message = (
+                f"expected the coupled contacts '{first}' and '{second}' to be solved together by the kernel of "
+                f"{laws[0].law.name}; found options that it cannot tell apart"
+            )
+            return self.model.case.problem(("contacts", second), message, advice, any_inside=True)
+
+        pairs = [(p, other) for one, other in itertools.combinations(laws, 2) for p in one.where]
+        refuse_if_any([problem(p, q) for p, other in pairs for q in self.neighbours[p] if q in other.where])
+
+    def _over_the_run(self) -> Iterator[ContactRows]:
+        """Yield the rows of each stretch of the run in which other supports or drives act."""
+        for start, _ in self.model.segments(laws=False):
+            yield self.model.rows.at((start + 0.5) * self.model.dt)
+
+    @cached_property
+    def _largest_delassus(self) -> tuple[Floats, Floats]:
+        """The largest diagonal entry s of S over the run, and the largest absolute row sum of S over s, (P,) each."""
+        largest, sums = np.zeros(len(self.contact_points)), np.zeros(len(self.contact_points))
+        for _, diagonal, others in self._over_the_run():
+            largest = np.maximum(largest, diagonal)
+            sums = np.maximum(sums, diagonal + np.array([sum(map(abs, row.values())) for row in others]))
+        return largest, sums / largest
+
+    @cached_property
+    def _trace_stiffness(self) -> Floats:
+        """The largest `ContactPoints.trace_stiffness` of each contact point over the run, (P,)."""
+        largest = np.zeros(len(self.contact_points))
+        for rows in self._over_the_run():
+            largest = np.maximum(largest, trace_stiffness(self.model.bodies, rows.sides))
+        return largest
+
+    def _stiffness_limits(self, dt: float) -> Floats:
+        bodies = self.model.bodies
+        if not bodies.of_lines:
+            return surface_limits(bodies.values(), self.contact_points, dt)
+        return stiffness_limits(bodies.bars.values(), self.contact_points, self._moved_nodes, dt)
+
+    @cached_property
+    def _moved_nodes(self) -> list[list[int]]:
+        """Nodes of each contact point that its force moves at some time of the run: not always fixed or driven."""
+        moved: list[set[int]] = [set() for _ in self.contact_points]
+        for rows in self._over_the_run():
+            for nodes, sides in zip(moved, rows.sides, strict=True):
+                nodes.update(side.node for side in sides if _moves(side, self.model.bodies.mass))
+        return [sorted(nodes) for nodes in moved]
+
+
+def _moves(side: Side, mass: Floats) -> bool:
+    """Return whether a contact force moves a side of its point."""
+    # Round-off may be left of the direction of a drive that is oblique to the axes.
+    return side.beside is not None or bool(side.normal @ side.response * mass[side.node] > 1e-12)
