@@ -303,8 +303,10 @@ def test_nothing_is_run_twice(whole, tmp_path, monkeypatch):
     first = percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=2)
     assert first.found == 0
     monkeypatch.setattr("percuss.studies.perform.timed_run", None)
-    again = percuss.study(given(**MANY), tmp_path / "a.sqlite")
+    seen = []
+    again = percuss.study(given(**MANY), tmp_path / "a.sqlite", progress=lambda *at: seen.append(at))
     assert again.found == RUNS
+    assert seen == [(RUNS, RUNS)]
     assert same(again.table, whole)
 
 
@@ -335,6 +337,8 @@ def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path):
     assert told["found"] == (counts[-1] if counts else 0)
     assert f"{told['found']} of {RUNS} runs are stored already" in last.stderr or not told["found"]
     assert same(percuss.open_study(out).table, whole)
+    done = subprocess.run(command(file, "-o", out), capture_output=True, text=True, check=True)
+    assert f"{RUNS} of {RUNS} runs are stored already" in done.stderr  # said too when nothing is left to do
 
 
 def children(pid):

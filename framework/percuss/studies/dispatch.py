@@ -39,7 +39,6 @@ def make(
 
     tasks, batches = {job.key: job.task for job in jobs}, Batches(jobs)
     with interruptible() as stop:
-        count([])
         if scheduler is not None:
             from percuss.studies.cluster import made_on_cluster
 
@@ -96,7 +95,7 @@ def local_workers(
 def row_counter(
     progress: Progress | None, jobs: Sequence[Job], finished: set[str]
 ) -> Callable[[Sequence[Record]], None]:
-    """Return a function that counts the rows of incoming records and reports the progress."""
+    """Report the progress so far; return a function that counts the rows of incoming records and reports it again."""
     rows = Counter(job.key for job in jobs)
     count_made = sum(count for key, count in rows.items() if key in finished)
 
@@ -106,6 +105,7 @@ def row_counter(
         if progress is not None:
             progress(count_made, len(jobs))
 
+    count([])
     return count
 
 

@@ -109,12 +109,14 @@ def study(
                 _begin(store, spec, jobs, bench, [Path(file) for file in plugins], _command(path, plugins), identity)
                 done = Study(store.path)
                 done.found = sum(job.key in finished for job in jobs)
+                count = row_counter(progress, jobs, finished)
                 if missing:
-                    make(bench, missing, store, scheduler, local, row_counter(progress, jobs, finished), spec)
+                    make(bench, missing, store, scheduler, local, count, spec)
     except NotWritableError as error:
         made = None if again else _finished_study(error.path, jobs)
         if made is None:
             raise
+        row_counter(progress, jobs, {job.key for job in jobs})
         return made
     return done
 
