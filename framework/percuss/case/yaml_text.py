@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -24,31 +24,18 @@ MAX_NODES = 200_000  # each takes some microseconds and a kilobyte of memory whi
 
 _CORE = "tag:yaml.org,2002:"
 _NULL, _BOOL, _INT, _FLOAT, _STR = (_CORE + name for name in ("null", "bool", "int", "float", "str"))
-_COLLECTIONS = (_CORE + "map", _CORE + "seq")
+_COLLECTIONS = (None, _CORE + "map", _CORE + "seq")
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-
-# The types of plain scalars by the core schema: the pattern of each and its first letters. All else is a text.
+# The types of plain scalars by the core schema, in the order in which they are tried. All else is a text.
 _PATTERNS = {
-    _NULL: (re.compile(r"(null|Null|NULL|~|)\Z"), ["n", "N", "~", ""]),
-    _BOOL: (re.compile(r"(true|True|TRUE|false|False|FALSE)\Z"), list("tTfF")),
-    _INT: (re.compile(r"([-+]?[0-9]{1,4000}|0o[0-7]{1,4000}|0x[0-9a-fA-F]{1,4000})\Z"), list("-+0123456789")),
-    _FLOAT: (
-        re.compile(
-            r"([-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN)\Z"
-        ),
-        list("-+.0123456789"),
+    _NULL: re.compile(r"(null|Null|NULL|~|)\Z"),
+    _BOOL: re.compile(r"(true|True|TRUE|false|False|FALSE)\Z"),
+    _INT: re.compile(r"([-+]?[0-9]{1,4000}|0o[0-7]{1,4000}|0x[0-9a-fA-F]{1,4000})\Z"),
+    _FLOAT: re.compile(
+        r"([-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN)\Z"
     ),
 }
-
-
-class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """PyYAML's loader with the types of YAML 1.2 in place of those of YAML 1.1."""
-
-    yaml_implicit_resolvers: ClassVar[dict[str, list[tuple[str, re.Pattern[str]]]]] = {}
-
-
-for _tag, (_pattern, _letters) in _PATTERNS.items():
-    _Loader.add_implicit_resolver(_tag, _pattern, _letters)
 
 
 class Mark(NamedTuple):
@@ -96,7 +83,7 @@ def _quoted_if_needed(value: str) -> str:
     plain = (
         value
         and value == value.strip()
-        and not any(pattern.match(value) for pattern, _ in _PATTERNS.values())
+        and not any(pattern.match(value) for pattern in _PATTERNS.values())
         and not re.search(r"[\[\]{},:#'\"]", value)
     )
     return value if plain else "'" + value.replace("'", "''") + "'"
@@ -125,8 +112,8 @@ def _scalar(text: str, tag: str) -> Any:
     """Return the value of a scalar of the type `tag`; raise ValueError if the text has another type."""
     if tag == _STR:
         return text
-    whole = tag in (_INT, _FLOAT) and _PATTERNS[_INT][0].match(text)
-    if not whole and not _PATTERNS[tag][0].match(text):
+    whole = tag in (_INT, _FLOAT) and _PATTERNS[_INT].match(text)
+    if not whole and not _PATTERNS[tag].match(text):
         raise ValueError(f"expected !!{tag.removeprefix(_CORE)}, found {text!r}")
     if whole:
         number = int(text, 0 if text[:2] in ("0o", "0x") else 10)
@@ -136,165 +123,150 @@ def _scalar(text: str, tag: str) -> Any:
     return None if tag == _NULL else text.lower() == "true"
 
 
-def _position(node: Any) -> tuple[int, int]:
-    """Return line and column, counted from 1, of the start of an event or a node."""
-    return node.start_mark.line + 1, node.start_mark.column + 1
+def _position(event: Any) -> tuple[int, int]:
+    """Return line and column, counted from 1, of the start of an event."""
+    return event.start_mark.line + 1, event.start_mark.column + 1
 
 
-def _checked_aliases(text: str) -> list[tuple[int, int]]:
-    """Return the places of all aliases of a text that is safe to compose.
+def _levels(data: Any) -> int:
+    """Return the number of levels of nesting of plain data, 0 of a scalar."""
+    items = data.values() if isinstance(data, dict) else data
+    return 1 + max(map(_levels, items), default=0) if isinstance(data, dict | tuple) else 0
 
-    The composer of PyYAML nests its calls as deeply as the text, and data with aliases written out can be far larger
-    than the text. Therefore the parser's events are counted before anything is composed.
+
+class _Document:
+    """Plain data of a text, read event by event, with the marks, the aliases and the mistakes of its nodes.
+
+    PyYAML's own composer nests its calls as deeply as the text, and data with aliases written out can be far larger
+    than the text. Here values and levels are counted before anything is made of them.
 
     Raises
     ------
     NotPlainError
-        If the text is nested too deeply or too large, refers to an unknown anchor, has more than one document, or marks
-        a value with the tag ``!`` alone.
-    """
-    positions: list[tuple[int, int]] = []
-    lines: dict[str, int] = {}
-    # Number of values and levels of nesting of a node by its anchor, from the end of the node on: none contains itself.
-    sizes: dict[str | None, tuple[int, int]] = {}
-    # Of each open node its anchor, and the numbers of values and levels before it.
-    open_nodes: list[tuple[str | None, int, int]] = []
-    values = levels = documents = 0
-    events: Iterator[Any] = yaml.parse(text, Loader=_Loader)
-    for event in events:
-        anchor = getattr(event, "anchor", None)
-        if isinstance(event, yaml.AliasEvent):
-            if anchor not in sizes:
-                advice = f"An alias needs an anchor &{anchor} before it."
-                raise _fatal_error(_position(event), f"unknown alias *{anchor}", advice)
-            positions.append(_position(event))
-            values, levels = values + sizes[anchor][0], max(levels, len(open_nodes) + sizes[anchor][1])
-        elif anchor in lines:
-            message = f"the anchor &{anchor} occurs twice: here and in line {lines[anchor]}"
-            raise _fatal_error(_position(event), message, "Give one of them another name.")
-        elif anchor is not None:
-            lines[anchor] = event.start_mark.line + 1
-        if getattr(event, "tag", None) == "!":
-            # YAML reads what follows as a text, PyYAML by its look: neither is what the other expects.
-            raise _fatal_error(_position(event), "unknown tag !", "A case holds plain values only: leave the tag out.")
-        if isinstance(event, yaml.ScalarEvent):
-            values += 1
-            sizes[anchor] = (1, 0)
-        elif isinstance(event, yaml.CollectionStartEvent):
-            open_nodes.append((anchor, values, levels))
-            values, levels = values + 1, len(open_nodes)
-        elif isinstance(event, yaml.CollectionEndEvent):
-            anchor, values_before, levels_before = open_nodes.pop()
-            sizes[anchor] = values - values_before, levels - len(open_nodes)
-            levels = max(levels, levels_before)
-        elif isinstance(event, yaml.DocumentStartEvent):
-            documents += 1
-        _check_limits(event, values, levels, documents)
-    return positions
-
-
-def _check_limits(event: object, values: int, levels: int, documents: int) -> None:
-    """Raise NotPlainError where the text up to an event is too deep, too large or not one document."""
-    if levels > MAX_DEPTH:
-        raise _fatal_error(_position(event), f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
-    if values > MAX_NODES:
-        message = f"more than {MAX_NODES} values, aliases included"
-        raise _fatal_error(_position(event), message, "Keep tables in a file.")
-    if documents > 1:
-        message = "expected one document, found a second one"
-        raise _fatal_error(_position(event), message, "Put each case in a file of its own.")
-
-
-class _Document:
-    """Plain data of a composed document, with the marks, the aliases and the mistakes of its nodes.
-
-    Parameters
-    ----------
-    alias_positions
-        Places of all aliases in the order of the text; in the composed document an alias is the node of its anchor.
+        If the text is nested too deeply or too large, refers to an unknown anchor, has more than one document, marks a
+        value with the tag ``!`` alone, or has a key that is no word.
     """
 
-    def __init__(self, alias_positions: list[tuple[int, int]]) -> None:
+    def __init__(self, text: str) -> None:
+        self.events: Iterator[Any] = yaml.parse(text, Loader=_LOADER)
         self.marks: dict[KeyPath, Mark] = {}
         self.aliases: dict[KeyPath, KeyPath] = {}
         self.mistakes: list[Mistake] = []
-        self.alias_positions = iter(alias_positions)
-        # Path and data of each node that was read, by its identity: a node met again is an alias.
-        self.nodes: dict[int, tuple[KeyPath, object]] = {}
+        self.values = 0  # so far, aliases written out
+        self.lines: dict[str, int] = {}  # of the anchors
+        # Path, data and values of each node with an anchor, from the end of the node on: none contains itself.
+        self.anchored: dict[str, tuple[KeyPath, object, int]] = {}
+        # The first key that is no word: often a misplaced bracket, which makes the text wrong farther on.
+        self.no_word: NotPlainError | None = None
+        self.data: object = None
+        for event in self.events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                if self.marks:
+                    message = "expected one document, found a second one"
+                    raise _fatal_error(_position(event), message, "Put each case in a file of its own.")
+                self.data = self.read(next(self.events), ())
+        if self.no_word is not None:
+            raise self.no_word
 
-    def read(self, node: yaml.Node, path: KeyPath = (), key: tuple[int, int] | None = None) -> Any:
-        """Return the data of the node at `path`, whose key stands at `key`."""
-        self.marks[path] = Mark(key, self.place(node))
-        if id(node) in self.nodes:
-            self.aliases[path], data = self.nodes[id(node)]
+    def read(self, event: Any, path: KeyPath, key: tuple[int, int] | None = None) -> Any:
+        """Return the data of the node at `path` that begins with `event`, and whose key stands at `key`."""
+        self.marks[path] = Mark(key, _position(event))
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor not in self.anchored:
+                advice = f"An alias needs an anchor &{event.anchor} before it."
+                raise _fatal_error(_position(event), f"unknown alias *{event.anchor}", advice)
+            self.aliases[path], data, values = self.anchored[event.anchor]
+            self.count(event, values, len(path) + _levels(data))
             return data
-        if isinstance(node, yaml.ScalarNode):
-            data = self.scalar(node, path)
+        self.check_properties(event)
+        before = self.values
+        self.count(event, 1, len(path) + isinstance(event, yaml.CollectionStartEvent))
+        if isinstance(event, yaml.ScalarEvent):
+            data = self.scalar(event, path)
         else:
-            if node.tag not in _COLLECTIONS:
-                self.report_unknown_tag(node, path)
-            if isinstance(node, yaml.MappingNode):
-                data = self.mapping(node, path)
-            else:
-                data = tuple(self.read(item, (*path, i)) for i, item in enumerate(node.value))
-        self.nodes[id(node)] = path, data
+            if event.tag not in _COLLECTIONS:
+                self.report_unknown_tag(event, path)
+            data = self.mapping(path) if isinstance(event, yaml.MappingStartEvent) else self.sequence(path)
+        if event.anchor is not None:
+            self.anchored[event.anchor] = path, data, self.values - before
         return data
 
-    def place(self, node: yaml.Node) -> tuple[int, int]:
-        """Return the place of the node, or of the alias in its stead."""
-        return next(self.alias_positions) if id(node) in self.nodes else _position(node)
+    def check_properties(self, event: Any) -> None:
+        """Refuse an anchor that another node has, and a tag without a name."""
+        if event.anchor in self.lines:
+            message = f"the anchor &{event.anchor} occurs twice: here and in line {self.lines[event.anchor]}"
+            raise _fatal_error(_position(event), message, "Give one of them another name.")
+        if event.anchor is not None:
+            self.lines[event.anchor] = event.start_mark.line + 1
+        if event.tag == "!":
+            # YAML reads what follows as a text, PyYAML by its look: neither is what the other expects.
+            raise _fatal_error(_position(event), "unknown tag !", "A case holds plain values only: leave the tag out.")
 
-    def mapping(self, node: yaml.MappingNode, path: KeyPath) -> Entries:
+    def count(self, event: yaml.Event, values: int, levels: int) -> None:
+        """Count the values that an event brings; refuse a text that becomes too large by them, or too deep."""
+        self.values += values
+        if levels > MAX_DEPTH:
+            raise _fatal_error(_position(event), f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
+        if self.values > MAX_NODES:
+            message = f"more than {MAX_NODES} values, aliases included"
+            raise _fatal_error(_position(event), message, "Keep tables in a file.")
+
+    def sequence(self, path: KeyPath) -> tuple[Any, ...]:
+        items: list[Any] = []
+        while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
+            items.append(self.read(event, (*path, len(items))))
+        return tuple(items)
+
+    def mapping(self, path: KeyPath) -> Entries:
         data: Entries = {}
         lines: dict[str, int] = {}
-        for key_node, value_node in node.value:
-            position = self.place(key_node)
-            key = self.key(key_node, path, position)
+        while not isinstance(event := next(self.events), yaml.MappingEndEvent):
+            position, key = _position(event), self.key(event, path)
             if key in data:
                 message = f"the key '{key}' occurs twice: here and in line {lines[key]}"
                 self.mistakes.append(Mistake(position, (*path, key), message, "Keep one of them."))
             before = next(reversed(data.values()), None)
             lines[key] = position[0]
-            data[key] = self.read(value_node, (*path, key), position)
+            data[key] = self.read(next(self.events), (*path, key), position)
             wrong = self.mistakes[-1] if self.mistakes else None
             split = key.isdigit() and data[key] is None and isinstance(before, int)
             if split and wrong is not None and wrong.position == position:
                 self.mistakes[-1] = wrong._replace(advice=f"Write {before}.{key}: the decimal mark is a point.")
         return data
 
-    def key(self, node: yaml.Node, path: KeyPath, position: tuple[int, int]) -> str:
+    def key(self, event: Any, path: KeyPath) -> str:
         """Return the word of a key of the mapping at `path`."""
-        if not isinstance(node, yaml.ScalarNode) or id(node) in self.nodes:
+        position = _position(event)
+        if not isinstance(event, yaml.ScalarEvent) and self.no_word is None:
             message = "expected a word as key, found a list, a mapping or an alias"
-            raise _fatal_error(position, message, "Write `key: value`.")
-        value = self.scalar(node, path)
-        self.nodes[id(node)] = (*path, node.value), value
+            self.no_word = _fatal_error(position, message, "Write `key: value`.")
+        text = str(getattr(event, "value", ""))
+        value = self.read(event, (*path, text))
         if not isinstance(value, str):
-            message = f"expected a word as key, found {flow(value)}"
-            quoted = f"Quote it: '{node.value}'."
-            advice = (
-                quoted if NAME_PATTERN.fullmatch(node.value) else "A name is a letter, then letters, digits, _ or -."
-            )
-            self.mistakes.append(Mistake(position, path, message, advice))
-        elif value == "<<" and not node.style:
+            is_name = NAME_PATTERN.fullmatch(text)
+            advice = f"Quote it: '{text}'." if is_name else "A name is a letter, then letters, digits, _ or -."
+            self.mistakes.append(Mistake(position, path, f"expected a word as key, found {flow(value)}", advice))
+        elif value == "<<" and not event.style:
             message = "merge keys (<<) are not part of YAML 1.2"
             self.mistakes.append(Mistake(position, (*path, "<<"), message, "Write the keys out."))
-        return str(node.value)
+        return text
 
-    def scalar(self, node: yaml.ScalarNode, path: KeyPath) -> Any:
+    def scalar(self, event: Any, path: KeyPath) -> Any:
         """Return the value of a scalar, or its text if it has not the type of its tag."""
+        fitting = (tag for tag, pattern in _PATTERNS.items() if event.implicit[0] and pattern.match(event.value))
+        tag = event.tag or next(fitting, _STR)
         try:
-            if node.tag in (_NULL, _BOOL, _INT, _FLOAT, _STR):
-                return _scalar(node.value, node.tag)
-            self.report_unknown_tag(node, path)
+            if tag in (*_PATTERNS, _STR):
+                return _scalar(event.value, tag)
+            self.report_unknown_tag(event, path)
         except ValueError as error:
-            self.mistakes.append(Mistake(_position(node), path, str(error), "Leave the tag out."))
-        return node.value
+            self.mistakes.append(Mistake(_position(event), path, str(error), "Leave the tag out."))
+        return event.value
 
-    def report_unknown_tag(self, node: yaml.Node, path: KeyPath) -> None:
-        shown = "!!" + node.tag.removeprefix(_CORE) if node.tag.startswith(_CORE) else node.tag
+    def report_unknown_tag(self, event: Any, path: KeyPath) -> None:
+        shown = "!!" + event.tag.removeprefix(_CORE) if event.tag.startswith(_CORE) else event.tag
         advice = "A case holds plain values only: leave the tag out."
-        self.mistakes.append(Mistake(_position(node), path, f"unknown tag {shown}", advice))
+        self.mistakes.append(Mistake(_position(event), path, f"unknown tag {shown}", advice))
 
 
 def _syntax(error: yaml.YAMLError, text: str) -> Mistake:
@@ -329,11 +301,9 @@ def compose(text: str) -> tuple[object, dict[KeyPath, Mark], dict[KeyPath, KeyPa
         With all mistakes found.
     """
     try:
-        document = _Document(_checked_aliases(text))
-        node = yaml.compose(text, Loader=_Loader)
+        document = _Document(text)
     except yaml.YAMLError as error:
         raise NotPlainError([_syntax(error, text)]) from None
-    data = None if node is None else document.read(node)
     if document.mistakes:
         raise NotPlainError(sorted(document.mistakes, key=lambda mistake: mistake.position))
-    return data, document.marks, document.aliases
+    return document.data, document.marks, document.aliases
