@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from percuss.compiling import Kernel
+from percuss.errors import PluginError
 from percuss.methods.blame import breach
 from percuss.methods.first_run import first_asked
 from percuss.methods.interfaces import Trial
@@ -63,24 +64,26 @@ def _try_twice(law: ContactLaw, bound: object, points: ContactPoints, dt: float)
             trial = trial_of(points, dt, state, law, results[-1][1] if results else None)
             results.append((multipliers_of(law, kernel, bound, trial), trial.after, trial.shift))
             if low_indices:
-                raise breach(
+                raise _breach(
                     law,
-                    "multipliers",
-                    f"multipliers reads a bound array at index {low_indices[0]}, which counts from its end, in the "
-                    f"state with {describe_state(trial, 0)}: check the index, or write `array.size - n` where the end "
-                    "is meant",
+                    f"reads a bound array at index {low_indices[0]}, which counts from its end, in the state with "
+                    f"{describe_state(trial, 0)}: check the index, or write `array.size - n` where the end is meant",
                 )
         return results
 
     called_twice(law, "multipliers", call_in_all_states, [()])
     for name, value in _mutable_globals(kernel).items():
         if value != globals_before[name]:
-            raise breach(
+            raise _breach(
                 law,
-                "multipliers",
-                f"multipliers changes `{name}`: a kernel keeps nothing between calls; what it needs is in what `bind` "
-                "returns and in the trial, and what it remembers in `trial.before` and `trial.after`",
+                f"changes `{name}`: a kernel keeps nothing between calls; what it needs is in what `bind` returns and "
+                "in the trial, and what it remembers in `trial.before` and `trial.after`",
             )
+
+
+def _breach(law: ContactLaw, message: str) -> PluginError:
+    """Return the error for a kernel of a law that does what its contract forbids."""
+    return breach(law, "multipliers", f"multipliers {message}")
 
 
 def changes_with_time(law: ContactLaw, bound: object, points: ContactPoints, dt: float, end: float) -> bool:
@@ -155,17 +158,15 @@ def trial_of(
     count, chained = len(points.names), bool(law.uses_coupling and strength)
     neighbours = [[q for q in (p - 1, p + 1) if 0 <= q < count] if chained else [] for p in range(count)]
     pairs = [(p, q) for p, row in enumerate(neighbours) for q in row]
-    coupling = np.array([strength * np.sqrt(points.delassus[p] * points.delassus[q]) for p, q in pairs], dtype=float)
-    gap, predicted_gap, rate, predicted_rate, first_neighbour, neighbour, coupling, pushed_by_others = (
-        read_only(np.ascontiguousarray(array))
-        for array in (
-            *state,
-            np.cumsum([0, *(len(row) for row in neighbours)], dtype=np.int64),
+    first_neighbour, neighbour, coupling, pushed_by_others = read_only(
+        (
+            np.cumsum([0, *map(len, neighbours)], dtype=np.int64),
             np.array([q for _, q in pairs], dtype=np.int64),
-            coupling,
+            np.array([strength * np.sqrt(points.delassus[p] * points.delassus[q]) for p, q in pairs], dtype=float),
             np.zeros(count),
         )
     )
+    gap, predicted_gap, rate, predicted_rate = read_only(tuple(map(np.ascontiguousarray, state)))
     before = read_only(np.zeros((count, law.state)) if before is None else before)
     return Trial(
         gap, predicted_gap, rate, predicted_rate, points.delassus, dt, 0.0, dt * dt, dt, first_neighbour, neighbour,
@@ -181,19 +182,13 @@ def multipliers_of(law: ContactLaw, kernel: Kernel, bound: object, trial: Trial)
     if np.isnan(multiplier).any():
         point = int(np.isnan(multiplier).argmax())
         did, remedy = fault_of_nan(kernel, bound, trial, point)
-        name = f"point {point} of {multiplier.size}"
-        raise breach(
-            law, "multipliers", f"multipliers {did.format(name)}: {remedy} (at {describe_state(trial, point)})"
-        )
+        did = did.format(f"point {point} of {multiplier.size}")
+        raise _breach(law, f"{did}: {remedy} (at {describe_state(trial, point)})")
     for what, values in (("the shift of point {}", trial.shift), ("state variable {1} of point {0}", trial.after)):
         if not np.isfinite(values).all():
             place = tuple(np.argwhere(~np.isfinite(values))[0])
-            raise breach(
-                law,
-                "multipliers",
-                f"multipliers leaves {what.format(*place)} as {values[place]}, expected a finite number "
-                f"(at {describe_state(trial, place[0])})",
-            )
+            left = f"leaves {what.format(*place)} as {values[place]}, expected a finite number"
+            raise _breach(law, f"{left} (at {describe_state(trial, place[0])})")
     return multiplier
 
 

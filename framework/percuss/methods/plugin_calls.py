@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -45,9 +45,7 @@ def answer(component: Component, method: str, *arguments: object) -> Any:
         with first_asked(f"{method} {component!r}", component, times=REPEATED_CALLS) as due:
             own_state = _own_state(component) if due else ""
             value = call(*arguments)
-            check = CHECKS.get((component.family, method))
-            if check is not None and (fault := _fault_of(check, value, *arguments)):
-                raise breach(component, method, f"{method} {fault}")
+            _check(component, method, value, *arguments)
             if due and not same(value, call(*arguments)):
                 raise breach(component, method, f"{method} {DIFFERENT}")
             if due and _own_state(component) != own_state:
@@ -179,24 +177,47 @@ def as_numbers(value: object) -> Floats | None:
     return array.astype(float) if np.can_cast(array.dtype, float) else None
 
 
-def _fault_of(check: Callable[..., str], value: object, *arguments: object) -> str:
+class _Wrong(Exception):
+    """What is wrong with an answer, in words that follow the name of the method."""
+
+
+def _check(component: Component, method: str, value: object, *arguments: object) -> None:
+    """Raise PluginError if the answer of a method to some arguments breaks its contract."""
     try:
-        return check(value, *arguments)
+        if check := CHECKS.get((component.family, method)):
+            check(value, *arguments)
+    except _Wrong as fault:
+        raise breach(component, method, f"{method} {fault}") from None
     except (TypeError, ValueError):
-        return f"returned {_shown(value)}, expected numbers"
+        raise breach(component, method, f"{method} returned {_shown(value)}, expected numbers") from None
 
 
-def _numbers_fault(value: object, shape: tuple[int, ...]) -> str:
-    """Return what is wrong with an array of finite numbers, in words, or an empty text."""
+def _at_index(place: Sequence[int]) -> str:
+    return f" at index {', '.join(map(str, place))}"
+
+
+def _numbers(
+    value: object, shape: tuple[int, ...], words: str = "", more: str = "", at: Callable[..., str] = _at_index
+) -> None:
+    """Expect an array of finite numbers.
+
+    Parameters
+    ----------
+    value, shape
+        The array, and its shape.
+    words, more
+        What to say of the array, and after the fault.
+    at
+        Gives words for the place of a number that is not finite.
+    """
     array = as_numbers(value)
     if array is None:
-        return f"returned {_shown(value)}, expected numbers of shape {shape}"
+        raise _Wrong(f"returned{words} {_shown(value)}, expected numbers of shape {shape}{more}")
     if array.shape != shape:
-        return f"returned numbers of shape {array.shape}, expected {shape}"
-    if not np.isfinite(array).all():
-        place = ", ".join(str(index[0]) for index in np.nonzero(~np.isfinite(np.atleast_1d(array))))
-        return f"returned {np.atleast_1d(array)[~np.isfinite(np.atleast_1d(array))][0]} at index {place}"
-    return ""
+        raise _Wrong(f"returned{words} numbers of shape {array.shape}, expected {shape}{more}")
+    array = np.atleast_1d(array)
+    for place in map(tuple, np.argwhere(~np.isfinite(array))):
+        raise _Wrong(f"returned{words} {array[place]}{at(place)}{more}")
 
 
 def _shown(value: object) -> str:
@@ -204,166 +225,147 @@ def _shown(value: object) -> str:
     return "nothing" if value is None else f"a {type(value).__name__}{of}"
 
 
-def _amplitude_fault(value: Any, time: Floats) -> str:
-    fault = _numbers_fault(value, np.shape(time))
-    if " at index " not in fault:
-        return fault
-    wrong = np.flatnonzero(~np.isfinite(np.ravel(value)))
-    return f"returned {np.ravel(value)[wrong[0]]} at the time {np.ravel(time)[wrong[0]]:.6g} since the load began"
+def _amplitude(value: Any, time: Floats) -> None:
+    times = np.atleast_1d(time)
+    _numbers(value, np.shape(time), at=lambda place: f" at the time {times[place]:.6g} since the load began")
 
 
-def _parts_fault(parts: Iterable[tuple[str, object, tuple[int, ...]]]) -> str:
-    """Return what is wrong with the first part that is no array of finite numbers; a part has words and a shape."""
-    for words, value, shape in parts:
-        fault = _numbers_fault(value, shape)
-        if fault:
-            return fault.replace("returned", f"returned as {words}", 1)
-    return ""
-
-
-def _arrays_fault(value: object, shape: tuple[int, ...] = ()) -> str:
-    """Return what is wrong with a NamedTuple of arrays, whose shapes begin with `shape`."""
+def _arrays(value: object, shape: tuple[int, ...] = ()) -> None:
+    """Expect a NamedTuple of arrays of finite numbers, whose shapes begin with `shape`."""
     if not (isinstance(value, tuple) and hasattr(value, "_fields")):
-        return f"returned {_shown(value)}, expected a NamedTuple of arrays"
-    return _parts_fault(
-        (f"`{name}`", array, (*shape, *np.shape(array)[len(shape) :]))
-        for name, array in zip(value._fields, value, strict=True)
-    )
+        raise _Wrong(f"returned {_shown(value)}, expected a NamedTuple of arrays")
+    for name, array in zip(value._fields, value, strict=True):
+        _numbers(array, (*shape, *np.shape(array)[len(shape) :]), f" as `{name}`")
 
 
-def _follower_numbers_fault(value: object, _end: object) -> str:
+def _follower_numbers(value: object, _end: object) -> None:
     if not isinstance(value, tuple):
-        return f"returned {_shown(value)}, expected a tuple of numbers"
-    return _numbers_fault(value, (len(value),))
+        raise _Wrong(f"returned {_shown(value)}, expected a tuple of numbers")
+    _numbers(value, (len(value),))
 
 
-def _follow_fault(value: object, _numbers: object, time: float, displacement: float, velocity: float) -> str:
-    fault = "returned nothing, expected a number" if value is None else _numbers_fault(value, ())
-    motion = f"at the time {time:g}, the displacement {displacement:g} and the velocity {velocity:g}"
-    return f"{fault.removesuffix(' at index 0')} {motion}" if fault else ""
+def _follow(value: object, _read: object, time: float, displacement: float, velocity: float) -> None:
+    motion = f" at the time {time:g}, the displacement {displacement:g} and the velocity {velocity:g}"
+    if value is None:
+        raise _Wrong(f"returned nothing, expected a number{motion}")
+    _numbers(value, (), more=motion, at=lambda _: "")
 
 
-def _mesh_fault(mesh: object, at: Floats, _refine: float) -> str:
+def _mesh(mesh: object, at: Floats, _refine: float) -> None:
     if not isinstance(mesh, Mesh):
-        return f"returned {_shown(mesh)}, expected a Mesh"
+        raise _Wrong(f"returned {_shown(mesh)}, expected a Mesh")
     count, dim = len(next(iter(mesh.cells.values()), ())), np.size(at)
     if mesh.line is None:
-        return _parts_fault([("`nodes`", mesh.nodes, (np.shape(mesh.nodes)[0], dim))])
+        _numbers(mesh.nodes, (np.shape(mesh.nodes)[0], dim), " as `nodes`")
+        return
     if list(mesh.cells) != ["line"]:
-        return f"returned cells of the kind {', '.join(mesh.cells)}: along a line it makes a row, `Mesh.of_line`"
+        kinds = ", ".join(mesh.cells)
+        raise _Wrong(f"returned cells of the kind {kinds}: along a line it makes a row, `Mesh.of_line`")
     shapes = {"lengths": (count,), "nodes": (count + 1, dim), "direction": (dim,)}
-    return _parts_fault((f"`{name}`", getattr(mesh, name), shape) for name, shape in shapes.items())
+    for name, shape in shapes.items():
+        _numbers(getattr(mesh, name), shape, f" as `{name}`")
 
 
-def _reference_nodes_fault(value: Any) -> str:
-    fault = _numbers_fault(value, (max(np.size(value), 2),))
-    if fault:
-        return fault
+def _reference_nodes(value: Any) -> None:
+    _numbers(value, (max(np.size(value), 2),))
     inner = np.asarray(value, dtype=float)[2:]
     if tuple(value[:2]) != (0.0, 1.0) or np.unique(inner).size < inner.size or not ((inner > 0) & (inner < 1)).all():
-        return f"returned {np.asarray(value).tolist()}, expected 0, 1, and different positions between them"
-    return ""
+        shown = np.asarray(value).tolist()
+        raise _Wrong(f"returned {shown}, expected 0, 1, and different positions between them")
 
 
 def _count(body: BodyMesh) -> int:
     return len(next(iter(body.mesh.cells.values())))
 
 
-def _shares_fault(value: Any, body: BodyMesh) -> str:
+def _shares(value: Any, body: BodyMesh) -> None:
     shape = (_count(body),) if np.ndim(value) == 2 else ()
-    fault = _numbers_fault(value, (*shape, max(np.shape(value)[-1:], (2,))[0]))
-    if fault:
-        return fault
+    _numbers(value, (*shape, max(np.shape(value)[-1:], (2,))[0]))
     sums = np.atleast_1d(np.sum(value, axis=-1))
     worst = int(np.argmax(np.abs(sums - 1.0)))
-    return f"returned shares whose sum is {sums[worst]:.17g}, expected 1" if abs(sums[worst] - 1.0) > 1e-12 else ""
+    if abs(sums[worst] - 1.0) > 1e-12:
+        raise _Wrong(f"returned shares whose sum is {sums[worst]:.17g}, expected 1")
 
 
-def _nodal_in_contact_fault(value: Any, _element_mass: Floats, lumping: Lumping, in_contact: Any) -> str:
-    fault = _numbers_fault(value, (lumping.nodes,))
-    if fault:
-        return fault
-    without = [int(node) for node in np.flatnonzero((np.asarray(value) == 0.0) & ~in_contact)]
-    if without:
-        return f"returned no mass at node {without[0]}, expected some at every node except an end in contact"
-    return "" if np.any(value) else "returned no mass at all"
+def _nodal_in_contact(value: Any, _element_mass: Floats, lumping: Lumping, in_contact: Any) -> None:
+    _numbers(value, (lumping.nodes,))
+    for node in np.flatnonzero((np.asarray(value) == 0.0) & ~in_contact):
+        raise _Wrong(f"returned no mass at node {node}, expected some at every node except an end in contact")
+    if not np.any(value):
+        raise _Wrong("returned no mass at all")
 
 
-def _inverse_fault(value: Any, _element_mass: Floats, lumping: Lumping) -> str:
+def _inverse(value: Any, _element_mass: Floats, lumping: Lumping) -> None:
     if value is None:
-        return ""
+        return
     from scipy.sparse import issparse
 
-    size = lumping.nodes
+    shape = lumping.nodes, lumping.nodes
     if not issparse(value):
-        return f"returned {_shown(value)}, expected a sparse array of SciPy"
-    if value.shape != (size, size):
-        return f"returned a sparse array of shape {value.shape}, expected {(size, size)}"
-    if fault := _numbers_fault(value.tocoo().data, (value.nnz,)):
-        return fault
+        raise _Wrong(f"returned {_shown(value)}, expected a sparse array of SciPy")
+    if value.shape != shape:
+        raise _Wrong(f"returned a sparse array of shape {value.shape}, expected {shape}")
+    _numbers(value.tocoo().data, (value.nnz,))
     matrix = value.tocsr()
-    return (
-        "" if abs(matrix - matrix.T).max() <= 1e-12 * abs(matrix).max() else "returned a matrix that is not symmetric"
-    )
+    if abs(matrix - matrix.T).max() > 1e-12 * abs(matrix).max():
+        raise _Wrong("returned a matrix that is not symmetric")
 
 
-def _reason_fault(value: object, *_arguments: object) -> str:
-    return "" if value is None or isinstance(value, str) else f"returned {_shown(value)}, expected a text or None"
+def _reason(value: object, *_arguments: object) -> None:
+    if value is not None and not isinstance(value, str):
+        raise _Wrong(f"returned {_shown(value)}, expected a text or None")
 
 
-def _solve_fault(value: object, _problem: object, _end: float) -> str:
+def _solution(value: object, _problem: object, _end: float) -> None:
     if isinstance(value, str) and value.strip():
-        return ""
+        return
     if not isinstance(value, Exact):
-        return f"returned {_shown(value)}, expected an Exact or why there is none"
-    return "" if np.isfinite(value.reached) else f"returned a solution that reached the time {value.reached}"
+        raise _Wrong(f"returned {_shown(value)}, expected an Exact or why there is none")
+    if not np.isfinite(value.reached):
+        raise _Wrong(f"returned a solution that reached the time {value.reached}")
 
 
-def _measure_fault(value: object, _result: object) -> str:
-    if value is None or isinstance(value, str | bool | int | np.integer | np.bool_):
-        return ""
-    fault = _numbers_fault(value, ())
-    return f"{fault}; None says that there is no number" if fault else ""
+def _measure(value: object, _result: object) -> None:
+    if value is not None and not isinstance(value, str | bool | int | np.integer | np.bool_):
+        _numbers(value, (), more="; None says that there is no number")
 
 
-def _bound_law_fault(value: object, _points: object, _dt: float) -> str:
+def _bound_law(value: object, _points: object, _dt: float) -> None:
     for name in getattr(value, "_fields", ()):
         array = getattr(value, name)
         if isinstance(array, np.ndarray) and array.dtype.kind != "V" and not np.can_cast(array.dtype, complex):
-            return f"returned as `{name}` {_shown(array)}, expected numbers"
-    return ""
+            raise _Wrong(f"returned as `{name}` {_shown(array)}, expected numbers")
 
 
-def _bound_integrator_fault(value: object, _dt: float) -> str:
-    if not isinstance(value, LeapFrog):
-        return ""  # the numbers of `Stages` are checked with the trial steps
-    states = {"explicit": value.explicit, "end": value.end}
-    return _parts_fault((f"the response of `{name}`", state.response, (3,)) for name, state in states.items())
+def _bound_integrator(value: object, _dt: float) -> None:
+    if isinstance(value, LeapFrog):  # the numbers of `Stages` are checked with the trial steps
+        for name in ("explicit", "end"):
+            _numbers(getattr(value, name).response, (3,), f" as the response of `{name}`")
 
 
 # Each check receives what a method returned and the arguments of the method.
-CHECKS: dict[tuple[str, str], Callable[..., str]] = {
-    ("loads", "amplitude"): _amplitude_fault,
-    ("loads", "numbers"): _follower_numbers_fault,
-    ("loads", "follow"): _follow_fault,
-    ("shapes", "mesh"): _mesh_fault,
-    ("masses", "nodal"): lambda value, _mass, lumping: _numbers_fault(value, (lumping.nodes,)),
-    ("masses", "nodal_in_contact"): _nodal_in_contact_fault,
-    ("masses", "inverse"): _inverse_fault,
-    ("elements", "bind"): lambda value, body: _arrays_fault(value, (_count(body),)),
-    ("elements", "rule"): _arrays_fault,
-    ("elements", "reference_nodes"): _reference_nodes_fault,
-    ("elements", "mass_shares"): _shares_fault,
-    ("elements", "volumes"): lambda value, body: _numbers_fault(value, (_count(body), *(np.shape(value)[1:2] or (1,)))),
-    ("elements", "geometry"): lambda value, body: _numbers_fault(value, (_count(body), *np.shape(value)[1:])),
-    ("elements", "volumes_of_cells"): lambda value, body: _numbers_fault(value, (_count(body),)),
-    ("elements", "axial_stiffness"): lambda value, body, _modulus: _numbers_fault(value, (_count(body),)),
-    ("elements", "highest_frequency"): lambda value, body, _speed: _numbers_fault(value, (_count(body),)),
-    ("materials", "parameters"): lambda value: _numbers_fault(value, np.shape(value)[:1] or (1,)),
-    ("solutions", "covers"): _reason_fault,
-    ("solutions", "too_costly"): _reason_fault,
-    ("solutions", "solve"): _solve_fault,
-    ("measures", "of"): _measure_fault,
-    ("integrators", "bind"): _bound_integrator_fault,
-    ("contacts", "bind"): _bound_law_fault,
+CHECKS: dict[tuple[str, str], Callable[..., None]] = {
+    ("loads", "amplitude"): _amplitude,
+    ("loads", "numbers"): _follower_numbers,
+    ("loads", "follow"): _follow,
+    ("shapes", "mesh"): _mesh,
+    ("masses", "nodal"): lambda value, _mass, lumping: _numbers(value, (lumping.nodes,)),
+    ("masses", "nodal_in_contact"): _nodal_in_contact,
+    ("masses", "inverse"): _inverse,
+    ("elements", "bind"): lambda value, body: _arrays(value, (_count(body),)),
+    ("elements", "rule"): _arrays,
+    ("elements", "reference_nodes"): _reference_nodes,
+    ("elements", "mass_shares"): _shares,
+    ("elements", "volumes"): lambda value, body: _numbers(value, (_count(body), *(np.shape(value)[1:2] or (1,)))),
+    ("elements", "geometry"): lambda value, body: _numbers(value, (_count(body), *np.shape(value)[1:])),
+    ("elements", "volumes_of_cells"): lambda value, body: _numbers(value, (_count(body),)),
+    ("elements", "axial_stiffness"): lambda value, body, _modulus: _numbers(value, (_count(body),)),
+    ("elements", "highest_frequency"): lambda value, body, _speed: _numbers(value, (_count(body),)),
+    ("materials", "parameters"): lambda value: _numbers(value, np.shape(value)[:1] or (1,)),
+    ("solutions", "covers"): _reason,
+    ("solutions", "too_costly"): _reason,
+    ("solutions", "solve"): _solution,
+    ("measures", "of"): _measure,
+    ("integrators", "bind"): _bound_integrator,
+    ("contacts", "bind"): _bound_law,
 }

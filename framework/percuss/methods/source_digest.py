@@ -250,50 +250,42 @@ class SourceDigests:
         return self._done[key]
 
     def _sources(self, source: Provenance) -> dict[str, str]:
-        """Return the digest of each source of a component, by names that do not depend on the place of the files."""
-        single = not source.distribution
-        name, top = ("", "") if single else (source.module, source.module.partition(".")[0])
+        """Return the digest of each source of a component, by names that do not depend on the place of the files.
+
+        Of a package imported only as the parent of another module the text alone counts, without imports and data.
+        """
         digests: dict[str, str] = {}
-        waiting: list[tuple[_Import, Path]] = [(_Import(name, whole=True), Path(source.file))]
-        waiting += self._files_to_follow([_Import(parent, whole=False) for parent in _parents(name)], top, digests)
-        visited: set[_Import] = set()
+        own = source.module if source.distribution else ""  # the name of a single file depends on its place
+        waiting = [(own, True), *((parent, False) for parent in _parents(own))]
+        visited: set[tuple[str, bool]] = set()
         while waiting:
-            module, path = waiting.pop()
-            if module in visited:
+            name, whole = waiting.pop()
+            top = name.partition(".")[0]
+            if (name, whole) in visited or top in sys.stdlib_module_names or top in {"percuss", *COMPUTING_PACKAGES}:
                 continue
-            visited.add(module)
+            visited.add((name, whole))
+            path = Path(source.file) if name == own else file_of_module(name)
+            if path is None:
+                continue
+            if top != own.partition(".")[0] and _installed(str(path)):
+                names = _distributions().get(top, [])
+                digests[f"package {top}"] = ", ".join(f"{one} {installed_version(one)}" for one in names) or "?"
+                continue
             try:
                 content = path.read_bytes()
             except OSError:
-                digests[module.name] = "cannot be read"
+                digests[name] = "cannot be read"
                 continue
-            _refuse_edited(module.name, path, content)
-            digests[module.name] = content_digest(content)
-            if not module.whole or path.suffix != ".py":
-                continue
-            package = module.name if path.name == "__init__.py" else module.name.rpartition(".")[0]
-            imports, texts = imports_and_texts(content, package)
-            for data in data_files(path, texts, in_package=path.name == "__init__.py" or bool(package)):
-                digests[f"{module.name}: {data.name}"] = _data_digest(data)
-            waiting += self._files_to_follow(_modules(imports), top, digests)
+            _refuse_edited(name, path, content)
+            digests[name] = content_digest(content)
+            if whole and path.suffix == ".py":
+                in_package = path.name == "__init__.py"
+                package = name if in_package else name.rpartition(".")[0]
+                imports, texts = imports_and_texts(content, package)
+                for data in data_files(path, texts, in_package=in_package or bool(package)):
+                    digests[f"{name}: {data.name}"] = _data_digest(data)
+                waiting += _modules(imports)
         return digests
-
-    def _files_to_follow(
-        self, imports: Iterable[_Import], top: str, digests: dict[str, str]
-    ) -> list[tuple[_Import, Path]]:
-        """Return the files of imported modules that are digested in turn; add the versions of others to `digests`."""
-        out = []
-        for module in imports:
-            first = module.name.partition(".")[0]
-            if first in sys.stdlib_module_names or first == "percuss" or first in COMPUTING_PACKAGES:
-                continue
-            path = file_of_module(module.name)
-            if path is not None and (first == top or not _installed(str(path))):
-                out.append((module, path))
-            elif path is not None:
-                names = _distributions().get(first, [])
-                digests[f"package {first}"] = ", ".join(f"{name} {installed_version(name)}" for name in names) or "?"
-        return out
 
 
 def _parents(name: str) -> list[str]:
@@ -302,18 +294,16 @@ def _parents(name: str) -> list[str]:
     return [".".join(parts[:n]) for n in range(1, len(parts))]
 
 
-def _modules(imports: Iterable[ImportStatement]) -> list[_Import]:
-    """Return the modules that import statements may load, each once, with their parent packages."""
-    modules: dict[_Import, None] = {}
+def _modules(imports: Iterable[ImportStatement]) -> Iterator[tuple[str, bool]]:
+    """Yield the modules that import statements may load, and their parent packages, of which the text alone counts."""
     for statement in imports:
         parts = [f"{statement.module}.{part}" for part in statement.parts]
         submodules = [part for part in parts if file_of_module(part) is not None]
         # A part that is not a module is a name defined in the package, so the package itself counts.
         names = submodules if submodules and len(submodules) == len(parts) else [statement.module, *parts]
         for name in filter(None, names):
-            modules[_Import(name, whole=True)] = None
-            modules |= dict.fromkeys(_Import(parent, whole=False) for parent in _parents(name))
-    return list(modules)
+            yield name, True
+            yield from ((parent, False) for parent in _parents(name))
 
 
 @functools.lru_cache(maxsize=256)
@@ -322,7 +312,8 @@ def imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStateme
 
     They are kept in the user's cache folder, as to find them takes a good part of a short run.
     """
-    name = content_digest(b"\0".join([content, package.encode(), sys.version.encode(), _own_content()])) + ".imports"
+    facts = package, sys.version, _source_of(__name__)
+    name = content_digest(b"\0".join([content, *map(str.encode, facts)])) + ".imports"
     stored = kept(name)
     if stored is not None:
         imports, texts = json.loads(stored)
@@ -330,11 +321,6 @@ def imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStateme
     found = _parsed(content, package)
     keep(name, json.dumps(found).encode())
     return found
-
-
-@functools.cache
-def _own_content() -> bytes:
-    return Path(__file__).read_bytes()
 
 
 def _parsed(content: bytes, package: str) -> tuple[tuple[ImportStatement, ...], tuple[str, ...]]:
