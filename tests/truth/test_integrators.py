@@ -13,7 +13,7 @@ import pytest
 
 import percuss
 import places
-from percuss.case.defaults import CONTACT
+from percuss.case.defaults import DEFAULTS
 from percuss.certificate.scheme_limit import amplification
 from percuss.compiler.specialise import Specialiser
 from percuss.methods import slots
@@ -294,12 +294,12 @@ IMPACTS = {
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("law", [CONTACT, "penalty"])
+@pytest.mark.parametrize("law", [DEFAULTS["contacts"], "penalty"])
 @pytest.mark.parametrize("name", SCHEMES)
 def test_the_impact_of_hunek(name, law):
     result = percuss.run(percuss.load(hunek(100, 0.5, name, {"name": law})))
     by_default, by_penalty, least, most = IMPACTS[name]
-    error = by_default if law == CONTACT else by_penalty
+    error = by_default if law == DEFAULTS["contacts"] else by_penalty
     energy = (result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]) / result.summary["energy"]["initial"]
     assert 0.9 * error < result.summary["exact"]["contacts"]["tip"]["force_error_l1"] < error
     assert energy.max() < max(most, 1.0001) + 1e-4

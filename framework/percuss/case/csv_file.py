@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +20,7 @@ COLUMNS_OF_NUMBERS = 2  # A file of no more columns holds numbers alone: times a
 NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 LIKE_A_NUMBER = re.compile(rf"[-+]?\.?[0-9]|(?:{NOT_FINITE.pattern})\Z", re.IGNORECASE)
+BLANKS = " \t"
 LINE_END = re.compile(r"\r\n|\n|\r")  # The method `splitlines` would also break lines at form feeds and the like.
 
 
@@ -30,13 +30,6 @@ class UnusableFileError(ValueError):
     def __init__(self, message: str, advice: str = "") -> None:
         super().__init__(message)
         self.advice = advice
-
-
-class _Field(NamedTuple):
-    """Field of a line: its text without blanks around it, and the column at which this text begins."""
-
-    text: str
-    column: int
 
 
 def read_text(path: str, folder: Path) -> str:
@@ -100,8 +93,8 @@ def table_in(text: str, path: str) -> DataFile:
     lines: list[int] = []
     faults: dict[int, str] = {}
     for position, (line, fields) in enumerate(_lines(text)):
-        if position == 0 and not any(LIKE_A_NUMBER.match(field.text) for field in fields):
-            names = tuple(field.text.strip('"') for field in fields)
+        if position == 0 and not any(LIKE_A_NUMBER.match(field.strip(BLANKS)) for field in fields):
+            names = tuple(field.strip(BLANKS).strip('"') for field in fields)
             continue
         row = _numbers(fields, f"{path}:{line}", faults)
         if rows and len(row) != len(rows[0]):
@@ -116,46 +109,41 @@ def table_in(text: str, path: str) -> DataFile:
     return DataFile(path, numbers, names, tuple(lines), faults)
 
 
-def _lines(text: str) -> Iterator[tuple[int, list[_Field]]]:
-    """Yield the line number and the fields of each line that is neither empty nor a comment."""
+def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the line number and the fields, with blanks, of each line that is neither empty nor a comment."""
     lines = [(number, line) for number, line in enumerate(LINE_END.split(text), start=1)]
-    lines = [(number, line) for number, line in lines if line.strip(" \t") and not line.lstrip(" \t").startswith("#")]
+    lines = [(number, line) for number, line in lines if line.strip(BLANKS) and not line.lstrip(BLANKS).startswith("#")]
     # The whole file has one separator; otherwise 0,5;1,0 with decimal commas would be four numbers.
     separator = next((mark for mark in (";", ",", "\t") if any(mark in line for _, line in lines)), ",")
     for number, line in lines:
-        fields, column = [], 1
-        for part in line.split(separator):
-            indent = len(part) - len(part.lstrip(" \t"))
-            fields.append(_Field(part.strip(" \t"), column + indent))
-            column += len(part) + 1
-        yield number, fields
+        yield number, line.split(separator)
 
 
-def _numbers(fields: list[_Field], place: str, faults: dict[int, str]) -> list[float]:
+def _numbers(fields: list[str], place: str, faults: dict[int, str]) -> list[float]:
     """Return the numbers in the fields of a line; where a column is not of numbers, add to `faults` what is wrong."""
-    row = []
+    row = [math.nan] * len(fields)
     for index, field in enumerate(fields):
-        value = math.nan
-        if index not in faults:
-            try:
-                value = _number(field, f"{place}:{field.column}")
-            except ValueError as error:
-                if len(fields) <= COLUMNS_OF_NUMBERS:
-                    raise
-                faults[index] = str(error)
-        row.append(value)
+        if index in faults:
+            continue
+        try:
+            row[index] = _number(field.strip(BLANKS))
+        except ValueError as error:
+            column = 1 + sum(len(before) + 1 for before in fields[:index]) + len(field) - len(field.lstrip(BLANKS))
+            fault = f"{place}:{column}: {error}"
+            if len(fields) <= COLUMNS_OF_NUMBERS:
+                raise ValueError(fault) from None
+            faults[index] = fault
     return row
 
 
-def _number(field: _Field, place: str) -> float:
-    """Return the number in a field; raise ValueError with the place of the field if it is not a finite number."""
-    if NUMBER.fullmatch(field.text) is None:
-        if NOT_FINITE.fullmatch(field.text):
-            raise ValueError(f"{place}: expected a finite number, found '{field.text}'")
-        shown = f"'{field.text}'" if field.text else "nothing"
-        raise ValueError(f"{place}: expected a number as 1.5 or 2e-3, found {shown}")
-    value = float(field.text)
+def _number(text: str) -> float:
+    """Return the number in a field; raise ValueError if it is not a finite number."""
+    if NUMBER.fullmatch(text) is None:
+        if NOT_FINITE.fullmatch(text):
+            raise ValueError(f"expected a finite number, found '{text}'")
+        shown = f"'{text}'" if text else "nothing"
+        raise ValueError(f"expected a number as 1.5 or 2e-3, found {shown}")
+    value = float(text)
     if abs(value) > LARGEST_NUMBER:
-        message = f"expected a number of at most {LARGEST_NUMBER:g} in size, found '{field.text}', which is too large"
-        raise ValueError(f"{place}: {message}")
+        raise ValueError(f"expected a number of at most {LARGEST_NUMBER:g} in size, found '{text}', which is too large")
     return value

@@ -1,9 +1,11 @@
-"""Default methods of a case."""
+"""Default methods of a case, by family."""
 
-INTEGRATOR = "wu-predictor-corrector"
-CONTACT = "bipenalty"
-MASS = "lumped"
-PAIRING = "gauss-points"
-MATERIAL = "elastic"
-ELEMENT = "bar"
-SOLUTION = "bars-in-a-row"
+DEFAULTS = {
+    "integrators": "wu-predictor-corrector",
+    "contacts": "bipenalty",
+    "masses": "lumped",
+    "pairings": "gauss-points",
+    "materials": "elastic",
+    "elements": "bar",
+    "solutions": "bars-in-a-row",
+}

@@ -131,14 +131,14 @@ class _Generator(GenerateJsonSchema):
         for key, option in options_of(cls).items():
             entry = out["properties"][key]
             named = fact(option.annotation, Named)
-            default = named.default if named and not named.optional else option.default
+            default = named.default if named and option.required else option.default
             if option.unit:
                 entry["x-unit"] = option.unit
             if isinstance(default, bool | int | float | str | tuple) and default not in (float("inf"), -float("inf")):
                 entry["default"] = list(default) if isinstance(default, tuple) else default
             if option.doc:
                 entry["description"] = option.doc + option.shown_unit
-            if named and not named.optional and default not in entry["anyOf"][0]["enum"]:
+            if named and option.required and default not in entry["anyOf"][0]["enum"]:
                 required.append(key)
         if NO_KEY in required:
             required.remove(NO_KEY)

@@ -14,7 +14,6 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, WithJsonSchema, WrapValidator
 
-from percuss.case import defaults
 from percuss.case.options import Computed, Key
 from percuss.case.quantities import MEASURABLE, QUANTITIES, STATISTICS, SUMMARY, Quantity, name_schema
 from percuss.case.type_words import Expects
@@ -131,21 +130,15 @@ class MethodSpec(Section):
 
     kind: ClassVar[str] = "method"
 
-    integrator: Annotated[
-        Integrator,
-        Named("integrators", defaults.INTEGRATOR),
-        Doc("time integrator: a name, or {name: ...}"),
-    ]
-    contact: Annotated[ContactLaw, Named("contacts", defaults.CONTACT), Doc("contact law: a name, or {name: ...}")]
-    mass: Annotated[Mass, Named("masses", defaults.MASS), Doc("how element masses become nodal masses")]
+    integrator: Annotated[Integrator, Named("integrators"), Doc("time integrator: a name, or {name: ...}")]
+    contact: Annotated[ContactLaw, Named("contacts"), Doc("contact law: a name, or {name: ...}")]
+    mass: Annotated[Mass, Named("masses"), Doc("how element masses become nodal masses")]
     pairing: Annotated[
-        Pairing | None,
-        Named("pairings", defaults.PAIRING, optional=True),
-        Doc("how surfaces of bodies that are no bars make contact points"),
+        Pairing | None, Named("pairings"), Doc("how surfaces of bodies that are no bars make contact points")
     ] = None
     solution: Annotated[
         Solution | None,
-        Named("solutions", defaults.SOLUTION, optional=True),
+        Named("solutions"),
         Doc("exact solution that judges the run; by default the first that covers it"),
     ] = None
 
@@ -198,8 +191,8 @@ class BodySpec(Section):
 
     kind: ClassVar[str] = "the body"
 
-    material: Annotated[Material, Named("materials", defaults.MATERIAL), Doc("material: its options, or {name: ...}")]
-    element: Annotated[Element, Named("elements", defaults.ELEMENT), Doc("element: a name, or {name: ...}")]
+    material: Annotated[Material, Named("materials"), Doc("material: its options, or {name: ...}")]
+    element: Annotated[Element, Named("elements"), Doc("element: a name, or {name: ...}")]
     shape: Annotated[Shape, Keyed("shapes", "shape"), Key(NO_KEY)]
     area: Annotated[float, Gt(0), Unit("length^2"), Doc("cross-section of a body along a line")] | None = None
     thickness: (
@@ -237,14 +230,10 @@ class ContactSpec(Section):
 
     method: Annotated[
         ContactLaw | None,
-        Named("contacts", defaults.CONTACT, optional=True),
+        Named("contacts"),
         Doc("contact law of this contact; else method.contact"),
     ] = None
-    pairing: Annotated[
-        Pairing | None,
-        Named("pairings", defaults.PAIRING, optional=True),
-        Doc("pairing of this contact; else method.pairing"),
-    ] = None
+    pairing: Annotated[Pairing | None, Named("pairings"), Doc("pairing of this contact; else method.pairing")] = None
     between: (
         Annotated[
             tuple[AnAddress, AnAddress],

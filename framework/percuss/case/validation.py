@@ -12,13 +12,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, cast
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, cast, get_args
 
 import pydantic
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError, PydanticKnownError, core_schema
 
 from percuss.case.csv_file import read_text, table_in
+from percuss.case.defaults import DEFAULTS
 from percuss.case.hints import name_advice
 from percuss.case.options import LARGEST_NUMBER, SMALLEST_NUMBER, UNITS, Option, options_of
 from percuss.case.source import Source
@@ -345,19 +346,19 @@ class Named:
     ----------
     family
         Family of the component.
-    default
-        Name of the component if the entry has none.
-    optional
-        Whether an absent entry is None and not the default component.
     """
 
     family: str
-    default: str
-    optional: bool = False
+
+    @property
+    def default(self) -> str:
+        """Name of the component if the entry has none."""
+        return DEFAULTS[self.family]
 
     def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         schema = core_schema.with_info_plain_validator_function(self.component, metadata={"percuss": self})
-        return schema if self.optional else core_schema.with_default_schema(schema, default={}, validate_default=True)
+        may_be_absent = type(None) in get_args(source)  # None is then not the default component
+        return schema if may_be_absent else core_schema.with_default_schema(schema, default={}, validate_default=True)
 
     def component(self, entry: object, info: core_schema.ValidationInfo[Context]) -> Component:
         """Return the component that an entry names."""

@@ -213,22 +213,6 @@ class ImportStatement(NamedTuple):
     parts: tuple[str, ...] = ()
 
 
-class _Import(NamedTuple):
-    """A module that a source imports.
-
-    Attributes
-    ----------
-    name
-        Full name of the module.
-    whole
-        Whether its imports and data files count too; of a package imported only as the parent of another module, the
-        text alone counts.
-    """
-
-    name: str
-    whole: bool
-
-
 class SourceDigests:
     """Digests of the present sources of methods, each computed once."""
 

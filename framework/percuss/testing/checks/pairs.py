@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from hypothesis import strategies as st
 
-from percuss.case import defaults
+from percuss.case.defaults import DEFAULTS
 from percuss.case.quantities import COMPARED_BY_KIT, QUANTITIES
 from percuss.certificate import verdict
 from percuss.certificate.closed_contacts import closed_contacts
@@ -120,7 +120,7 @@ def _courant_of_default(subject: Subject, case: Data, partner: str) -> float:
     The default method of a case takes the place of the subject, beside the same partner: a law of somebody else that
     needs a small step, which nobody knows, is no fault of the subject.
     """
-    name = {"integrators": defaults.INTEGRATOR, "contacts": defaults.CONTACT}[subject.family]
+    name = DEFAULTS[subject.family]
     default = Subject.of(subject.registry.components[subject.family, name], subject.registry)
     courant: float = below_limit(subject, case, case["time"]["courant"])
     while courant >= SMALLEST_COURANT:
