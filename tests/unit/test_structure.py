@@ -161,6 +161,7 @@ FEATURES = {
     r"followers?": 4,
     r"couples_nodes|coupled_?mass": 4,
     r"end_?forces": 5,  # two of them criteria of the certificate
+    r"^_?(any_)?shifts?$": 5,  # two of them ask a law whether it shifts, as no model says that
 }
 CONTRACT = {"Implicit"}  # what an integrator returns
 

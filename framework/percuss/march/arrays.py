@@ -124,7 +124,6 @@ class Arrays:
             carry_over(self.step.points, points)
         self.step = self.step._replace(points=points, loads=self._loads(constraints, sides, midpoint))
         self.step.now["in_turn"] = 0
-        shifts = np.zeros(len(self.order))
         setting = Setting(
             model,
             midpoint,
@@ -135,12 +134,11 @@ class Arrays:
             self.record,
             self.variables,
             self.recorded,
-            shifts,
         )
         known = {type(part): part for part in self.parts}
         made = (kind.of(setting, known.get(kind)) for kind in PARTS)
         self.parts = [part for part in made if part is not None]
-        self.actions = list(self._actions(shifts))
+        self.actions = list(self._actions())
 
     def _loads(self, constraints: Sequence[tuple[int, Any]], sides: Any, midpoint: float) -> Loads:
         """Return supports and loads with the constraints of a stretch, whose reactions start at zero."""
@@ -172,7 +170,7 @@ class Arrays:
             axes=np.array(axes, dtype=float).ravel(),
         )
 
-    def _actions(self, shifts: Floats) -> Iterator[Action]:
+    def _actions(self) -> Iterator[Action]:
         """Yield what a step of this stretch does."""
         for action in self._of_bodies():
             changed: Action | None = action
@@ -180,7 +178,7 @@ class Arrays:
                 changed = part.changed(changed) if changed is not None else None
             if changed is not None:
                 yield changed
-        yield from kernel_laws(self.kernel_laws, self.step.points, self.step.now, self.variables.of_laws(), shifts)
+        yield from kernel_laws(self.kernel_laws, self.step.points, self.step.now, self.variables.of_laws())
         for part in self.parts:
             yield from part.actions()
 

@@ -67,7 +67,7 @@ def apply_law(law: KernelLaw, n: int, u: Floats, v: Floats, a: Floats) -> None:
 
 
 def kernel_laws(
-    laws: Sequence[BoundLaw], points: Points, now: Any, variables: tuple[Floats, Floats], shifts: Floats
+    laws: Sequence[BoundLaw], points: Points, now: Any, variables: tuple[Floats, Floats]
 ) -> Iterator[Action]:
     """Yield the actions of the laws with a kernel, and set whether they are solved in turn with the contact equation.
 
@@ -81,8 +81,6 @@ def kernel_laws(
         The step, `percuss.step.records.NOW`.
     variables
         State variables of the laws before and after a step, one law after the other, point by point.
-    shifts : (P,)
-        Shifts of all points.
     """
     first = points.law.size - sum(len(bound_law.where) for bound_law in laws)
     start = 0
@@ -92,7 +90,9 @@ def kernel_laws(
         trial, pushed = _trial(points, first, stop, coupled=bool(law.uses_coupling))
         before, after = (array[start:end].reshape(count, law.state) for array in variables)
         before.flags.writeable = False
-        trial = trial._replace(before=before, after=after, shift=shifts[first : stop if law.shifts else first])
+        if law.shifts:
+            trial = trial._replace(shift=points.state["shift"][first:stop])
+        trial = trial._replace(before=before, after=after)
         now["in_turn"] = max(int(now["in_turn"][0]), pushed)
         first_other = np.append(points.law["other_start"][first:stop], points.law["other_stop"][stop - 1])
         data = KernelLaw(
@@ -126,8 +126,9 @@ def _trial(points: Points, first: int, stop: int, *, coupled: bool) -> tuple[Tri
         "neighbour": np.array(neighbours, dtype=np.int64),
         "coupling": np.array(values, dtype=np.float64),
     }
+    shift = views.pop("shift")[:0]
     for array in (*views.values(), *rows.values()):
         array.flags.writeable = False
     nothing = np.zeros((stop - first, 0))
     of_step: Entries = dict.fromkeys(("dt", "time", "gap_response", "rate_response"), 0.0)
-    return Trial(**views, **rows, **of_step, before=nothing, after=nothing, shift=np.zeros(0)), pushed
+    return Trial(**views, **rows, **of_step, before=nothing, after=nothing, shift=shift), pushed

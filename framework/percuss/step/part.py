@@ -42,8 +42,6 @@ class Setting:
         The state variables of the run.
     recorded
         Numbers of the elements of each body whose stress is recorded.
-    shifts : (P,)
-        Shifts of all points, which laws with a kernel set.
     """
 
     model: ModelArrays
@@ -55,7 +53,6 @@ class Setting:
     record: Record
     variables: StateVariables
     recorded: Mapping[str, Integers]
-    shifts: Floats
 
 
 class Part(Generic[Data]):

@@ -178,9 +178,9 @@ def set_correction(data: Coupling) -> None:
     for i in range(size):
         correction[i] = coupling[reach, i] * change[i]
     for k in range(1, reach + 1):
-        shift = min(k * data.dim, size)
-        add_products(coupling[reach + k, : size - shift], change[shift:], correction[: size - shift])
-        add_products(coupling[reach - k, shift:], change[: size - shift], correction[shift:])
+        offset = min(k * data.dim, size)
+        add_products(coupling[reach + k, : size - offset], change[offset:], correction[: size - offset])
+        add_products(coupling[reach - k, offset:], change[: size - offset], correction[offset:])
 
 
 def add_products(coefficients: Floats, values: Floats, sums: Floats) -> None:

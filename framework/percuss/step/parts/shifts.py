@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 class Shifting(NamedTuple):
     """The shifts of a step, and what they act on."""
 
-    of_points: Floats  # (P,) shift of each point, set by its law
     after: Floats  # shift of each boundary degree of freedom after the present step
     before: Floats  # the same after the step before
     speed: Floats  # work space: velocity of each boundary degree of freedom
@@ -47,7 +46,6 @@ class Shifts(Part[Shifting]):
         after, previous, speed = (np.zeros(count) for _ in range(3))
         sums_work = model.sums_internal_work
         data = Shifting(
-            setting.shifts,
             after,
             previous,
             speed,
@@ -92,7 +90,7 @@ def find_shifts(data: Shifting, n: int, u: Floats, v: Floats, a: Floats) -> None
         law = data.points.law[i]
         for k in range(law.start, law.stop):
             entry = data.points.entries[k]
-            data.after[entry.place] += entry.response * data.of_points[i]
+            data.after[entry.place] += entry.response * data.points.state[i].shift
 
 
 def add_work_and_shift(data: Shifting, n: int, u: Floats, v: Floats, a: Floats) -> None:
