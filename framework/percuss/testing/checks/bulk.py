@@ -3,41 +3,20 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from percuss.compiler.specialise import Specialiser
+from percuss.case import defaults
 from percuss.errors import RunError
 from percuss.jsonable import Entries
-from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
-from percuss.mesh.cells import (
-    PROBING_STRAIN,
-    cell_arrays,
-    cells_of,
-    element_slots,
-    has_cells,
-    lumping_of,
-    mesh_of_element,
-    slots_of_material,
-)
-from percuss.mesh.element_probe import ElementProbe
-from percuss.mesh.material_points import points_at_rest
-from percuss.methods.interfaces import (
-    BodyMesh,
-    CellElement,
-    Element,
-    Floats,
-    Line,
-    Lumping,
-    Mass,
-    Material,
-    Mesh,
-    Region,
-)
+from percuss.mesh.cell_stiffness import frequencies_of_cells
+from percuss.mesh.cells import PROBING_STRAIN, cells_of, has_cells
+from percuss.methods.interfaces import Floats, Lumping, Mass, Material, Mesh
 from percuss.methods.plugin_calls import answer
+from percuss.testing.bodies import BodyKernels, line
 from percuss.testing.draws import must_balance, on_chains
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
@@ -46,17 +25,9 @@ UNITS_OF_MASS = tuple(k / 10.0 for k in range(1, 31))  # powers of two leave all
 STEP = 1e-6  # relative step of a difference quotient
 CYCLE_STEPS = 400  # steps of each quarter of a cycle of strain
 UNACCOUNTED = 1e-2  # share of the work along a cycle of strain that may be neither stored nor dissipated
+UNLIKE = np.array([2.0, 1.0, 4.0, 0.5, 3.0])  # masses of the elements of a line
+TOUCHING = {"no": [], "the first": [0], "the last": [-1], "the first and the last": [0, -1]}  # nodes in contact
 LEAST_SLOPE = 0.9  # share of the modulus that the slope of the stress must reach at some strain
-
-
-def line(count: int, dim: int = 1) -> Mesh:
-    """Return a line mesh of unlike elements, along an oblique direction in two and three dimensions."""
-    direction = np.array([1.0, 2.0, -2.0][:dim])
-    direction /= np.linalg.norm(direction)
-    lengths = 0.1 * (1.0 + 0.2 * np.cos(np.arange(count)))
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    regions = {"left": Region((0,), -direction), "right": Region((count,), direction)}
-    return Mesh.of_line(along[:, None] * direction, lengths, direction, regions)
 
 
 # ----------------------------------------------------------------------------------------------------- shapes
@@ -111,55 +82,6 @@ def _check_line(subject: Subject, mesh: Mesh) -> None:
 
 
 # -------------------------------------------------------------------------------------------------- materials
-
-
-class _BodyKernels:
-    """Force and energy of a body of drawn unlike elements, from the kernels of its element in plain Python.
-
-    Attributes
-    ----------
-    body
-        Mesh and area.
-    along : (nodes,) array
-        Positions of the nodes along the body.
-    """
-
-    def __init__(self, element: Any, material: Material, mesh: Mesh) -> None:
-        self.body = BodyMesh(mesh_of_element(element, mesh), 1.3)
-        self.dim = mesh.direction.size
-        self.along = (self.body.mesh.nodes - self.body.mesh.nodes[0]) @ mesh.direction
-        self.points = points_at_rest(element, material, self.body)
-        specialiser = Specialiser({**slots_of_material(element, material), **element_slots(element)}, jit=False)
-        self.cells: Any = None
-        if has_cells(element):
-            self.cells = cell_arrays(element, [self.body])
-            self._force, self._energy = specialiser.bind(add_up_forces), specialiser.bind(energy_of_cells)
-        else:
-            self.bound = element.bind(self.body)
-            self._force, self._energy = specialiser.bind(element.internal_force), specialiser.bind(element.energy)
-
-    def force(self, displacement: Floats) -> Floats:
-        """Return the internal force, (nodes * dim,); nan where the kernel leaves an entry unset."""
-        force = np.full(displacement.size, np.nan)
-        if self.cells is not None:
-            self.cells.force[:] = np.nan
-            self._force(self.cells, self.points, 0, displacement, force)
-        else:
-            self._force(self.bound, self.points, 0, self.dim, displacement, force)
-        return force
-
-    def part(self, first: int, displacement: Floats) -> Floats:
-        """Return the force of consecutive two-node elements from `first` on."""
-        force = np.zeros(displacement.size)
-        self._force(self.bound, self.points, first, self.dim, displacement, force)
-        return force
-
-    def energy(self, displacement: Floats) -> float:
-        """Return the strain energy at rest."""
-        rest = np.zeros(displacement.size)
-        if self.cells is not None:
-            return float(self._energy(self.cells, self.points, 0, displacement, rest, 0.0))
-        return float(self._energy(self.bound, self.points, 0, self.dim, displacement, rest, 0.0))
 
 
 @check("materials")
@@ -243,6 +165,28 @@ def _check_slopes(cls: type[Material], parameters: Floats, modulus: float) -> No
 # --------------------------------------------------------------------------------------------------- elements
 
 
+def elastic(subject: Subject, **options: float) -> Any:
+    """Return the linear elastic material, by default of its first example, to be combined with an element.
+
+    Raises
+    ------
+    NotApplicable
+        If it is not registered.
+    """
+    cls = subject.registry.components.get(("materials", defaults.MATERIAL))
+    if cls is None:
+        raise NotApplicable(f"'{defaults.MATERIAL}' is not registered, and the check needs it")
+    return Subject.of(cls, subject.registry).make(options or cls.examples[0])
+
+
+def _bars(subject: Subject) -> Iterator[BodyKernels]:
+    """Yield a body of unlike elements along a line for each example of an element, in one to three dimensions."""
+    subject.along_line()
+    material = elastic(subject)
+    for (_, element), dim in itertools.product(subject.made(), (1, 2, 3)):
+        yield BodyKernels(element, material, line(5, dim))
+
+
 @check("elements")
 def check_force_and_energy(subject: Subject) -> None:
     """Force is minus the slope of the energy.
@@ -251,29 +195,25 @@ def check_force_and_energy(subject: Subject) -> None:
     translation. This holds for any run of consecutive elements, in one to three dimensions. Otherwise the bulk
     loses momentum or energy.
     """
-    subject.along_line()
-    material = _default(subject, "materials")
-    for _, element in subject.made():
-        for dim in (1, 2, 3):
-            kernels = _BodyKernels(element, material, line(5, dim))
-            u = 1e-3 * np.cos(np.arange(kernels.along.size * dim) ** 2.0)
-            force = kernels.force(u)
-            if np.isnan(force).any():
-                kernel = "force" if has_cells(element) else "internal_force"
-                raise CheckFailed(f"`{kernel}` leaves an entry unset: it must set every entry, not add to it")
-            _check_gradient(kernels, u, force)
-            size = float(np.abs(force).max())
-            if np.abs(force.reshape(-1, dim).sum(axis=0)).max() > CLOSE * size:
-                raise CheckFailed(f"the sum of the internal forces is not zero in {dim} dimensions")
-            translation = np.tile(np.arange(1.0, dim + 1.0), kernels.along.size)
-            if np.abs(kernels.force(u + translation) - force).max() > 1e-6 * size:
-                raise CheckFailed("a translation of the body changes its internal force")
-            _check_stretched(element, kernels, material)
-            if has_cells(element):
-                continue
-            part = kernels.part(2, u[2 * dim : 5 * dim])
-            if np.abs(part[dim : 2 * dim] - force[3 * dim : 4 * dim]).max() > CLOSE * size:
-                raise CheckFailed("the force of elements from `first` on differs from that of the whole body")
+    for kernels in _bars(subject):
+        kernels.checked_force()
+        _check_stretched(kernels)
+
+
+def _check_stretched(kernels: BodyKernels) -> None:
+    """Raise `CheckFailed` if the end force of an element at small uniform strain is not that of `axial_stiffness`."""
+    body, mesh = kernels.body, kernels.body.mesh
+    stiffness = answer(kernels.element, "axial_stiffness", body, kernels.material.modulus)
+    for strain in (1e-8, -1e-8, 1e-5, -1e-5):
+        for number, nodes in enumerate(cells_of(mesh)):
+            force = kernels.probe.force(number, strain * (mesh.nodes[nodes] - mesh.nodes[nodes[0]]).ravel())
+            pull = float(force[: mesh.direction.size] @ mesh.direction)
+            expected = float(stiffness[number] * strain * mesh.lengths[number])
+            if abs(pull - expected) > 1e-4 * abs(expected):
+                raise CheckFailed(
+                    f"stretched by {strain:g} element {number} pulls its first node along the line by {pull:.6g}, and "
+                    f"its `axial_stiffness` gives {expected:.6g}"
+                )
 
 
 @check("elements")
@@ -283,11 +223,10 @@ def check_cells(subject: Subject) -> None:
     The shares of mass of the nodes are positive, add up to 1, and keep the centre of mass of the cell. The volumes
     of its quadrature points add up to the volume of the cell. Two-node elements have none of this.
     """
-    subject.along_line()
-    for _, element in subject.made():
+    for kernels in _bars(subject):
+        element, body = kernels.element, kernels.body
         if not has_cells(element):
             raise NotApplicable("it is a two-node element, with one point and half of its mass at each node")
-        body = BodyMesh(mesh_of_element(element, line(3)), 1.3)
         places, shares = np.asarray(element.reference_nodes()), np.asarray(element.mass_shares(body))
         if shares.shape != places.shape or not (shares > 0).all() or abs(shares.sum() - 1.0) > CLOSE:
             raise CheckFailed(f"its {places.size} nodes have the shares {shares} of its mass")
@@ -307,10 +246,9 @@ def check_linear(subject: Subject) -> None:
     """
     subject.along_line()
     if subject.family == "materials":
-        proportional = all(_proportional_stress(subject.make(options)) for options in subject.examples)
+        proportional = all(_proportional_stress(material) for _, material in subject.made())
     else:
-        material = _default(subject, "materials")
-        proportional = all(_proportional_force(subject.make(options), material) for options in subject.examples)
+        proportional = all(map(_proportional_force, _bars(subject)))
     if not subject.component.linear:  # type: ignore[attr-defined]
         hint = "; yet it is linear: with `linear = True` its bodies get exact solutions and certificates"
         raise NotApplicable(f"it does not declare `linear = True`{hint if proportional else ''}")
@@ -329,19 +267,17 @@ def _proportional_stress(material: Material) -> bool:
     return bool(np.allclose(stresses, material.modulus * strains, rtol=CLOSE, atol=0.0))
 
 
-def _proportional_force(element: Element | CellElement, material: Material) -> bool:
-    """Return whether the force of a sum of displacements is the sum of their forces in one to three dimensions."""
-    for dim in (1, 2, 3):
-        kernels = _BodyKernels(element, material, line(5, dim))
-        numbers = np.arange(kernels.along.size * dim)
-        first, second = np.cos(numbers**2.0), np.sin(numbers**2.0)
-        for size in (1e-6, 1e-3, 1.0):
-            forces = [
-                kernels.force(displacement)
-                for displacement in (size * first, -3.0 * size * second, size * first - 3.0 * size * second)
-            ]
-            if np.abs(forces[0] + forces[1] - forces[2]).max() > CLOSE * np.abs(forces).max():
-                return False
+def _proportional_force(kernels: BodyKernels) -> bool:
+    """Return whether the force of a sum of displacements of any size is the sum of their forces."""
+    numbers = np.arange(kernels.motion.size).reshape(kernels.motion.shape)
+    first, second = np.cos(numbers**2.0), np.sin(numbers**2.0)
+    for size in (1e-6, 1e-3, 1.0):
+        forces = [
+            kernels.force(displacement)
+            for displacement in (size * first, -3.0 * size * second, size * first - 3.0 * size * second)
+        ]
+        if np.abs(forces[0] + forces[1] - forces[2]).max() > CLOSE * np.abs(forces).max():
+            return False
     return True
 
 
@@ -352,49 +288,15 @@ def check_stress_in_the_element(subject: Subject) -> None:
     For small strains each element obtains from its material the modulus times its own strain. A result shows this
     value as the stress of the element.
     """
-    subject.along_line()
-    material = _default(subject, "materials")
-    for _, element in subject.made():
-        for dim in (1, 2, 3):
-            body = BodyMesh(mesh_of_element(element, line(5, dim)), 1.3)
-            probe, cells = ElementProbe(element, material, body), cells_of(body.mesh)
-            for number in range(5):
-                nodes = body.mesh.nodes[cells[number]]
-                stress = probe.stress(number, PROBING_STRAIN * (nodes - nodes[0]).ravel())
-                expected = material.modulus * PROBING_STRAIN
-                if not abs(stress - expected) <= 1e-4 * expected:
-                    raise CheckFailed(
-                        f"stretched by {PROBING_STRAIN:g} of its length in {dim} dimensions, element {number} has the "
-                        f"stress {stress:.6g}, expected {expected:.6g}"
-                    )
-
-
-def _check_stretched(element: Element | CellElement, kernels: _BodyKernels, material: Material) -> None:
-    """Raise `CheckFailed` if the end force at small uniform strain is not that of `axial_stiffness`."""
-    mesh, dim = kernels.body.mesh, kernels.dim
-    stiffness = np.asarray(element.axial_stiffness(kernels.body, material.modulus), dtype=float)
-    for strain in (1e-8, -1e-8, 1e-5, -1e-5):
-        force = kernels.force(((strain * kernels.along)[:, None] * mesh.direction).ravel())
-        pull, expected = float(force[:dim] @ mesh.direction), float(stiffness[0] * strain * mesh.lengths[0])
-        if abs(pull - expected) > 1e-4 * abs(expected):
-            raise CheckFailed(
-                f"stretched by {strain:g} an element pulls its first node along the line by {pull:.6g}, and its "
-                f"`axial_stiffness` gives {expected:.6g}"
-            )
-
-
-def _check_gradient(kernels: _BodyKernels, u: Floats, force: Floats) -> None:
-    """Raise `CheckFailed` if an entry of the force differs from minus the difference quotient of the energy."""
-    size = float(np.abs(force).max())
-    for i in range(u.size):
-        ends = []
-        for step in (-1e-7, 1e-7):
-            displaced = u.copy()
-            displaced[i] += step
-            ends.append(kernels.energy(displaced))
-        slope = (ends[1] - ends[0]) / 2e-7
-        if abs(force[i] + slope) > 1e-5 * size:
-            raise CheckFailed(f"entry {i} of the force is {force[i]:.6g}, minus the slope of the energy {-slope:.6g}")
+    for kernels in _bars(subject):
+        mesh, expected = kernels.body.mesh, kernels.material.modulus * PROBING_STRAIN
+        for number, nodes in enumerate(cells_of(mesh)):
+            stress = kernels.probe.stress(number, PROBING_STRAIN * (mesh.nodes[nodes] - mesh.nodes[nodes[0]]).ravel())
+            if not abs(stress - expected) <= 1e-4 * expected:
+                raise CheckFailed(
+                    f"stretched by {PROBING_STRAIN:g} of its length in {mesh.direction.size} dimensions, element "
+                    f"{number} has the stress {stress:.6g}, expected {expected:.6g}"
+                )
 
 
 @check("elements")
@@ -405,42 +307,12 @@ def check_frequency(subject: Subject) -> None:
     It gives the time step: every run is unstable if it is too low, and Courant numbers lose their meaning if it is
     too high.
     """
-    subject.along_line()
-    material, mass = _default(subject, "materials"), _default(subject, "masses")
-    for _, element in subject.made():
-        body = BodyMesh(mesh_of_element(element, line(4)), 1.3)
+    for kernels in _bars(subject):
+        element, material, body = kernels.element, kernels.material, kernels.body
         upper_bound = answer(element, "highest_frequency", body, float(np.sqrt(material.modulus / material.rho)))
-        axial = answer(element, "axial_stiffness", body, material.modulus)
-        for e in range(4):
-            length = body.mesh.lengths[e : e + 1]
-            nodes = np.array([[0.0], [float(length[0])]])
-            alone = line(1)._replace(nodes=nodes, line=Line(length, np.ones(1)))
-            kernels = _BodyKernels(element, material, alone)
-            # the symmetric difference quotient, because at rest the slope itself may change
-            steps = 1e-6 * np.eye(kernels.along.size)
-            stiffness = np.array([kernels.force(-step) - kernels.force(step) for step in steps]) / 2e-6
-            nodal = mass.nodal(material.rho * 1.3 * length, lumping_of(element, kernels.body))
-            exact = float(np.sqrt(np.linalg.eigvals(stiffness / nodal[:, None]).real.max()))
-            if not exact * (1.0 - 1e-6) <= upper_bound[e] <= 1.5 * exact:
-                raise CheckFailed(f"it gives the frequency {upper_bound[e]:.6g} for an element with {exact:.6g}")
-            stretched = float(-stiffness[0] @ kernels.along / length[0])
-            if abs(axial[e] - stretched) > 1e-5 * axial[e]:
-                raise CheckFailed(f"it gives the stiffness {axial[e]:.6g} for an element with {stretched:.6g}")
-
-
-def _default(subject: Subject, family: str) -> Any:
-    """Return an instance of the linear elastic material or of the lumped mass, to be combined with the subject.
-
-    Raises
-    ------
-    NotApplicable
-        If it is not registered.
-    """
-    name = {"materials": "elastic", "masses": "lumped"}[family]
-    cls = subject.registry.components.get((family, name))
-    if cls is None:
-        raise NotApplicable(f"'{name}' is not registered, and the check needs it")
-    return Subject.of(cls, subject.registry).make(dict(cls.examples[0]))
+        for bound, exact in zip(upper_bound, frequencies_of_cells(element, material, body), strict=True):
+            if not exact * (1.0 - 1e-6) <= bound <= 1.5 * exact:
+                raise CheckFailed(f"it gives the frequency {bound:.6g} for an element with {exact:.6g}")
 
 
 # ----------------------------------------------------------------------------------------------------- masses
@@ -453,27 +325,41 @@ def check_total_mass(subject: Subject) -> None:
     Nodal masses are positive, keep mass and centre of mass, and are the same if counted from the other end. Mass
     that is added or lost, above all at an end in contact, changes every impact.
     """
-    unlike = np.array([2.0, 1.0, 4.0, 0.5])
     for _, mass in subject.made():
-        for element_mass, lumping_of_cells in itertools.product((unlike, unlike[:1], np.ones(7)), (False, True)):
-            lumping = _lumping(element_mass.size, three_nodes=lumping_of_cells)
-            both = [answer(mass, "nodal", masses, lumping) for masses in (element_mass, element_mass[::-1])]
-            massive = np.ones(lumping.nodes, dtype=bool)
-            _check_nodal(both, massive, element_mass.sum(), f"{element_mass.size} elements")
+        for elements, three_nodes in itertools.product((UNLIKE, UNLIKE[:1], np.ones(7)), (False, True)):
+            lumping = _lumping(elements.size, three_nodes=three_nodes)
+            untouched = np.zeros(lumping.nodes, dtype=bool)
+            _check_nodal(mass, elements, lumping, untouched, elements.sum(), f"{elements.size} elements")
         even = np.asarray(mass.nodal(np.ones(6), Lumping.of_line(6)), dtype=float)
         if abs(even @ np.arange(7.0) - 18.0) > CLOSE * 18.0:
             raise CheckFailed("the centre of mass of a uniform line is not in its middle")
 
 
-def _check_nodal(both: Sequence[Floats], massive: NDArray[np.bool], total: float, where: str) -> None:
-    """Raise `CheckFailed` unless nodal masses, counted from either end, have a total and are positive if `massive`."""
-    nodal, reverse = (np.asarray(masses, dtype=float) for masses in both)
-    if not (nodal >= 0).all() or not (nodal[massive] > 0).all():
+def _check_nodal(
+    mass: Mass, elements: Floats, lumping: Lumping, in_contact: NDArray[np.bool], total: float, where: str
+) -> None:
+    """Raise `CheckFailed` unless nodal masses have a total, and are positive and the same from the other end."""
+    both = []
+    for way in (1, -1):
+        touching = (in_contact[::way],) if in_contact.any() else ()
+        nodal = answer(mass, "nodal_in_contact" if touching else "nodal", elements[::way], lumping, *touching)
+        both.append(np.asarray(nodal, dtype=float)[::way])
+    nodal, reverse = both
+    if not (nodal >= 0).all() or not (nodal[~in_contact] > 0).all():
         raise CheckFailed(f"{where} give nodal masses {nodal}")
     if abs(nodal.sum() - total) > CLOSE * total:
         raise CheckFailed(f"{where} have the mass {nodal.sum():.6g}, expected {total:.6g}")
-    if not np.allclose(nodal, reverse[::-1], rtol=1e-8):
+    if not np.allclose(nodal, reverse, rtol=1e-8):
         raise CheckFailed(f"{where} have other masses if counted from the other end")
+
+
+def _with_ends_in_contact(*lines: Floats) -> Iterator[tuple[Floats, Lumping, NDArray[np.bool], str]]:
+    """Yield masses of elements and their lumping, with a mask of the nodes in contact, and both in words."""
+    for elements, (words, nodes) in itertools.product(lines, TOUCHING.items()):
+        in_contact = np.zeros(elements.size + 1, dtype=bool)
+        in_contact[nodes] = True
+        where = f"{elements.size} elements with {words} node in contact"
+        yield elements, Lumping.of_line(elements.size), in_contact, where
 
 
 def _lumping(count: int, *, three_nodes: bool) -> Lumping:
@@ -493,20 +379,10 @@ def check_masses_in_contact(subject: Subject) -> None:
     end. Only an end in contact may be without mass, because its end element holds it; nothing moves any other node
     without mass.
     """
-    unlike = np.array([2.0, 1.0, 4.0, 0.5, 3.0])
     for _, mass in subject.made():
-        for element_mass in (unlike, unlike[:1], unlike[:2], np.ones(9)):
-            lumping = Lumping.of_line(element_mass.size)
-            for first, last in ((True, False), (False, True), (True, True)):
-                in_contact = np.array([first, *[False] * (element_mass.size - 1), last])
-                both = [
-                    answer(mass, "nodal_in_contact", element_mass, lumping, in_contact),
-                    answer(mass, "nodal_in_contact", element_mass[::-1], lumping, in_contact[::-1]),
-                ]
-                massive = ~in_contact
-                total = float(np.sum(mass.nodal(element_mass.copy(), lumping)))
-                which = " and ".join(name for name, touches in (("first", first), ("last", last)) if touches)
-                _check_nodal(both, massive, total, f"{element_mass.size} elements with the {which} node in contact")
+        for elements, lumping, in_contact, where in _with_ends_in_contact(UNLIKE, UNLIKE[:1], UNLIKE[:2], np.ones(9)):
+            total = float(np.sum(mass.nodal(elements.copy(), lumping)))
+            _check_nodal(mass, elements, lumping, in_contact, total, where)
 
 
 @check("masses")
@@ -541,22 +417,14 @@ def check_units_of_mass(subject: Subject) -> None:
     Nodal masses are in proportion to the masses of the elements. A threshold that bars of equal elements meet
     exactly depends on round-off unless it has a tolerance.
     """
-    lines = [np.ones(count) for count in range(1, 13)] + [np.array([2.0, 1.0, 4.0, 0.5, 3.0])]
-    ends = list(itertools.product((False, True), repeat=2))
-    for options, elements, (first, last) in itertools.product(subject.examples, lines, ends):
-        mass, lumping = subject.make(options), Lumping.of_line(elements.size)
-        in_contact = np.array([first, *[False] * (elements.size - 1), last])
-        nodal = np.asarray(mass.nodal_in_contact(elements.copy(), lumping, in_contact), dtype=float)
-        for factor in UNITS_OF_MASS:
-            other = np.asarray(mass.nodal_in_contact(factor * elements, lumping, in_contact), dtype=float) / factor
-            if not np.allclose(nodal, other, rtol=CLOSE, atol=CLOSE * nodal.max()):
-                where = f"{elements.size} elements, with the first node in contact {first} and the last {last},"
-                raise CheckFailed(f"{where} have the masses {nodal}, and {other} in a unit of 1/{factor:g}")
-
-
-def _couples_nodes(subject: Subject) -> bool:
-    """Return whether the component is a mass that may couple nodes."""
-    return subject.family == "masses" and subject.component.inverse is not Mass.inverse  # type: ignore[attr-defined]
+    lines = [np.ones(count) for count in range(1, 13)]
+    for _, mass in subject.made():
+        for elements, lumping, in_contact, where in _with_ends_in_contact(UNLIKE, *lines):
+            nodal = np.asarray(mass.nodal_in_contact(elements.copy(), lumping, in_contact), dtype=float)
+            for factor in UNITS_OF_MASS:
+                other = np.asarray(mass.nodal_in_contact(factor * elements, lumping, in_contact), dtype=float) / factor
+                if not np.allclose(nodal, other, rtol=CLOSE, atol=CLOSE * nodal.max()):
+                    raise CheckFailed(f"{where} have the masses {nodal}, and {other} in a unit of 1/{factor:g}")
 
 
 @check("masses")
@@ -566,10 +434,10 @@ def check_inverse_mass(subject: Subject) -> None:
     The inverse of a mass that couples nodes is the same if counted from the other end. It is positive
     definite, and ``M^-1 m = 1`` for the masses m of the nodes.
     """
-    if not _couples_nodes(subject):
+    if subject.component.inverse is Mass.inverse:  # type: ignore[attr-defined]
         raise NotApplicable("its mass matrix is diagonal")
     for options, mass in subject.made():
-        for element_mass in (np.array([2.0, 1.0, 4.0, 0.5, 3.0]), np.array([2.0, 1.0]), np.ones(9)):
+        for element_mass in (UNLIKE, UNLIKE[:2], np.ones(9)):
             lumping = Lumping.of_line(element_mass.size)
             found = [answer(mass, "inverse", masses, lumping) for masses in (element_mass, element_mass[::-1])]
             if found == [None, None]:

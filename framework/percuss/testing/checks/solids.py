@@ -6,62 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from percuss.compiler.specialise import Specialiser
-from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
-from percuss.mesh.cells import cell_arrays, element_masses, element_slots, is_solid, lumping_of, slots_of_material
-from percuss.mesh.material_points import points_at_rest
+from percuss.mesh.cells import element_masses, is_solid, lumping_of
 from percuss.mesh.surfaces import surface_of
 from percuss.methods.interfaces import BodyMesh, Floats, Mesh, Region, Surface, Wall
 from percuss.methods.plugin_calls import answer
+from percuss.testing.bodies import BodyKernels, patch, slopes, uneven
+from percuss.testing.checks.bulk import elastic
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-9
-MATERIAL = {"young": 2.0, "density": 3.0, "poisson": 0.3}
-
-
-class Patch:
-    """A small body of uneven cells, and the kernels of an element with a linear material.
-
-    Parameters
-    ----------
-    subject, element
-        The element under test.
-    """
-
-    def __init__(self, subject: Subject, element: Any) -> None:
-        material: Any = subject.registry.get("materials", "elastic")(**MATERIAL)
-        self.body = BodyMesh(patch(element.cell), 1.3, "strain")
-        self.size = self.body.mesh.nodes.size
-        self.cells = cell_arrays(element, [self.body])
-        self.points = points_at_rest(element, material, self.body)
-        specialiser = Specialiser({**slots_of_material(element, material), **element_slots(element)}, jit=False)
-        self._force, self._energy = specialiser.bind(add_up_forces), specialiser.bind(energy_of_cells)
-        self.masses = element_masses(element, self.body, material.rho)
-        self.nodal = lumping_of(element, self.body).at_nodes(self.masses)
-
-    def force(self, displacement: Floats) -> Floats:
-        """Return the internal force on the nodes, (nodes, dim)."""
-        out = np.full(self.size, np.nan)
-        self.cells.force[:] = np.nan
-        self._force(self.cells, self.points, 0, displacement.ravel(), out)
-        return out.reshape(displacement.shape)
-
-    def energy(self, displacement: Floats) -> float:
-        """Return the strain energy."""
-        rest = np.zeros(self.size)
-        return float(self._energy(self.cells, self.points, 0, displacement.ravel(), rest, 0.0))
-
-
-def patch(cell: str) -> Mesh:
-    """Return two by two uneven quadrilaterals round a node inside, or the triangles in them."""
-    if cell not in {"quad", "triangle"}:
-        raise NotApplicable(f"the kit has no patch of {cell} cells")
-    nodes = np.array(
-        [[0.0, 0.0], [0.0, 0.6], [0.0, 1.1], [0.5, 0.0], [0.6, 0.5], [0.5, 1.0], [1.2, 0.0], [1.1, 0.5], [1.0, 1.2]]
-    )
-    corners = np.array([[0, 3, 4, 1], [1, 4, 5, 2], [3, 6, 7, 4], [4, 7, 8, 5]])
-    cells = corners if cell == "quad" else corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    return Mesh(nodes, {cell: cells}, {})
 
 
 @check("elements")
@@ -75,29 +28,18 @@ def check_solid_forces(subject: Subject) -> None:
     for _, element in subject.made():
         if not is_solid(element):
             raise NotApplicable("it is an element along a line, or sees the strain of single points")
-        of_body = Patch(subject, element)
-        x = of_body.body.mesh.nodes
-        turned = np.stack([-x[:, 1], x[:, 0]], axis=1)
-        u = 1e-3 * np.cos(np.arange(x.size) ** 2.0).reshape(x.shape)
-        force = of_body.force(u)
+        kernels = BodyKernels(element, elastic(subject, young=2.0, density=3.0, poisson=0.3), patch(element.cell))
+        x, force = kernels.body.mesh.nodes, kernels.checked_force()
         size = float(np.abs(force).max())
-        if not np.isfinite(force).all():
-            raise CheckFailed("`force` leaves an entry unset: it must set every entry, not add to it")
-        for what, motion in (("translation", np.ones_like(x)), ("small rotation", turned)):
-            if np.abs(of_body.force(1e-3 * motion)).max() > CLOSE * size:
-                raise CheckFailed(f"a {what} of the body gives a force")
-        moment = float((x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]).sum())
-        if max(np.abs(force.sum(axis=0)).max(), abs(moment)) > CLOSE * size:
-            raise CheckFailed("the internal forces have a resultant or a moment")
-        uniform = of_body.force(1e-3 * x @ np.array([[1.0, 0.3], [-0.2, 0.5]]))
+        if np.abs(kernels.force(1e-3 * np.stack([-x[:, 1], x[:, 0]], axis=1))).max() > CLOSE * size:
+            raise CheckFailed("a small rotation of the body gives a force")
+        if abs(float((x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]).sum())) > CLOSE * size:
+            raise CheckFailed("the internal forces have a moment")
+        uniform = kernels.force(1e-3 * x @ np.array([[1.0, 0.3], [-0.2, 0.5]]))
         if np.abs(uniform[4]).max() > CLOSE * np.abs(uniform).max():
             raise CheckFailed("a uniform strain gives a force on a node inside: it fails the patch test")
-        for step in 1e-6 * np.eye(x.size)[::5].reshape(-1, *x.shape):
-            slope = (of_body.energy(u + step) - of_body.energy(u - step)) / 2e-6
-            found = float(force[step > 0.0][0])
-            if abs(slope + found) > 1e-6 * size:
-                raise CheckFailed(f"the force is {found:.6g} and minus the slope of the energy {-slope:.6g}")
-        nodal, total = of_body.nodal, float(of_body.masses.sum())
+        masses = element_masses(element, kernels.body, kernels.material.rho)
+        nodal, total = lumping_of(element, kernels.body).at_nodes(masses), float(masses.sum())
         if not (nodal > 0).all() or abs(nodal.sum() - total) > CLOSE * total:
             raise CheckFailed(f"the nodes have the masses {nodal} of a body of {total:.6g}")
 
@@ -138,24 +80,20 @@ def _check_kernel(material: Any, kernel: Any, parameters: Floats, dim: int, modu
 
     if np.abs(stress(np.zeros((dim, dim)))).max() > CLOSE * modulus:
         raise CheckFailed(f"a body at rest has stress in {dim} dimensions")
-    gradient = 0.05 * np.cos(np.arange(dim * dim) ** 2.0).reshape(dim, dim)
-    found = stress(gradient)
-    for step in 1e-6 * np.eye(dim * dim).reshape(-1, dim, dim):
-        slope = (energy(gradient + step) - energy(gradient - step)) / 2e-6
-        here = float((found * step).sum() / 1e-6)
-        if abs(slope - here) > 1e-7 * modulus:
-            raise CheckFailed(f"in {dim} dimensions the stress is {here:.6g} and the slope of the energy {slope:.6g}")
+    gradient = 0.05 * uneven(dim, dim)
+    found, slope = stress(gradient), slopes(energy, gradient, 1e-6)
+    k = int(np.argmax(np.abs(slope - found)))
+    here, there = found.flat[k], slope.flat[k]
+    if abs(there - here) > 1e-7 * modulus:
+        raise CheckFailed(f"in {dim} dimensions the stress is {here:.6g} and the slope of the energy {there:.6g}")
     if not material.linear:
         turn = np.eye(dim)
         turn[:2, :2] = [[0.6, -0.8], [0.8, 0.6]]
         turned = turn @ (np.eye(dim) + gradient) - np.eye(dim)
         if np.abs(stress(turned) - turn @ found).max() > CLOSE * modulus:
             raise CheckFailed(f"in {dim} dimensions the stress does not turn with the body")
-    columns = [stress(1e-7 * step) / 1e-7 for step in np.eye(dim * dim).reshape(-1, dim, dim)]
-    tangent = np.array(columns).reshape(dim, dim, dim, dim)
-    along = np.eye(dim)[0]
-    acoustic = np.einsum("jikl,j,l->ik", tangent.transpose(3, 2, 1, 0), along, along)
-    fastest = float(np.linalg.eigvals(acoustic).real.max())
+    tangent = slopes(stress, np.zeros((dim, dim)), 1e-7)
+    fastest = float(np.linalg.eigvals(tangent[0, :, :, 0]).real.max())  # of waves along x
     if fastest > modulus * (1.0 + 1e-5):
         raise CheckFailed(
             f"in {dim} dimensions waves have the modulus {fastest:.6g}, and `wave_modulus` is {modulus:.6g}"

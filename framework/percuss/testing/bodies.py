@@ -1,0 +1,140 @@
+"""Small bodies of unlike elements, with the kernels of their elements in plain Python, for checks of their methods."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from percuss.compiler.specialise import Specialiser
+from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
+from percuss.mesh.cells import cell_arrays, cells_of, element_slots, has_cells, mesh_of_element
+from percuss.mesh.element_probe import ElementProbe
+from percuss.mesh.material_points import plain_slots, points_at_rest
+from percuss.methods.interfaces import BodyMesh, Floats, Mesh, Region
+from percuss.testing.subject import CheckFailed, NotApplicable
+
+SECTION = 1.3
+STEP = 1e-6  # of the difference quotients of energies
+CLOSE = 1e-9  # largest error over the largest force
+
+
+def line(count: int, dim: int = 1) -> Mesh:
+    """Return a line mesh of unlike elements, along an oblique direction in two and three dimensions."""
+    direction = np.array([1.0, 2.0, -2.0][:dim])
+    direction /= np.linalg.norm(direction)
+    lengths = 0.1 * (1.0 + 0.2 * np.cos(np.arange(count)))
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    regions = {"left": Region((0,), -direction), "right": Region((count,), direction)}
+    return Mesh.of_line(along[:, None] * direction, lengths, direction, regions)
+
+
+def patch(cell: str) -> Mesh:
+    """Return two by two uneven quadrilaterals round a node inside, or the triangles in them."""
+    if cell not in {"quad", "triangle"}:
+        raise NotApplicable(f"the kit has no patch of {cell} cells")
+    nodes = np.array(
+        [[0.0, 0.0], [0.0, 0.6], [0.0, 1.1], [0.5, 0.0], [0.6, 0.5], [0.5, 1.0], [1.2, 0.0], [1.1, 0.5], [1.0, 1.2]]
+    )
+    corners = np.array([[0, 3, 4, 1], [1, 4, 5, 2], [3, 6, 7, 4], [4, 7, 8, 5]])
+    cells = corners if cell == "quad" else corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    return Mesh(nodes, {cell: cells}, {})
+
+
+def uneven(*shape: int) -> Floats:
+    """Return an array of numbers between -1 and 1 without any order."""
+    return np.asarray(np.cos(np.arange(math.prod(shape)) ** 2.0).reshape(shape), dtype=float)
+
+
+def slopes(function: Callable[[Floats], Any], at: Floats, step: float) -> Floats:
+    """Return the symmetric difference quotients of a function by the entries of its argument, which come first."""
+    steps = step * np.eye(at.size).reshape(-1, *at.shape)
+    found = np.array([function(at + one) - function(at - one) for one in steps]) / (2.0 * step)
+    return found.reshape(*at.shape, *found.shape[1:])
+
+
+class BodyKernels:
+    """Force and energy of a body, from the kernels of its element and material in plain Python.
+
+    Parameters
+    ----------
+    element, material
+        The methods of the body.
+    mesh
+        Its mesh as a shape makes it.
+
+    Attributes
+    ----------
+    body
+        The body as its element receives it.
+    probe
+        The force of single elements.
+    """
+
+    def __init__(self, element: Any, material: Any, mesh: Mesh) -> None:
+        self.element, self.material = element, material
+        self.body = BodyMesh(mesh_of_element(element, mesh), SECTION, "strain" if mesh.line is None else "")
+        self.probe = ElementProbe(element, material, self.body)
+        points = points_at_rest(element, material, self.body)
+        slots = {**plain_slots(element, material), **element_slots(element)}
+        if has_cells(element):
+            kernels: Any = (add_up_forces, energy_of_cells)
+            cells = cell_arrays(element, [self.body])
+            cells.force[:] = np.nan
+            arguments: tuple[Any, ...] = (cells, points, 0)
+        else:
+            kernels = (element.internal_force, element.energy)
+            arguments = (element.bind(self.body), points, 0, mesh.nodes.shape[1])
+        specialiser = Specialiser(slots, jit=False)
+        self._force, self._energy = (partial(specialiser.bind(kernel), *arguments) for kernel in kernels)
+
+    @property
+    def motion(self) -> Floats:
+        """Small displacements without any order, (nodes, dim)."""
+        return 1e-3 * uneven(*self.body.mesh.nodes.shape)
+
+    def force(self, displacement: Floats) -> Floats:
+        """Return the internal force on the nodes, (nodes, dim); nan where the kernel leaves an entry unset."""
+        force = np.full(displacement.size, np.nan)
+        self._force(displacement.ravel(), force)
+        return force.reshape(displacement.shape)
+
+    def energy(self, displacement: Floats) -> float:
+        """Return the strain energy at rest."""
+        return float(self._energy(displacement.ravel(), np.zeros(displacement.size), 0.0))
+
+    def checked_force(self) -> Floats:
+        """Return the force of `motion`, (nodes, dim).
+
+        Raises
+        ------
+        CheckFailed
+            Unless it is minus the slope of the energy, has no resultant, is the same in another place, and is the sum
+            of the forces of single elements.
+        """
+        u, dim = self.motion, self.body.mesh.nodes.shape[1]
+        force = self.force(u)
+        size = float(np.abs(force).max())
+        if np.isnan(force).any():
+            kernel = "force" if has_cells(self.element) else "internal_force"
+            raise CheckFailed(f"`{kernel}` leaves an entry unset: it must set every entry, not add to it")
+        slope = slopes(self.energy, u, STEP)
+        if np.abs(force + slope).max() > 1e-6 * size:
+            i = int(np.argmax(np.abs(force + slope)))
+            message = (
+                f"entry {i} of the force is {force.flat[i]:.6g}, minus the slope of the energy {-slope.flat[i]:.6g}"
+            )
+            raise CheckFailed(message)
+        if np.abs(force.sum(axis=0)).max() > CLOSE * size:
+            raise CheckFailed(f"the sum of the internal forces is not zero in {dim} dimensions")
+        if np.abs(self.force(u + 1e-3 * np.arange(1.0, dim + 1.0)) - force).max() > CLOSE * size:
+            raise CheckFailed("a translation of the body changes its internal force")
+        of_elements = np.zeros(u.shape)
+        for number, nodes in enumerate(cells_of(self.body.mesh)):
+            of_elements[nodes] += self.probe.force(number, u[nodes].ravel()).reshape(-1, dim)
+        if np.abs(of_elements - force).max() > CLOSE * size:
+            raise CheckFailed("the forces of single elements, from `first` on, do not add up to that of the whole body")
+        return force
