@@ -9,21 +9,21 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.jsonable import Data
-from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages, Trial
-from percuss.methods.kernel_trial import multipliers_of, plain_kernel
+from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages
+from percuss.methods.kernel_trial import multipliers_of, plain_kernel, trial_of
 from percuss.methods.plugin_calls import read_only
-from percuss.step.integrator_check import plain_step
+from percuss.step.integrator_check import ends_of, plain_step, table_of_stage
 from percuss.testing.subject import NotApplicable
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import ContactLaw, Floats, Integers, Integrator
+    from percuss.methods.interfaces import ContactLaw, Floats, Integrator
 
 TOUCHING = 1e-9  # relative to the element length; a smaller initial gap counts as zero
 
@@ -35,6 +35,18 @@ class Histories:
     contact_force: Floats
     gap: Floats
     displacement: Floats
+
+
+class End(NamedTuple):
+    """An end of a bar."""
+
+    outer: int  # its node
+    inner: int  # the node beside it
+    outward: float  # direction out of the bar
+    position: float
+    stiffness: float  # EA/h of the elements of the bar
+    frequency: float  # their 2c/h
+    length: float  # their h
 
 
 class StrictSystem:
@@ -59,8 +71,8 @@ class StrictSystem:
     def __init__(self, case: Data, integrator: Integrator, law: ContactLaw) -> None:
         self.integrator, self.law = integrator, law
         self._assemble(case)
-        fastest = max(frequency for _, frequency in self._ends.values())
-        self.dt: float = case["time"].get("step") or case["time"]["courant"] * 2.0 / fastest
+        self._fastest = max(frequency for _, frequency in self._bodies)
+        self.dt: float = case["time"].get("step") or case["time"]["courant"] * 2.0 / self._fastest
         self.steps: int = case["time"]["steps"]
         self._assemble_contacts(case)
         self._middle = 0.5 * self.dt  # middle of the current step, which decides whether a law acts in an interval
@@ -77,98 +89,81 @@ class StrictSystem:
 
     def _assemble(self, case: Data) -> None:
         """Set stiffness matrix, lumped mass, loads, initial velocity and held degrees of freedom of the bodies."""
-        sizes = {name: body["bar"]["elements"] + 1 for name, body in case["bodies"].items()}
-        total = sum(sizes.values())
+        total = sum(body["bar"]["elements"] + 1 for body in case["bodies"].values())
         self.stiffness, self.mass = np.zeros((total, total)), np.zeros(total)
         self.force, self.velocity = np.zeros(total), np.zeros(total)
         self.held = np.zeros(total, dtype=bool)
-        self._nodes: dict[str, int] = {}
-        self._positions: dict[str, float] = {}
-        self._element_length: dict[str, float] = {}
-        self._ends: dict[str, tuple[float, float]] = {}  # EA/h and 2c/h
-        self._nodes_of: dict[str, slice] = {}
+        self._ends: dict[str, End] = {}
+        self._bodies: list[tuple[slice, float]] = []  # nodes and 2c/h
         first = 0
         for name, body in case["bodies"].items():
-            n, area = body["bar"]["elements"], body["area"]
-            young, density, h = body["material"]["young"], body["material"]["density"], body["bar"]["length"] / n
-            for e in range(first, first + n):
-                self.stiffness[e : e + 2, e : e + 2] += young * area / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
+            n, length, area, at = body["bar"]["elements"], body["bar"]["length"], body["area"], body["at"]
+            young, density, h, last = body["material"]["young"], body["material"]["density"], length / n, first + n
+            of_element = young * area / h, 2.0 * math.sqrt(young / density) / h, h
+            for e in range(first, last):
+                self.stiffness[e : e + 2, e : e + 2] += of_element[0] * np.array([[1.0, -1.0], [-1.0, 1.0]])
                 self.mass[e : e + 2] += 0.5 * density * area * h
-            self.velocity[first : first + n + 1] = body["velocity"]
-            self._nodes |= {f"{name}.left": first, f"{name}.right": first + n}
-            self._positions |= {f"{name}.left": body["at"], f"{name}.right": body["at"] + body["bar"]["length"]}
-            self._nodes_of[name] = slice(first, first + n + 1)
-            self._element_length[name], self._ends[name] = h, (young * area / h, 2.0 * math.sqrt(young / density) / h)
+            self.velocity[first : last + 1] = body["velocity"]
+            self._ends[f"{name}.left"] = End(first, first + 1, -1.0, at, *of_element)
+            self._ends[f"{name}.right"] = End(last, last - 1, 1.0, at + length, *of_element)
+            self._bodies.append((slice(first, last + 1), of_element[1]))
             for end in body.get("fixed", ()):
-                self.held[self._nodes[f"{name}.{end}"]] = True
-            first += n + 1
+                self.held[self._ends[f"{name}.{end}"].outer] = True
+            first = last + 1
         for load in case.get("loads", {}).values():
-            self.force[self._nodes[load["on"]]] += load["constant"]
+            self.force[self._ends[load["on"]].outer] += load["constant"]
         self.velocity[self.held] = 0.0
         self.response = np.where(self.held, 0.0, 1.0 / self.mass)
 
     def _assemble_contacts(self, case: Data) -> None:
-        """Set contact normals, initial gaps, Delassus operator and contact points."""
+        """Set N, Sigma, initial gaps, Delassus operator and contact points."""
         contacts = case["contacts"]
         self.normal = np.zeros((self.mass.size, len(contacts)))
-        self.initial_gap = np.zeros(len(contacts))
-        sides = []
-        for p, contact in enumerate(contacts.values()):
-            ends = contact["between"] if "between" in contact else [contact["body"]]
-            sign = 1.0 if ends[0].endswith(".right") else -1.0
-            opposite = self._positions[ends[1]] if len(ends) == 2 else contact["wall"]
-            gap = sign * (opposite - self._positions[ends[0]])
-            for end, normal in zip(ends, (-sign, sign), strict=False):
-                self.normal[self._nodes[end], p] = normal
-            sides.append([self._ends[end.partition(".")[0]] for end in ends])
-            shortest = min(self._element_length[end.partition(".")[0]] for end in ends)
-            self.initial_gap[p] = 0.0 if gap <= TOUCHING * shortest else gap
+        self.end_force = np.zeros_like(self.normal)
+        self.initial_gap, traces = np.zeros(len(contacts)), np.zeros(len(contacts))
+        sides = [
+            [self._ends[end] for end in contact.get("between", [contact.get("body")])] for contact in contacts.values()
+        ]
+        for p, (contact, ends) in enumerate(zip(contacts.values(), sides, strict=True)):
+            opposite = ends[1].position if len(ends) == 2 else contact["wall"]
+            gap = ends[0].outward * (opposite - ends[0].position)
+            self.initial_gap[p] = 0.0 if gap <= TOUCHING * min(end.length for end in ends) else gap
+            mobility = [self.response[end.outer] for end in ends]
+            for end, weight in zip(ends, np.divide(mobility, sum(mobility)), strict=True):
+                self.normal[end.outer, p] = -end.outward
+                # An element is in tension where its outer node has moved further outward than its inner one.
+                self.end_force[end.outer, p] += weight * end.stiffness * end.outward
+                self.end_force[end.inner, p] -= weight * end.stiffness * end.outward
+                traces[p] += weight**2 * end.stiffness
         self.delassus = self.normal.T @ (self.response[:, None] * self.normal)
-        self._assemble_end_forces([contact.get("between", [contact.get("body")]) for contact in contacts.values()])
-        softer = [min(pair) for pair in sides]
+        softer = [min(ends, key=lambda end: (end.stiffness, end.frequency)) for ends in sides]
+        alike = [all(np.allclose(end[4:6], ends[0][4:6], rtol=1e-12) for end in ends) for ends in sides]
         self.points = ContactPoints(
             names=tuple(contacts),
-            stiffness=locked([side[0] for side in softer]),
-            frequency=locked([min(side[1] for side in pair) for pair in sides]),
-            mass=locked([2.0 * side[0] / side[1] ** 2 for side in softer]),
-            equal_sides=locked([all(np.allclose(side, pair[0], rtol=1e-12) for side in pair) for pair in sides], bool),
+            stiffness=locked([end.stiffness for end in softer]),
+            frequency=locked([min(end.frequency for end in ends) for ends in sides]),
+            mass=locked([2.0 * end.stiffness / end.frequency**2 for end in softer]),
+            equal_sides=locked(alike, bool),
             delassus=locked(np.diag(self.delassus)),
             coupling=locked(np.abs(self.delassus).sum(axis=1) / np.diag(self.delassus)),
             weight=locked([1.0] * len(sides)),
             limits=self._limits,
-            traces=lambda: locked(self._traces),
+            traces=lambda: locked(traces),
         )
-
-    def _assemble_end_forces(self, contacts: list[list[str]]) -> None:
-        """Set Sigma, (nodes, contacts), and `ContactPoints.trace_stiffness`."""
-        self.end_force = np.zeros_like(self.normal)
-        self._traces = np.zeros(len(contacts))
-        for p, ends in enumerate(contacts):
-            mobility = [self.response[self._nodes[end]] for end in ends]
-            for end, weight in zip(ends, np.divide(mobility, sum(mobility)), strict=True):
-                outer, stiffness = self._nodes[end], self._ends[end.partition(".")[0]][0]
-                inner, outward = (outer - 1, 1.0) if end.endswith(".right") else (outer + 1, -1.0)
-                # An element is in tension where its outer node has moved further outward than its inner one.
-                self.end_force[outer, p] += weight * stiffness * outward
-                self.end_force[inner, p] -= weight * stiffness * outward
-                self._traces[p] += weight**2 * stiffness
 
     def _limits(self) -> Floats:
         """Return `ContactPoints.stiffness_limit`, computed with dense inverses of the matrices of the bodies."""
-        in_contact = np.flatnonzero(self.normal.any(axis=1))
         uses = np.count_nonzero(self.normal, axis=1)
         share = np.zeros(self.mass.size)
-        for name, (_, frequency) in self._ends.items():
-            first, last = self._nodes[f"{name}.left"], self._nodes[f"{name}.right"]
-            ends = [node for node in (first, last) if node in in_contact]
+        for nodes, frequency in self._bodies:
+            ends = [end for end in (0, -1) if uses[nodes][end]]
             if not ends:
                 continue
             step = min(self.dt, 0.99 * 2.0 / frequency)
-            block = slice(first, last + 1)
-            whole = 4.0 / step**2 * np.diag(self.mass[block]) - self.stiffness[block, block]
-            inner = np.linalg.inv(np.linalg.inv(whole)[np.ix_(np.subtract(ends, first), np.subtract(ends, first))])
+            whole = 4.0 / step**2 * np.diag(self.mass[nodes]) - self.stiffness[nodes, nodes]
+            inner = np.linalg.inv(np.linalg.inv(whole)[np.ix_(ends, ends)])
             both = abs(inner[0, -1]) / math.sqrt(inner[0, 0] * inner[-1, -1]) if len(ends) == 2 else 0.0
-            share[ends] = uses[ends] / (np.diag(inner) * (1.0 - both))
+            share[nodes][ends] = uses[nodes][ends] / (np.diag(inner) * (1.0 - both))
         share[self.held] = 0.0
         return np.asarray(1.0 / (np.abs(self.normal) > 0).T.dot(share))
 
@@ -191,9 +186,8 @@ class StrictSystem:
                 bulk = bulk + self.response * (self.end_force @ (self._softens * (self.end_force.T @ u)))
             gap, rate, acceleration = self.initial_gap + self._sees.T @ u, self._sees.T @ v, self._sees.T @ bulk
             predicted_rate = rate + dt * acceleration
-            multiplier = self.multipliers(
-                table, (gap, gap + dt * predicted_rate), (rate, predicted_rate), acceleration, n * dt
-            )
+            seen = gap, gap + dt * predicted_rate, rate, predicted_rate
+            multiplier = self.multipliers(table, seen, acceleration, n * dt)
             yield multiplier, self.initial_gap + self.normal.T @ u, u
             self._state_before = self._state_after
             v = v + dt * (bulk + self.response * (self._pushes @ multiplier))
@@ -203,11 +197,10 @@ class StrictSystem:
 
     def _actions(self, step: int, *, own: bool) -> Floats:
         """Return the factor of the internal forces of each node in a step: 1, or m in every m-th, else 0."""
-        fastest = max(frequency for _, frequency in self._ends.values())
         factor = np.ones(self.mass.size)
-        for name, (_, frequency) in self._ends.items() if own else ():
-            every = math.floor(fastest / frequency * (1.0 + TOUCHING))
-            factor[self._nodes_of[name]] = every if step % every == 0 else 0.0
+        for nodes, frequency in self._bodies if own else ():
+            every = math.floor(self._fastest / frequency * (1.0 + TOUCHING))
+            factor[nodes] = every if step % every == 0 else 0.0
         return factor
 
     def _in_stages(self, stages: Stages) -> Iterator[tuple[Floats, Floats, Floats]]:
@@ -216,7 +209,7 @@ class StrictSystem:
         The contact force of a step is its contact impulse over dt.
         """
         dt, size, points = self.dt, self.mass.size, len(self.points.names)
-        ends = np.array(stages.end or [(dt, dt * dt, dt)] * len(stages.times))  # the kernel reads it where it lies
+        ends = ends_of(stages, dt)
         if not stages.end and isinstance(self.bound, LinearLaw) and self.bound.at == "end":
             raise NotApplicable("the scheme declares no `end`")
         clock = [0.0]
@@ -225,13 +218,9 @@ class StrictSystem:
             bulk = self.response * (self.force - self.stiffness @ u[:size])
             gap, rate = self.initial_gap + self.normal.T @ u[:size], self.normal.T @ v[:size]
             acceleration, (r_v, r_a, s_a) = self.normal.T @ bulk, ends[stage]
-            predicted = gap + r_v * rate + r_a * acceleration, rate + s_a * acceleration
-            table = LeapFrog(
-                ContactState("current", "current", "bulk", (0.0, 0.0, 1.0)),
-                ContactState("predicted", "predicted", "bulk", (r_a, s_a, 1.0)),
-            )
+            seen = gap, gap + r_v * rate + r_a * acceleration, rate, rate + s_a * acceleration
             time = clock[0] + stages.times[stage] * dt
-            multiplier = self.multipliers(table, (gap, predicted[0]), (rate, predicted[1]), acceleration, time)
+            multiplier = self.multipliers(table_of_stage(r_v, r_a, s_a), seen, acceleration, time)
             a[:size] = bulk + self.response * (self.normal @ multiplier)
             # a scheme treats all entries of a state alike, so that the velocity of these entries becomes the impulse
             a[size:] = multiplier
@@ -256,40 +245,32 @@ class StrictSystem:
             self._state_before = self._state_after
             yield v[size:] / dt, self.initial_gap + self.normal.T @ before, before
 
-    def multipliers(
-        self,
-        table: LeapFrog,
-        gaps: tuple[Floats, Floats],
-        rates: tuple[Floats, Floats],
-        acceleration: Floats,
-        time: float,
-    ) -> Floats:
-        """Return the multipliers, (contacts,), from current gaps and gap rates and those after the bulk update."""
+    def multipliers(self, table: LeapFrog, seen: Sequence[Floats], acceleration: Floats, time: float) -> Floats:
+        """Return the multipliers, (contacts,).
+
+        Parameters
+        ----------
+        table
+            States in which laws are evaluated.
+        seen
+            Gap, gap after the bulk update, gap rate, gap rate after the bulk update.
+        acceleration, time
+            Bulk acceleration of the gap, and time.
+        """
         if isinstance(self.bound, LinearLaw):
-            return self._by_linear_law(self.bound, table, gaps, rates, acceleration)
-        seen = [locked(values) for values in (*gaps, *rates)]
-        responses = table.end.response
-        trial = Trial(
-            seen[0], seen[1], seen[2], seen[3], locked(np.diag(self.delassus)), self.dt, time,
-            responses[0], responses[1], *self._neighbours(), locked(self._state_before), self._state_before.copy(),
-            np.zeros_like(self._shift),
-        )  # fmt: skip
+            return self._by_linear_law(self.bound, table, seen, acceleration)
+        r_gap, r_rate, _ = table.end.response
+        trial = trial_of(self.points, self.dt, seen, self.law, self._state_before, strength=0.0)
+        trial = trial._replace(time=time, gap_response=r_gap, rate_response=r_rate)
+        if self.law.uses_coupling:  # all contacts obey this law, so that no other law acts at their ends
+            off = self.delassus - np.diag(np.diag(self.delassus))
+            row, column = np.nonzero(off)
+            first = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(off)))])
+            neighbours = {"first_neighbour": locked(first, int), "neighbour": locked(column, int)}
+            trial = trial._replace(**neighbours, coupling=locked(off[row, column]))
         multiplier: Floats = multipliers_of(self.law, plain_kernel(self.law), self.bound, trial)
         self._state_after, self._shift = trial.after, trial.shift
         return multiplier
-
-    def _neighbours(self) -> tuple[Integers, Integers, Floats, Floats]:
-        """Return the last four fields of a `Trial`: the off-diagonal entries of S by rows, and zero for other laws.
-
-        All contacts obey the same law, so that no other law acts at their ends.
-        """
-        count = len(self.points.names)
-        off = self.delassus - np.diag(np.diag(self.delassus))
-        if not self.law.uses_coupling:
-            off = np.zeros((count, count))
-        row, column = np.nonzero(off)
-        first = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
-        return locked(first, int), locked(column, int), locked(off[row, column]), locked(np.zeros(count))
 
     def _acts(self) -> bool:
         """Return whether a linear law acts in the present step."""
@@ -297,18 +278,11 @@ class StrictSystem:
             return True
         return any(start < self._middle < stop for start, stop in self.bound.during)
 
-    def _by_linear_law(
-        self,
-        law: LinearLaw,
-        table: LeapFrog,
-        gaps: tuple[Floats, Floats],
-        rates: tuple[Floats, Floats],
-        acceleration: Floats,
-    ) -> Floats:
+    def _by_linear_law(self, law: LinearLaw, table: LeapFrog, seen: Sequence[Floats], acceleration: Floats) -> Floats:
         """Return the multipliers, (contacts,), of a linear law."""
         count = len(self.points.names)
         state: ContactState = getattr(table, law.at)
-        gap, rate = gaps[state.gap == "predicted"], rates[state.rate == "predicted"]
+        gap, rate = seen[state.gap == "predicted"], seen[2 + (state.rate == "predicted")]
         weights = [
             np.broadcast_to(np.asarray(weight, float), count) for weight in (law.gap, law.rate, law.acceleration)
         ]

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from percuss.errors import RunError, suggestion
 from percuss.jsonable import Data, Entries
 from percuss.methods.interfaces import Floats, Integrator, Stages
-from percuss.step.integrator_check import no_internal_forces, plain_step
-from percuss.testing.checks.pairs import below_limit
+from percuss.results.result import Result
+from percuss.step.integrator_check import plain_step
+from percuss.testing.checks.pairs import at_courant, below_limit
 from percuss.testing.draws import bar, chain, per_cent
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
@@ -29,19 +31,23 @@ def moving_bar(elements: int, courant: float, steps: int, *fixed: str) -> Entrie
     return {**case, "record": {"probes": ["a.right"]}}
 
 
+def _run_of_moving_bar(
+    subject: Subject, options: Data, elements: int, courant: float, steps: int, *fixed: str
+) -> Result:
+    """Run a `moving_bar` with options of the subject, at a lower Courant number if the scheme needs it."""
+    case = subject.placed(moving_bar(elements, courant, steps, *fixed), options)
+    return subject.run(at_courant(case, below_limit(subject, case, courant)))
+
+
 def exact_end_displacement(elements: int, time: Floats) -> Floats:
     """Return the exact displacement of the free end of a `moving_bar` fixed at its left end, from its modes."""
-    h, (young, density) = 1.0 / elements, bar(1)["material"].values()
-    stiffness = np.zeros((elements + 1, elements + 1))
-    mass = np.zeros(elements + 1)
-    for e in range(elements):
-        stiffness[e : e + 2, e : e + 2] += young / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
-        mass[e : e + 2] += 0.5 * density * h
-    root = np.sqrt(mass[1:])
-    squares, modes = np.linalg.eigh(stiffness[1:, 1:] / root[:, None] / root)
-    omega = np.sqrt(squares)
-    start = modes.T @ root
-    return np.asarray((modes[-1] / root[-1] * start / omega) @ np.sin(omega[:, None] * time), dtype=float)
+    young, density = bar(1)["material"].values()
+    angles = (np.arange(elements) + 0.5) * np.pi / elements  # between neighbouring nodes of each mode
+    omega = 2.0 * elements * np.sqrt(young / density) * np.sin(0.5 * angles)
+    modes = np.sin(np.outer(np.arange(1, elements + 1), angles))
+    mass = np.append(np.ones(elements - 1), 0.5)
+    start = mass @ modes / (mass @ modes**2)
+    return np.asarray((modes[-1] * start / omega) @ np.sin(omega[:, None] * time), dtype=float)
 
 
 @check("integrators")
@@ -90,15 +96,15 @@ def check_conserves(subject: Subject) -> None:
     declared = subject.component.conserves  # type: ignore[attr-defined]
     for options in subject.examples:
         for wanted in (0.3, 0.9):
-            courant = below_limit(subject, subject.placed(moving_bar(7, wanted, 1, "left"), options), wanted)
-            result = subject.run(subject.placed(moving_bar(7, courant, 1000, "left"), options))
+            result = _run_of_moving_bar(subject, options, 7, wanted, 1000, "left")
             energy = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
             drift = float(np.abs(energy - energy[0]).max() / energy[0])
             if "energy" in declared and drift > CONSERVATION_TOLERANCE:
+                courant = result.summary["courant"]
                 raise CheckFailed(
                     f"it declares to conserve energy, but it changes by {per_cent(drift)} at C = {courant:g}"
                 )
-            momentum = subject.run(subject.placed(moving_bar(7, courant, 1000), options)).summary["momentum"]
+            momentum = _run_of_moving_bar(subject, options, 7, wanted, 1000).summary["momentum"]
             lost = abs(momentum["final"][0] / momentum["initial"][0] - 1.0)
             if "momentum" in declared and lost > CONSERVATION_TOLERANCE:
                 raise CheckFailed(f"it declares to conserve momentum, but it changes by {per_cent(lost)}")
@@ -146,8 +152,7 @@ def check_first_step(subject: Subject) -> None:
     starts from rest loses the impact before it begins.
     """
     for options in subject.examples:
-        courant = below_limit(subject, subject.placed(moving_bar(5, 0.5, 1), options), 0.5)
-        result = subject.run(subject.placed(moving_bar(5, courant, 10), options))
+        result = _run_of_moving_bar(subject, options, 5, 0.5, 10)
         displacement, velocity = result.arrays["displacement"][:, 0, 0], result.arrays["velocity"][:, 0, 0]
         if displacement[0] != 0.0 or abs(velocity[0] - 1.0) > 1e-14:
             raise CheckFailed(
@@ -172,69 +177,70 @@ def check_stages(subject: Subject) -> None:
     refused. If `velocity` is c, a stage at time t asks under a constant acceleration a for accelerations at a
     velocity v with v + c a = v_n + t dt a.
     """
-    for options in subject.examples:
-        integrator, dt = subject.make(options), 0.37
-        stages = integrator.bind(dt)
+    for options, integrator in subject.made():
+        stages = integrator.bind(STEP)
         if not isinstance(stages, Stages):
             raise NotApplicable("it is a leap-frog or an implicit scheme")
-        _check_stage_times(integrator, stages, dt)
+        _check_stage_times(integrator, stages)
         if stages.end:
-            _check_stage_end(
-                integrator, stages, dt, start=bool(stages.start) or not _refuses_exact_laws(subject, options)
-            )
+            start = bool(type(integrator).kept and (stages.start or not _refuses_exact_laws(subject, options)))
+            _check_stage_end(integrator, stages, start=start)
         if stages.velocity:
-            _check_stage_velocity(integrator, stages, dt)
+            _check_stage_velocity(integrator, stages)
 
 
+STEP = 0.37
 ENTRIES = 6  # size of the state with which a step is made
 STAGED_TOLERANCE = 1e-9
 
-Calls = list[tuple[int, Floats, Floats, Floats]]  # stage, u, v and a of each call of `accelerations`; -1 is the start
+
+class Call(NamedTuple):
+    """A call of `accelerations`: its stage, -1 of the state before the first step, the state, and its answer."""
+
+    stage: int
+    u: Floats
+    v: Floats
+    a: Floats
 
 
-def _two_steps(
-    integrator: Integrator, stages: Stages, dt: float, *, free: bool
-) -> tuple[list[tuple[Floats, Floats]], Calls, list[int]]:
-    """Make two steps with random data; in `free` flight all accelerations, also the kept ones, are zero.
+def _calls(
+    integrator: Integrator, stages: Stages, steps: int, answer: Callable[[], Floats], internal: Callable[[], Floats]
+) -> list[Call]:
+    """Return the calls of `accelerations` in some steps from random displacements and velocities.
 
-    Returns
-    -------
-    tuple
-        Displacement and velocity at the start of each step, the calls of `accelerations` in both steps, and the number
-        of calls in each step.
+    Parameters
+    ----------
+    integrator, stages, steps
+        The scheme, and the number of its steps.
+    answer, internal
+        Return the accelerations and the internal forces of each call.
     """
-    random = np.random.default_rng(7)
-    calls: Calls = []
+    u, v = np.random.default_rng(7).standard_normal((2, ENTRIES))
+    calls = [Call(-1, u.copy(), v.copy(), answer())]
+    kept = np.tile(calls[0].a, (type(integrator).kept, 1))  # all rows are set to the acceleration at t = 0
 
     def accelerations(system: object, stage: int, u: Floats, v: Floats, a: Floats) -> None:  # noqa: ARG001  signature of the slot
-        a[:] = 0.0 if free else random.standard_normal(u.size)
-        calls.append((stage, u.copy(), v.copy(), a.copy()))
+        a[:] = answer()
+        calls.append(Call(stage, u.copy(), v.copy(), a.copy()))
 
-    def internal(system: object, stage: int, u: Floats, f: Floats) -> None:  # noqa: ARG001  signature of the slot
-        f[:] = 0.0 if free else random.standard_normal(u.size)
+    def internal_forces(system: object, stage: int, u: Floats, f: Floats) -> None:  # noqa: ARG001  signature of the slot
+        f[:] = internal()
 
-    step = plain_step(integrator, accelerations, internal)
-    u, v = random.standard_normal((2, ENTRIES))
-    kept = random.standard_normal((type(integrator).kept, ENTRIES)) * (0.0 if free else 1.0)
-    if not free and len(kept):
-        kept[:] = kept[0]  # all rows are set to the acceleration at t = 0
-        calls.append((-1, u.copy(), v.copy(), kept[0].copy()))
-    begins, counts = [], []
-    for _ in range(2):
-        begins.append((u.copy(), v.copy()))
-        before = len(calls)
-        step(stages.numbers, None, u, v, kept, dt)
-        counts.append(len(calls) - before)
-    return begins, calls, counts
+    step = plain_step(integrator, accelerations, internal_forces)
+    for _ in range(steps):
+        step(stages.numbers, None, u, v, kept, STEP)
+    return calls
 
 
-def _check_stage_times(integrator: Integrator, stages: Stages, dt: float) -> None:
+def _no_forces() -> Floats:
+    return np.zeros(ENTRIES)
+
+
+def _check_stage_times(integrator: Integrator, stages: Stages) -> None:
     """Raise `CheckFailed` unless the displacement of each stage in free flight fits its declared time."""
-    begins, calls, counts = _two_steps(integrator, stages, dt, free=True)
-    number = np.repeat(np.arange(2), counts)
-    for k, (stage, u, _, _) in zip(number, calls, strict=True):
-        start, velocity = begins[k]
-        time = float((u - start) @ velocity / (dt * velocity @ velocity))
+    start, *calls = _calls(integrator, stages, 1, _no_forces, _no_forces)
+    for stage, u, _, _ in calls:
+        time = float((u - start.u) @ start.v / (STEP * start.v @ start.v))
         if abs(time - stages.times[stage]) > STAGED_TOLERANCE:
             raise CheckFailed(
                 f"`times` puts stage {stage} at {stages.times[stage]:.9g} of the step, but in free flight its "
@@ -242,25 +248,18 @@ def _check_stage_times(integrator: Integrator, stages: Stages, dt: float) -> Non
             )
 
 
-def _check_stage_velocity(integrator: Integrator, stages: Stages, dt: float) -> None:
+def _check_stage_velocity(integrator: Integrator, stages: Stages) -> None:
     """Raise `CheckFailed` unless `velocity` completes the velocity of each stage under a constant acceleration."""
-    constant, start = np.array([0.7, -1.3]), np.array([0.2, 0.4])
-    velocities: list[tuple[int, Floats]] = []
-
-    def accelerations(system: object, stage: int, u: Floats, v: Floats, a: Floats) -> None:  # noqa: ARG001  signature of the slot
-        a[:] = constant
-        velocities.append((stage, v.copy()))
-
-    step = plain_step(integrator, accelerations, no_internal_forces)
-    step(stages.numbers, None, np.zeros(2), start.copy(), np.tile(constant, (type(integrator).kept, 1)), dt)
-    for stage, v in velocities:
-        time = stages.times[stage] * dt
-        reached = v + stages.velocity[stage] * constant - start
-        if np.abs(reached - time * constant).max() > STAGED_TOLERANCE * dt:
+    constant = np.linspace(-1.3, 0.7, ENTRIES)
+    start, *calls = _calls(integrator, stages, 1, lambda: constant, _no_forces)
+    for stage, _, v, _ in calls:
+        time = stages.times[stage] * STEP
+        reached = v + stages.velocity[stage] * constant - start.v
+        if np.abs(reached - time * constant).max() > STAGED_TOLERANCE * STEP:
             raise CheckFailed(
                 f"`velocity` of stage {stage} gives v + {stages.velocity[stage]:.9g} a as the velocity at "
                 f"{stages.times[stage]:.9g} of the step; under a constant acceleration it is the velocity at "
-                f"{float((reached / constant).mean()) / dt:.9g}"
+                f"{float((reached / constant).mean()) / STEP:.9g}"
             )
 
 
@@ -271,10 +270,14 @@ def _refuses_exact_laws(subject: Subject, options: Data) -> bool:
     return all(subject.make(options).refuses(cls(**cls.examples[0])) for cls in exact)
 
 
-def _check_stage_end(integrator: Integrator, stages: Stages, dt: float, *, start: bool) -> None:
+def _check_stage_end(integrator: Integrator, stages: Stages, *, start: bool) -> None:
     """Raise `CheckFailed` unless `end` predicts the displacement of the next stage and its mean velocity."""
-    _, calls, _ = _two_steps(integrator, stages, dt, free=False)
-    for (stage, u, v, a), (following, next_u, _, _) in itertools.pairwise(calls):
+    random = np.random.default_rng(11)
+
+    def drawn() -> Floats:
+        return random.standard_normal(ENTRIES)
+
+    for (stage, u, v, a), (following, next_u, _, _) in itertools.pairwise(_calls(integrator, stages, 2, drawn, drawn)):
         if stage < 0 and (not start or stages.times[following] == 0.0):
             continue  # A first stage at the start itself sees to what follows.
         said = f"`end` of stage {stage}" if stage >= 0 else "`start`, or else the `end` of the last stage,"
@@ -284,7 +287,7 @@ def _check_stage_end(integrator: Integrator, stages: Stages, dt: float, *, start
             fit = np.linalg.lstsq(np.stack([v, a], axis=1), next_u - u, rcond=None)[0]
             raise CheckFailed(
                 f"{said} gives u + {r_v:.9g} v + {r_a:.9g} a as the next displacement; the next stage has "
-                f"another one, nearest to u + {fit[0]:.9g} v + {fit[1]:.9g} a (the step is {dt:g})"
+                f"another one, nearest to u + {fit[0]:.9g} v + {fit[1]:.9g} a (the step is {STEP:g})"
             )
         if abs(s_a - r_a / r_v) > STAGED_TOLERANCE * abs(s_a):
             raise CheckFailed(
