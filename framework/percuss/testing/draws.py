@@ -29,9 +29,11 @@ from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subjec
 
 if TYPE_CHECKING:
     from percuss.jsonable import Data, Entries
+    from percuss.methods.interfaces import Floats
 
 
 ChainCheck = Callable[[Subject, "Entries"], None]
+Arrays = Mapping[str, "Floats"]
 PERTURBATION = 1e-12  # relative to the data of a case; its effect on a run estimates that of round-off
 TOO_SENSITIVE = 1e-4  # a run that a perturbation changes by more is decided by round-off and cannot be compared
 SAFETY_FACTOR = 10.0  # round-off may change a run by this multiple of the effect of the perturbations tried
@@ -47,6 +49,11 @@ POWERS = {
     "stiffness": (0, 1, -2), "impulse": (1, 1, -1), "momentum": (1, 1, -1), "pressure": (-1, 1, -2),
     "stress": (-1, 1, -2), "density": (-3, 1, 0), "area": (2, 0, 0), "volume": (3, 0, 0), "radian": (0, 0, 0),
     "degree": (0, 0, 0), "power": (2, 1, -3), "strain": (0, 0, 0), "amplitude": (0, 0, 0),
+}  # fmt: skip
+# units of the numbers in a chain of bars, by their keys
+UNITS = {
+    "length": "length", "at": "length", "wall": "length", "area": "area", "velocity": "velocity",
+    "young": "stress", "density": "density", "constant": "force",
 }  # fmt: skip
 # factors of length, mass and time; powers of two would leave every result the same to the last bit
 OTHER_UNITS = (1000.0, 1e-3, 1e6)
@@ -204,38 +211,27 @@ def bar_chains(
     return drawn()
 
 
-def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:  # noqa: PLR0911  one return for each kind of type
+def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:
     """Return a strategy for values that the annotation of an option allows, numbers of the magnitude of its default."""
-    if get_origin(annotation) is Annotated:
-        low, high, at_low, at_high = bounds(annotation)
+    kind = annotation.__origin__ if get_origin(annotation) is Annotated else annotation
+    if kind in {int, float}:
         size = abs(default) if isinstance(default, int | float) and default and math.isfinite(default) else 1.0
-        if annotation.__origin__ in {int, float}:
-            return _numbers(low, high, at_low, at_high, size, whole=annotation.__origin__ is int)
-        return option_values(annotation.__origin__, default)
-    if annotation in {int, float}:
-        return _numbers(-math.inf, math.inf, True, True, 1.0, whole=annotation is int)
-    if is_union(annotation):
-        return st.one_of([option_values(variant, default) for variant in get_args(annotation)])
-    if get_origin(annotation) is Literal:
-        return st.sampled_from(get_args(annotation))
-    if annotation is type(None):
-        return st.none()
-    if annotation is bool:
-        return st.booleans()
-    if get_origin(annotation) is tuple:
-        inner, *rest = get_args(annotation)
+        return _numbers(annotation, size, whole=kind is int)
+    if is_union(kind):
+        return st.one_of([option_values(variant, default) for variant in get_args(kind)])
+    if get_origin(kind) is tuple:
+        inner, *rest = get_args(kind)
         if rest == [...]:
             return st.lists(option_values(inner, None), min_size=1, max_size=3).map(tuple)
         return st.tuples(*(option_values(item, None) for item in (inner, *rest)))
-    if annotation is DataFile or annotation is str:
+    if kind in {DataFile, str}:
         return st.none()
-    return st.just(default)
+    return st.from_type(kind) if kind in {bool, type(None)} or get_origin(kind) is Literal else st.just(default)
 
 
-def _numbers(
-    low: float, high: float, at_low: bool, at_high: bool, size: float, *, whole: bool
-) -> SearchStrategy[float]:
+def _numbers(annotation: Any, size: float, *, whole: bool) -> SearchStrategy[float]:
     """Return a strategy for whole or real numbers within bounds; `size` is the magnitude of unbounded real numbers."""
+    low, high, at_low, at_high = bounds(annotation)
     if whole:
         return st.integers(
             math.floor(low) + (not at_low) if math.isfinite(low) else -5,
@@ -243,7 +239,7 @@ def _numbers(
         )
     span = st.integers(-8, 8).map(lambda k: size * 10.0 ** (k / 4))
     edges = [value for value, allowed in ((low, at_low), (high, at_high)) if allowed and math.isfinite(value)]
-    if math.isfinite(low) and math.isfinite(high):
+    if math.isfinite(high - low):
         inner = st.integers(1, 99).map(lambda k: low + (high - low) * k / 100)
     elif math.isfinite(low):
         inner = span.map(lambda value: low + value)
@@ -251,7 +247,7 @@ def _numbers(
         inner = span.map(lambda value: high - value)
     else:
         inner = st.one_of(span, span.map(lambda value: -value), st.just(0.0))
-    return st.one_of(inner, *(st.just(value) for value in edges)) if edges else inner
+    return st.one_of(inner, *map(st.just, edges))
 
 
 # ------------------------------------------------------------------------------------ equivalent forms of a case
@@ -301,39 +297,30 @@ def unit_factor(unit: str) -> float:
     return out
 
 
-def converted(case: Data) -> Entries:
-    """Return a case of bars converted to the other units of length, mass and time, without the options of methods."""
-    out = copy.deepcopy(dict(case))
-    for body in out["bodies"].values():
-        body["bar"]["length"] *= unit_factor("length")
-        body["at"] *= unit_factor("length")
-        body["area"] *= unit_factor("area")
-        body["velocity"] *= unit_factor("velocity")
-        units = {"young": "stress", "density": "density"}
-        body["material"] = {key: value * unit_factor(units[key]) for key, value in body["material"].items()}
-    for contact in out["contacts"].values():
-        if "wall" in contact:
-            contact["wall"] *= unit_factor("length")
-    for load in out.get("loads", {}).values():
-        load["constant"] *= unit_factor("force")
-    return out
+def _scaled(value: Any, scale: float) -> Any:
+    """Return a number times a scale, or a tuple of such; anything else stays as it is."""
+    if isinstance(value, tuple | list):
+        return tuple(_scaled(item, scale) for item in value)
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return value * scale if is_number and scale != 1.0 else value
+
+
+def converted(part: Data) -> Entries:
+    """Return a case of bars, or a part of it, converted to the other units, without the options of methods."""
+    return {
+        key: converted(value) if isinstance(value, dict) else _scaled(value, unit_factor(UNITS.get(key, "1")))
+        for key, value in part.items()
+    }
 
 
 def converted_options(subject: Subject) -> Entries:
     """Return the options of a subject converted to the other units by their units, with defaults that change."""
-
-    def scaled(value: Any, scale: float) -> Any:
-        if isinstance(value, tuple | list):
-            return tuple(scaled(item, scale) for item in value)
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        return value * scale if is_number and scale != 1.0 else value
-
+    options = options_of(subject.component)
     converted = {
-        key: scaled(subject.options.get(key, option.default), unit_factor(option.unit or "1"))
-        for key, option in options_of(subject.component).items()
+        key: _scaled(subject.options.get(key, option.default), unit_factor(option.unit or "1"))
+        for key, option in options.items()
     }
-    defaults = {key: option.default for key, option in options_of(subject.component).items()}
-    return {key: value for key, value in converted.items() if key in subject.options or value != defaults[key]}
+    return {k: value for k, value in converted.items() if k in subject.options or value != options[k].default}
 
 
 # --------------------------------------------------------------------------------------------------- comparing
@@ -350,26 +337,26 @@ def round_off(subject: Subject, case: Data, base: Result) -> float | None:
         for index, body in enumerate(other["bodies"].values()):
             body["velocity"] *= 1.0 + sign * PERTURBATION * (1.0 + 0.3 * index)
             body["area"] *= 1.0 + sign * 0.1 * PERTURBATION * (index + 1)
-        difference = largest_difference(base, subject.run(other))
+        difference = largest_difference(base.arrays, subject.run(other).arrays)
         if not difference < TOO_SENSITIVE:
             return None
         worst = max(worst, SAFETY_FACTOR * difference)
     return worst
 
 
-def largest_difference(result: Result, other: Result, factors: Mapping[str, float] | None = None) -> float:
-    """Return the largest difference between the histories of two runs, each relative to its peak.
+def largest_difference(arrays: Arrays, others: Arrays) -> float:
+    """Return the largest difference between the histories that two runs have, each relative to its peak.
 
     A gap is a difference of displacements, so the difference of gaps is taken relative to the largest displacement
-    where that is larger. The histories of `other` are divided by `factors` first.
+    where that is larger.
     """
     worst = 0.0
-    sizes = {name: float(np.abs(result.arrays[name]).max(initial=0.0)) for name in COMPARED_BY_KIT}
+    sizes = {name: float(np.abs(arrays[name]).max(initial=0.0)) for name in COMPARED_BY_KIT}
     sizes["gap"] = max(sizes["gap"], sizes["displacement"])
-    for name in COMPARED_BY_KIT:
-        history, compared = result.arrays[name], other.arrays[name] / (factors or {}).get(name, 1.0)
+    for name in (name for name in COMPARED_BY_KIT if name in others):
+        history, compared = arrays[name], others[name]
         # the vectors of a rotated case have another direction and other components, so their norms are compared
-        if name == "displacement" and history.ndim == 3:
+        if name == "displacement":
             history, compared = np.linalg.norm(history, axis=2), np.linalg.norm(compared, axis=2)
         if history.shape != compared.shape:
             raise CheckFailed(f"{name} has shape {compared.shape} instead of {history.shape}")
@@ -378,33 +365,28 @@ def largest_difference(result: Result, other: Result, factors: Mapping[str, floa
     return worst
 
 
-def must_agree(
-    subject: Subject,
-    case: Data,
-    other: Data,
-    change: str,
-    factors: Mapping[str, float] | None = None,
-    *,
-    compiled: bool = True,
-) -> None:
-    """Run two equivalent cases, and raise `CheckFailed` unless their results differ by no more than round-off explains.
+def must_agree(subject: Subject, case: Data, twins: Mapping[str, Callable[[], Arrays]]) -> None:
+    """Raise `CheckFailed` unless twins of a run differ from it by no more than round-off explains.
 
-    `change` names the difference between the cases in the message; for `factors` see `largest_difference`. Where the
-    second run is not `compiled`, that is the difference, or part of it.
+    Parameters
+    ----------
+    subject, case
+        The subject, and the case of the run.
+    twins
+        Functions that return the histories of each twin, by what makes it another run.
     """
     base = subject.run(case)
     allowed = round_off(subject, case, base)
     if allowed is None:
         raise NotApplicable("every drawn case depends on round-off")
-    try:
-        changed = subject.run(other, compiled=compiled)
-    except PercussError as error:
-        raise CheckFailed(f"{change} stops the run: {error}") from None
-    difference = largest_difference(base, changed, factors)
-    if not difference <= allowed:
-        raise CheckFailed(
-            f"{change} changes the result by {per_cent(difference)} of its peak; round-off explains {per_cent(allowed)}"
-        )
+    for change, run in twins.items():
+        try:
+            difference = largest_difference(base.arrays, run())
+        except PercussError as error:
+            raise CheckFailed(f"{change} stops the run: {error}") from None
+        if not difference <= allowed:
+            shares = f"{per_cent(difference)} of its peak; round-off explains {per_cent(allowed)}"
+            raise CheckFailed(f"{change} changes the result by {shares}")
 
 
 def on_chains(share: int = 1, **chains: Any) -> Callable[[ChainCheck], Callable[[Subject], None]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import sys
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +23,11 @@ from percuss.results.result import Result
 DRAWS = 12  # number of cases that a check draws
 Scheme = LeapFrog | Stages | Implicit
 PARTNERS = {"integrators": "contacts", "contacts": "integrators"}
+# Keys of methods in the section `method` of a case, or in a body.
+KEYS_IN_CASE = {
+    "integrators": "integrator", "contacts": "contact", "masses": "mass", "solutions": "solution",
+    "materials": "material", "elements": "element",
+}  # fmt: skip
 SHIPPED = "percuss"  # distribution whose methods judge those of others
 Status = Literal["passed", "failed", "expected failure", "passes unexpectedly", "not applicable"]
 
@@ -165,24 +171,19 @@ class Subject:
         self.along_line()
         options = self.options if options is None else options
         partner = self.partner if partner is None else partner
-        named = {"name": self.name, **options}
-        out = dict(case)
-        method = dict(case.get("method", {}))
-        if self.family in {"integrators", "contacts", "masses"}:
-            method[{"integrators": "integrator", "contacts": "contact", "masses": "mass"}[self.family]] = named
+        key, bodies = KEYS_IN_CASE.get(self.family), case["bodies"]
+        own = {key: {"name": self.name, **options}} if key else {}
+        of_bodies = self.family in {"materials", "elements"}
+        method = {**case.get("method", {}), **({} if of_bodies else own)}
         if partner:
-            other = "contact" if self.family == "integrators" else "integrator"
+            other = KEYS_IN_CASE[PARTNERS[self.family]]
             method[other] = {"name": partner} if isinstance(partner, str) else partner
-        out["method"] = method
-        if self.family in {"materials", "elements"}:
-            part = {"materials": "material", "elements": "element"}[self.family]
-            out["bodies"] = {name: {**body, part: named} for name, body in case["bodies"].items()}
+        if of_bodies:
+            bodies = {name: {**body, **own} for name, body in bodies.items()}
         if self.family == "shapes":
-            out["bodies"] = {
-                name: {key: value for key, value in body.items() if key != "bar"} | {self.name: dict(options)}
-                for name, body in case["bodies"].items()
-            }
-        return out
+            shape = {self.name: dict(options)}
+            bodies = {name: {key: body[key] for key in body if key != "bar"} | shape for name, body in bodies.items()}
+        return {**case, "bodies": bodies, "method": method}
 
     def along_line(self) -> None:
         """Raise NotApplicable unless the component is one of bars, of which the cases of most checks are made.
@@ -218,8 +219,7 @@ class Subject:
 
         The case file names the plug-in file of the component if the plug-in is a single file.
         """
-        import yaml
-
+        from percuss.case.yaml_text import flow
         from percuss.jsonable import plain
 
         if not self.loaded:
@@ -228,22 +228,13 @@ class Subject:
         single = source is not None and not source.distribution and Path(source.file).suffix == ".py"
         plugins = {"plugins": [str(Path(source.file).resolve())]} if source is not None and single else {}
         case = {"percuss": 1, "title": f"{self.check} of {self.name}", **plugins, **plain(self.loaded[-1])}
-
-        def flow(part: object) -> str:
-            text: str = yaml.safe_dump(part, sort_keys=False, default_flow_style=True, width=56, allow_unicode=True)
-            return text.removesuffix("...\n")
-
         lines = []
         for key, value in case.items():
-            if isinstance(value, dict) and key in {"bodies", "contacts", "loads", "method"}:  # a line for each entry
-                lines += (
-                    [f"{key}:\n", *(f"  {flow({name: entry})[1:-2]}\n" for name, entry in value.items())]
-                    if value
-                    else []
-                )
-            else:
-                lines.append(flow({key: value})[1:-2] + "\n")
-        return "".join(lines)
+            entries = value if key in {"bodies", "contacts", "loads", "method"} else {}  # a line for each
+            lines += [f"{key}:" if entries else f"{key}: {flow(value)}"]
+            lines += [f"  {name}: {flow(entry)}" for name, entry in entries.items()]
+        wrapper = textwrap.TextWrapper(72, subsequent_indent=" " * 6, break_long_words=False, break_on_hyphens=False)
+        return "".join(f"{wrapper.fill(line)}\n" for line in lines)
 
     def run(self, case: Data, *, compiled: bool = True, with_critical_step: bool = False) -> Result:
         """Run a case given as a mapping.

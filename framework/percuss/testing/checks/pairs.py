@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import itertools
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -254,14 +255,19 @@ def check_placement(subject: Subject, case: Entries) -> None:
     Results do not change if all bodies and walls are moved, rotated in two or three dimensions, or mirrored, and if a
     case lists its bodies and the two sides of each contact in another order. A law depends on gaps and gap rates.
     """
-    for change, other in (
-        ("a translation", draws.moved(case, shift=2.5)),
-        ("a reflection", draws.moved(case, (-1.0,))),
-        ("a rotation in two dimensions", draws.moved(case, (3.0, -4.0))),
-        ("a rotation in three dimensions", draws.moved(case, (1.0, 2.0, -2.0))),
-        ("another order of bodies and sides", draws.listed_in_reverse(case)),
-    ):
-        must_agree(subject, subject.placed(case), subject.placed(other), change)
+    changed = {
+        "a translation": draws.moved(case, shift=2.5),
+        "a reflection": draws.moved(case, (-1.0,)),
+        "a rotation in two dimensions": draws.moved(case, (3.0, -4.0)),
+        "a rotation in three dimensions": draws.moved(case, (1.0, 2.0, -2.0)),
+        "another order of bodies and sides": draws.listed_in_reverse(case),
+    }
+    twins = {change: partial(_histories, subject, subject.placed(other)) for change, other in changed.items()}
+    must_agree(subject, subject.placed(case), twins)
+
+
+def _histories(subject: Subject, case: Data) -> draws.Arrays:
+    return subject.run(case).arrays
 
 
 @check(*PAIRS)
@@ -273,9 +279,13 @@ def check_units(subject: Subject, case: Entries) -> None:
     method with a dimensional constant inside it, or an option with a wrong unit, gives another result in other
     units.
     """
-    factors = {name: draws.unit_factor(QUANTITIES[name].unit) for name in COMPARED_BY_KIT}
-    converted = subject.placed(draws.converted(case), draws.converted_options(subject))
-    must_agree(subject, subject.placed(case), converted, "a change of units", factors)
+    other = subject.placed(draws.converted(case), draws.converted_options(subject))
+
+    def converted_back() -> draws.Arrays:
+        arrays = subject.run(other).arrays
+        return {name: arrays[name] / draws.unit_factor(QUANTITIES[name].unit) for name in COMPARED_BY_KIT}
+
+    must_agree(subject, subject.placed(case), {"a change of units": converted_back})
 
 
 @check(*PAIRS)
@@ -325,8 +335,7 @@ def check_no_contact(subject: Subject, case: Entries) -> None:
     laws = (bound_law.linear for bound_law in Model(subject.load(subject.placed(open_case))).laws)
     if any(law is not None and np.any(law.softens) for law in laws):
         raise NotApplicable("it softens bodies while its contacts are open, too")
-    displacement = free.arrays["displacement"]
-    difference = float(np.abs(displacement - apart.arrays["displacement"]).max() / np.abs(displacement).max())
+    difference = draws.largest_difference(apart.arrays, {"displacement": free.arrays["displacement"]})
     if difference > draws.FLOOR:
         raise CheckFailed(f"without contact, displacements of bodies that never meet differ by {per_cent(difference)}")
 
