@@ -11,7 +11,7 @@ import numpy as np
 
 from percuss.compiler.specialise import Specialiser
 from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
-from percuss.mesh.cells import cell_arrays, cells_of, element_slots, has_cells, mesh_of_element
+from percuss.mesh.cells import cell_arrays, cells_of, element_slots, has_cells, is_solid, mesh_of_element
 from percuss.mesh.element_probe import ElementProbe
 from percuss.mesh.material_points import plain_slots, points_at_rest
 from percuss.methods.interfaces import BodyMesh, Floats, Mesh, Region
@@ -76,7 +76,7 @@ class BodyKernels:
 
     def __init__(self, element: Any, material: Any, mesh: Mesh) -> None:
         self.element, self.material = element, material
-        self.body = BodyMesh(mesh_of_element(element, mesh), SECTION, "strain" if mesh.line is None else "")
+        self.body = BodyMesh(mesh_of_element(element, mesh), SECTION, "strain" if is_solid(element) else "")
         self.probe = ElementProbe(element, material, self.body)
         points = points_at_rest(element, material, self.body)
         slots = {**plain_slots(element, material), **element_slots(element)}

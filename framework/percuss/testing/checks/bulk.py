@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from percuss.case import defaults
+from percuss.case.defaults import DEFAULTS
 from percuss.errors import RunError
 from percuss.jsonable import Entries
 from percuss.mesh.cell_stiffness import frequencies_of_cells
@@ -173,9 +173,9 @@ def elastic(subject: Subject, **options: float) -> Any:
     NotApplicable
         If it is not registered.
     """
-    cls = subject.registry.components.get(("materials", defaults.MATERIAL))
+    cls = subject.registry.components.get(("materials", DEFAULTS["materials"]))
     if cls is None:
-        raise NotApplicable(f"'{defaults.MATERIAL}' is not registered, and the check needs it")
+        raise NotApplicable(f"'{DEFAULTS['materials']}' is not registered, and the check needs it")
     return Subject.of(cls, subject.registry).make(options or cls.examples[0])
 
 
