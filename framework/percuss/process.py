@@ -42,15 +42,20 @@ def _open_closed_streams() -> None:
         try:
             os.fstat(descriptor)
         except OSError:
-            nowhere = os.open(os.devnull, os.O_RDWR)
-            os.dup2(nowhere, descriptor)
-            os.set_inheritable(descriptor, True)
-            if nowhere != descriptor:
-                os.close(nowhere)
+            _lead_nowhere(descriptor, inheritable=True)
         if getattr(sys, name) is None:
             stream = open(descriptor, "w" if descriptor else "r", encoding="utf-8", closefd=False)  # noqa: SIM115
             setattr(sys, name, stream)
             setattr(sys, f"__{name}__", stream)
+
+
+def _lead_nowhere(descriptor: int, *, inheritable: bool) -> None:
+    """Let a descriptor, open or closed, lead to nowhere."""
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    os.dup2(nowhere, descriptor)
+    os.set_inheritable(descriptor, inheritable)
+    if nowhere != descriptor:
+        os.close(nowhere)
 
 
 def _prepared(stream: io.TextIOWrapper) -> io.TextIOWrapper:
@@ -88,9 +93,7 @@ class _Descriptor(io.FileIO):
         try:
             return super().write(data)
         except BrokenPipeError:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, self.fileno(), inheritable=os.get_inheritable(self.fileno()))
-            os.close(nowhere)
+            _lead_nowhere(self.fileno(), inheritable=os.get_inheritable(self.fileno()))
             return len(data)
 
 
@@ -137,9 +140,7 @@ def end_whatever_runs(code: int) -> None:
     code
         The exit code.
     """
-    running = [
-        thread for thread in threading.enumerate() if thread is not threading.main_thread() and not thread.daemon
-    ]
+    running = _waited_for()
     if code == INTERRUPTED:
         # A pool of processes that is just ending disturbs the end of Python, which tells that as an error.
         for thread in running:
@@ -148,11 +149,15 @@ def end_whatever_runs(code: int) -> None:
         threading.Thread(target=_end_after_grace, args=(code,), daemon=True).start()
 
 
+def _waited_for() -> list[threading.Thread]:
+    """Return the threads that Python waits for at its end."""
+    return [thread for thread in threading.enumerate() if thread is not threading.main_thread() and not thread.daemon]
+
+
 def _end_after_grace(code: int) -> None:
     """End this process if it has not ended by itself after a while; tell which threads still run."""
-    main = threading.main_thread()
     threading.Event().wait(GRACE)
-    names = ", ".join(thread.name for thread in threading.enumerate() if thread is not main and not thread.daemon)
+    names = ", ".join(thread.name for thread in _waited_for())
     if not names:
         return
     print(f"note: the command is done, and what still runs ends with it: {names}", file=sys.stderr)

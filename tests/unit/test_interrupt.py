@@ -122,7 +122,7 @@ def test_a_plug_in_that_never_returns_is_named(tmp_path, monkeypatch):
 def test_a_compiled_loop_that_ctrl_c_waits_for_is_told_and_a_second_ctrl_c_ends_the_process(monkeypatch, capsys):
     told, ended = threading.Event(), threading.Event()
     monkeypatch.setattr(common, "REACTION", 0.01)
-    monkeypatch.setattr(common, "where_is", lambda thread: told.set() or "a compiled kernel")
+    monkeypatch.setattr(common, "where_work_is", lambda: told.set() or "a compiled kernel")
     monkeypatch.setattr(common.os, "_exit", lambda code: (ended.set(), sys.exit(code)))
     receiving, sending = socket.socketpair()
 

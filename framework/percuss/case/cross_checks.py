@@ -186,15 +186,17 @@ class CrossChecks:
             return False
         return True
 
-    def _are_ends(self, path: KeyPath, addresses: Sequence[Address], *, whole_body: bool = False) -> list[int]:
-        """Return which addresses of a list are ends of the case; an address that occurs twice is wrong."""
-        good = []
+    def _are_ends(
+        self, path: KeyPath, addresses: Sequence[Address], *, whole_body: bool = False
+    ) -> dict[KeyPath, Address]:
+        """Return those addresses of a list that are ends of the case; an address that occurs twice is wrong."""
+        good: dict[KeyPath, Address] = {}
         for i, address in enumerate(addresses):
             if self._is_end((*path, i), address, whole_body=whole_body):
                 if address in addresses[:i]:
                     self.wrong((*path, i), f"{address} is named twice", "Keep one.")
                 else:
-                    good.append(i)
+                    good[*path, i] = address
         return good
 
     # ------------------------------------------------------------------------------------------- sections
@@ -302,8 +304,7 @@ class CrossChecks:
             if isinstance(load.places, Address):
                 places = {at: load.places} if self._is_end(at, load.places, whole_body=not moves) else {}
             else:
-                good = self._are_ends(at, load.on, whole_body=not moves)
-                places = {(*at, i): load.on[i] for i in good}
+                places = self._are_ends(at, load.on, whole_body=not moves)
             for place, end in places.items():
                 if moves and end.region in self.fixed[end.body]:
                     advice = f"Take it out of bodies.{end.body}.fixed."

@@ -15,16 +15,16 @@ COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
 WITH_UNIT = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?)\s*([^\W\d_%][^\s,;]*)", re.IGNORECASE)
 PREFIXED = re.compile(r"([kMGmµun])(Pa|m|s|N|g|J)")
 POWERS = {"k": 3, "M": 6, "G": 9, "m": -3, "µ": -6, "u": -6, "n": -9}
-# First bytes of a file: what it is, and what to do with it. The texts are read as YAML where a command expects YAML.
+# The pattern of a kind of file, what it is, and what to do with it. Texts are read as YAML where YAML is expected.
 BINARY = (
-    (b"\x89HDF\r\n\x1a\n", "a NetCDF file, as `percuss run -o` writes", "Read it with `percuss verify {}`."),
-    (b"SQLite format 3\0", "a SQLite database, as `percuss study` makes", "Read it with `percuss report {}`."),
-    (b"\x89PNG\r\n\x1a\n", "a picture", "Name the file that it was drawn from."),
-    (b"%PDF-", "a PDF file", "Name the file that it was drawn from."),
+    (rb"\A\x89HDF\r\n\x1a\n", "a NetCDF file, as `percuss run -o` writes", "Read it with `percuss verify {}`."),
+    (rb"\ASQLite format 3\0", "a SQLite database, as `percuss study` makes", "Read it with `percuss report {}`."),
+    (rb"\A\x89PNG\r\n\x1a\n", "a picture", "Name the file that it was drawn from."),
+    (rb"\A%PDF-", "a PDF file", "Name the file that it was drawn from."),
 )
 TEXTS = (
-    (re.compile(rb"^percuss:", re.MULTILINE), "a case", "Run it with `percuss run {}`."),
-    (re.compile(rb"^percuss-study:", re.MULTILINE), "a study that was not run", "First run it: `percuss study {}`."),
+    (rb"(?m)^percuss:", "a case", "Run it with `percuss run {}`."),
+    (rb"(?m)^percuss-study:", "a study that was not run", "First run it: `percuss study {}`."),
 )
 
 
@@ -58,10 +58,7 @@ def file_advice(name: str, content: bytes, *, texts: bool = False) -> tuple[str,
 
     With `texts` cases and studies are recognised too.
     """
-    for beginning, kind, advice in BINARY:
-        if content.startswith(beginning):
-            return kind, advice.format(name)
-    for pattern, kind, advice in TEXTS if texts else ():
-        if pattern.search(content):
+    for pattern, kind, advice in (*BINARY, *(TEXTS if texts else ())):
+        if re.search(pattern, content):
             return kind, advice.format(name)
     return None

@@ -242,11 +242,7 @@ class Source:
         An entry that is not in the text, such as a missing key, has the place of the nearest entry above it; the place
         of a value that an override set is the override.
         """
-        label = self._label(path)
-        if label is not None:
-            return label
-        position = self._position(path, key)
-        return self.name if position is None or not self.text else f"{self.name}:{position[0]}:{position[1]}"
+        return self._label(path) or self._place_and_line(self._position(path, key))[0]
 
     def order(self, path: KeyPath, *, key: bool = False) -> tuple[int, int, int]:
         """Return the sort key of a problem at `path`: places in the file first, then the overrides in their order."""
@@ -255,29 +251,30 @@ class Source:
             return (1, list(self.labels.values()).index(label), 0)
         return (0, *(self._position(path, key) or (0, 0)))
 
-    def excerpt(self, path: KeyPath, *, key: bool = False) -> str:
-        """Return the user's own line at `path` with its number and a caret; empty where there is no text."""
-        position = None if self._label(path) is not None else self._position(path, key)
-        return "" if position is None else self._excerpt_at(position)
-
     @cached_property
     def _lines(self) -> list[str]:
         return self.text.splitlines()
 
-    def _excerpt_at(self, position: tuple[int, int]) -> str:
+    def _place_and_line(self, position: tuple[int, int] | None) -> tuple[str, str]:
+        """Return the place of a position in the file, and the user's own line there with its number and a caret.
+
+        Where there is no text, the place is the name of the source, and the line is empty.
+        """
+        if position is None or not self.text:
+            return self.name, ""
+        place = f"{self.name}:{position[0]}:{position[1]}"
         if position[0] > len(self._lines):
-            return ""
+            return place, ""
         line, column = self._lines[position[0] - 1], position[1] - 1
         if len(line) > EXCERPT_WIDTH:  # cut first: a long line may hold very many mistakes
             start = max(0, column - EXCERPT_WIDTH // 2)
             line, column = line[start : start + EXCERPT_WIDTH], column - start
         line = "".join(letter if letter.isprintable() else "?" for letter in line.replace("\t", " "))
         number = f"{position[0]:5d} | "
-        return f"{number}{line}\n{' ' * (len(number) - 2)}| {' ' * column}^"
+        return place, f"{number}{line}\n{' ' * (len(number) - 2)}| {' ' * column}^"
 
     def _problem_of(self, mistake: Mistake) -> Problem:
-        place = f"{self.name}:{mistake.position[0]}:{mistake.position[1]}"
-        excerpt = self._excerpt_at(mistake.position)
+        place, excerpt = self._place_and_line(mistake.position)
         return Problem(place, dotted(mistake.path), mistake.message, mistake.advice, excerpt)
 
     def _label_of_cause(self, path: KeyPath, message: str, any_inside: bool) -> str | None:
@@ -285,7 +282,7 @@ class Source:
 
         It set a key inside `path` that the message names, or any one there, or the component that lacks the entry.
         """
-        if not path or self._label(path) is not None:
+        if not path:
             return None
         name = (*path[:-1], "name")
         if name in self.labels and path != name and self.get(path) is None:
@@ -303,7 +300,6 @@ class Source:
         Where an override inside `path` sets a key that the message names, the place is the override; so it is, with
         `any_inside`, whichever key inside `path` an override sets.
         """
-        cause = self._label_of_cause(path, message, any_inside)
-        if cause is not None:
-            return Problem(cause, dotted(path), message, advice)
-        return Problem(self.place(path, key=key), dotted(path), message, advice, self.excerpt(path, key=key))
+        label = self._label(path) or self._label_of_cause(path, message, any_inside)
+        place, excerpt = (label, "") if label else self._place_and_line(self._position(path, key))
+        return Problem(place, dotted(path), message, advice, excerpt)

@@ -432,19 +432,14 @@ class MeasureSection(Section):
 
     name: Annotated[str, Doc("name of the column")]
     quantity: Annotated[str, Doc("a recorded quantity, or a dotted path into the summary")]
-    take: Annotated[Literal["mean", "max", "min", "final", "integral", "value"], Doc("what is made of a history")] = (
-        "value"
-    )
+    statistic: Annotated[
+        Literal["mean", "max", "min", "final", "integral", "value"], Key("take"), Doc("what is made of a history")
+    ] = "value"
     contact: Annotated[str, Doc("which contact")] | None = None
     probe: Annotated[AnAddress, Doc("which end")] | None = None
     component: Annotated[int, Ge(0), Doc("component of a displacement or velocity")] = 0
     during: During | None = None
     at: Annotated[float, Ge(0), Unit("time"), Doc("time at which `take: value` is read")] | None = None
-
-    @property
-    def statistic(self) -> str:
-        """Statistic of the history, as of an expectation."""
-        return self.take
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
@@ -14,6 +14,7 @@ from percuss.errors import nearest
 from percuss.methods.interfaces import DataFile, Ge, Unit
 
 T = TypeVar("T")
+LIMITS = {"gt": "greater than", "ge": "of at least", "lt": "less than", "le": "of at most"}
 
 
 @dataclass(frozen=True)
@@ -55,16 +56,20 @@ def fact(annotation: object, kind: type[T]) -> T | None:
     return next((fact for fact in _facts(annotation) if isinstance(fact, kind)), None)
 
 
+def _limits(facts: Iterable[object]) -> Iterator[tuple[str, Any]]:
+    """Yield the kind of each limit among the facts of an annotation, and the limit."""
+    for fact in facts:
+        yield from ((kind, limit) for kind in LIMITS if (limit := getattr(fact, kind, None)) is not None)
+
+
 def bounds(annotation: object) -> tuple[float, float, bool, bool]:
     """Return the lower and the upper bound of an annotation, and whether each bound is itself an allowed value."""
     low, high, at_low, at_high = -math.inf, math.inf, True, True
-    for constraint in _facts(annotation):
-        for key, is_low, closed in (("gt", 1, False), ("ge", 1, True), ("lt", 0, False), ("le", 0, True)):
-            limit = getattr(constraint, key, None)
-            if limit is not None and is_low:
-                low, at_low = float(limit), closed
-            elif limit is not None:
-                high, at_high = float(limit), closed
+    for kind, limit in _limits(_facts(annotation)):
+        if kind in ("gt", "ge"):
+            low, at_low = float(limit), kind == "ge"
+        else:
+            high, at_high = float(limit), kind == "le"
     return low, high, at_low, at_high
 
 
@@ -77,12 +82,9 @@ def item_type(annotation: object) -> Any:
 
 def _bounded(noun: str, facts: tuple[object, ...]) -> str:
     """Return a noun with its bounds and unit, as ``a number greater than 0 [length]``."""
-    words = (("gt", "greater than"), ("ge", "of at least"), ("lt", "less than"), ("le", "of at most"))
-    limits = [(word, getattr(fact, kind, None)) for fact in facts for kind, word in words]
     bounds = [
-        f"{word} {limit:g}" if isinstance(limit, int | float) else f"{word} {limit}"
-        for word, limit in limits
-        if limit is not None
+        f"{LIMITS[kind]} {limit:g}" if isinstance(limit, int | float) else f"{LIMITS[kind]} {limit}"
+        for kind, limit in _limits(facts)
     ]
     unit = next((fact.unit for fact in facts if isinstance(fact, Unit)), "1")
     text = f"{noun} {' and '.join(bounds)}" if bounds else noun

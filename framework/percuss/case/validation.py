@@ -28,7 +28,7 @@ from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem, suggestion
 from percuss.jsonable import Data
 from percuss.methods.blame import SINGULAR, is_third_party, said_by
-from percuss.methods.interfaces import AllowInf, Component, DataFile, Gt, OptionError
+from percuss.methods.interfaces import Component, DataFile, Gt, OptionError
 from percuss.methods.process_guard import process_as_before
 from percuss.methods.registry import Registry
 
@@ -235,8 +235,6 @@ def _mapping_schema(cls: Any, handler: GetCoreSchemaHandler) -> core_schema.Core
         except pydantic.errors.PydanticUserError as error:
             reason = str(error).splitlines()[0]
             raise PluginError(f"{cls.__name__}: option '{key}' is of a type no case can give: {reason}") from None
-        if fact(option.annotation, AllowInf) is not None:
-            schema = core_schema.no_info_after_validator_function(_without_nan, schema)
         required = option.required and schema["type"] != "default"
         if schema["type"] != "default":  # else it is a component or a section, whose options have limits of their own
             schema = core_schema.no_info_after_validator_function(functools.partial(_within_limits, option), schema)
@@ -270,17 +268,14 @@ def _mapping_schema(cls: Any, handler: GetCoreSchemaHandler) -> core_schema.Core
     return core_schema.with_info_wrap_validator_function(instance, mapping)
 
 
-def _without_nan(value: object) -> Any:
-    if isinstance(value, float) and math.isnan(value):
-        raise PydanticKnownError("finite_number")
-    return value
-
-
 def _within_limits(option: Option, value: object) -> Any:
     """Return the value of an option if it can be computed with: products of a few of its numbers are finite.
 
-    Numbers that are greater than 0 are divided by, so that they must not be tiny either.
+    Numbers that are greater than 0 are divided by, so that they must not be tiny either. If a number may be infinite,
+    nan comes here too.
     """
+    if isinstance(value, float) and math.isnan(value):
+        raise PydanticKnownError("finite_number")
     if isinstance(value, int) and abs(value) > MOST:
         raise PydanticCustomError("too_large", "expected a whole number below 2^63")
     above = fact(option.annotation, Gt)

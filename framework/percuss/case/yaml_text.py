@@ -278,18 +278,18 @@ def _syntax(error: yaml.YAMLError, text: str) -> Mistake:
             start = error.context_mark.line + 1, error.context_mark.column + 1
             origin = "" if start == position else f" that starts in line {start[0]}, column {start[1]}"
             message = f"{message} {error.context}{origin}"
-        lines = text.splitlines()
-        line = lines[position[0] - 1] if position[0] <= len(lines) else ""
-        if "\t" in line[: position[1]]:
-            return Mistake(position, (), f"not YAML: {message}", "Indent with spaces: YAML takes no tabs there.")
-        if error.context_mark is not None and "flow" in str(error.context):
+        before = "".join(text.splitlines()[position[0] - 1 : position[0]])[: position[1]]
+        advice = "Values with ': ', '#', '[' or '{' in them need quotes."
+        if "\t" in before:
+            advice = "Indent with spaces: YAML takes no tabs there."
+        elif error.context_mark is not None and "flow" in str(error.context):
             advice = f"Close the bracket of line {error.context_mark.line + 1}, or put a comma between the values."
-            return Mistake(position, (), f"not YAML: {message}", advice)
-        return Mistake(position, (), f"not YAML: {message}", "Values with ': ', '#', '[' or '{' in them need quotes.")
-    offset = getattr(error, "position", 0)
-    before = text[:offset]
-    position = before.count("\n") + 1, offset - (before.rfind("\n") + 1) + 1
-    return Mistake(position, (), f"not YAML: {getattr(error, 'reason', error)}", "Remove the character.")
+    else:
+        offset = getattr(error, "position", 0)
+        before = text[:offset]
+        position = before.count("\n") + 1, offset - (before.rfind("\n") + 1) + 1
+        message, advice = getattr(error, "reason", str(error)), "Remove the character."
+    return Mistake(position, (), f"not YAML: {message}", advice)
 
 
 def compose(text: str) -> tuple[object, dict[KeyPath, Mark], dict[KeyPath, KeyPath]]:

@@ -25,7 +25,7 @@ from percuss.methods.process_guard import (
     guarded_output,
     plug_ins_cannot_end_the_process,
     tell_standstill,
-    where_is,
+    where_work_is,
 )
 from percuss.process import INTERRUPTED, ctrl_c_raises
 
@@ -237,7 +237,7 @@ def _watch_interrupts(receiving: socket.socket) -> None:
             try:
                 received = receiving.recv(64)
             except TimeoutError:
-                place = where_is(threading.main_thread().ident or 0)
+                place = where_work_is()
                 if interrupts > 1:
                     print(f"interrupted{f' in {place}' if place else ''}", file=sys.stderr, flush=True)
                     os._exit(INTERRUPTED)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from percuss.errors import PercussError, PluginError
-from percuss.methods.blame import described, line_in_plugin
+from percuss.methods.blame import described, line_in_plugin, plain_function
 from percuss.methods.kernel_trial import describe_state, fault_of_nan, kernel_of
 from percuss.step.actions import LAWS
 from percuss.step.build import Kernels
@@ -163,5 +163,5 @@ def _kernel_of_error(march: Marching, error: BaseException) -> str:
     kernels: list[tuple[Any, str]] = [
         (kernel, f"{action.name}: {slot.__name__}") for action in of_plugins for slot, kernel in action.slots.items()
     ]
-    of_plug_in = (words for kernel, words in kernels if getattr(kernel, "py_func", kernel).__code__ in called)
+    of_plug_in = (words for kernel, words in kernels if plain_function(kernel).__code__ in called)
     return next(of_plug_in, "a kernel")

@@ -8,6 +8,7 @@ import numpy as np
 
 from percuss.mesh.cells import parameters_of, slots_of_material, volumes_of
 from percuss.mesh.materials import MaterialPoints
+from percuss.methods.blame import plain_function
 from percuss.methods.plugin_calls import read_only
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 def plain_slots(element: Element, material: Material) -> dict[Any, Callable[..., Any]]:
     """Return what fills the slots of an element's kernels, with the kernels of the material in plain Python."""
-    return {slot: getattr(kernel, "py_func", kernel) for slot, kernel in slots_of_material(element, material).items()}
+    return {slot: plain_function(kernel) for slot, kernel in slots_of_material(element, material).items()}
 
 
 def points_at_rest(element: Element, material: Material, body: BodyMesh) -> MaterialPoints:

@@ -7,6 +7,7 @@ import math
 
 from percuss import version
 from percuss.errors import PluginError, suggestion
+from percuss.methods.blame import plain_function
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component, ContactLaw, Material
 
 PREFIX = "percuss_"
@@ -79,17 +80,14 @@ KERNELS: dict[str, dict[str, tuple[str, ...]]] = {
 def _check_signatures(contract: type[Component], component: type[Component]) -> None:
     """Raise PluginError if a method cannot be called with the arguments that its contract gives it."""
     expected: dict[str, tuple[str, ...]] = {**KERNELS.get(contract.family, {})}
-    public = {name: value for name, value in vars(contract).items() if name[0] != "_"}
-    for name, value in public.items():
-        function = value.__func__ if isinstance(value, staticmethod) else value
+    public = {name: plain_function(value) for name, value in vars(contract).items() if name[0] != "_"}
+    for name, function in public.items():
         if inspect.isfunction(function):
             expected[name] = tuple(inspect.signature(function).parameters)
     if issubclass(component, Material) and component.state:
         expected["stress"] = ("parameters", "strain", "before", "after")
     for name, arguments in expected.items():
-        attribute = inspect.getattr_static(component, name, None)
-        function = attribute.__func__ if isinstance(attribute, staticmethod) else attribute
-        function = getattr(function, "py_func", function)
+        function = plain_function(inspect.getattr_static(component, name, None))
         if not inspect.isfunction(function):
             continue
         parameters = inspect.signature(function).parameters.values()

@@ -177,12 +177,17 @@ def place_of(error: BaseException) -> str:
 
 def definition_place(definition: Any) -> str:
     """Return ``file:line`` where a class or function is defined, or an empty text."""
-    definition = getattr(definition, "__func__", definition)  # a static method
-    definition = getattr(definition, "py_func", definition)  # a compiled function
+    definition = plain_function(definition)
     try:
         return f"{inspect.getsourcefile(definition)}:{inspect.getsourcelines(definition)[1]}"
     except (OSError, TypeError, SyntaxError):
         return ""
+
+
+def plain_function(attribute: Any) -> Any:
+    """Return the function behind a static method or a compiled function; anything else as it is."""
+    attribute = getattr(attribute, "__func__", attribute)
+    return getattr(attribute, "py_func", attribute)
 
 
 def error_text(error: BaseException) -> str:

@@ -11,13 +11,13 @@ from __future__ import annotations
 import itertools
 import types
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from percuss.compiling import Kernel
 from percuss.errors import PluginError
-from percuss.methods.blame import breach
+from percuss.methods.blame import breach, plain_function
 from percuss.methods.first_run import first_asked
 from percuss.methods.interfaces import Trial
 from percuss.methods.plugin_calls import called_twice, kernel_faults, mapped, read_only
@@ -192,24 +192,18 @@ def multipliers_of(law: ContactLaw, kernel: Kernel, bound: object, trial: Trial)
     return multiplier
 
 
-class Fault(NamedTuple):
-    """The fault of a kernel that leaves nan for a multiplier: what it did to a point, ``{}``, and the remedy."""
-
-    did: str
-    remedy: str
-
-
 SET_ALL = "every branch of its kernel has to set every multiplier, 0.0 where nothing presses"
-UNSET = Fault("leaves the multiplier of {} unset", SET_ALL)
-USED_UNSET = Fault("uses the multiplier of {} before it has set it", SET_ALL)
-COMPUTED = Fault(
+# What a kernel that leaves nan for a multiplier did to a point, ``{}``, and the remedy.
+UNSET = ("leaves the multiplier of {} unset", SET_ALL)
+USED_UNSET = ("uses the multiplier of {} before it has set it", SET_ALL)
+COMPUTED = (
     "computes a multiplier of {} that is not a number",
     "its kernel divides by zero, takes the root of a negative number, or the like",
 )
 
 
-def fault_of_nan(kernel: Kernel, bound: object, trial: Trial, point: int) -> Fault:
-    """Return why a kernel in plain Python left nan for the multiplier of a point.
+def fault_of_nan(kernel: Kernel, bound: object, trial: Trial, point: int) -> tuple[str, str]:
+    """Return fault and remedy: why a kernel in plain Python left nan for the multiplier of a point.
 
     It is called again with another initial value: if that value is still there, the kernel did not set the multiplier;
     if the result is now a number, it was computed from its own initial value.
@@ -257,15 +251,11 @@ def kernel_of(law: ContactLaw) -> Callable[..., None]:
     """
     kernel = getattr(type(law), "multipliers", None)
     if kernel is None:
-        raise breach(
-            law,
-            "bind",
-            "bind returned no LinearLaw, and the class has no static method `multipliers(bound, trial, multiplier)`",
-        )
+        missing = "the class has no static method `multipliers(bound, trial, multiplier)`"
+        raise breach(law, "bind", f"bind returned no LinearLaw, and {missing}")
     return kernel  # type: ignore[no-any-return]
 
 
 def plain_kernel(law: ContactLaw) -> types.FunctionType:
     """Return the kernel of a contact law as plain Python, also of one that its author has compiled."""
-    kernel = kernel_of(law)
-    return cast("types.FunctionType", getattr(kernel, "py_func", kernel))
+    return cast("types.FunctionType", plain_function(kernel_of(law)))

@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 from typing import Any, TextIO
 
 from percuss.errors import PluginError
@@ -62,10 +62,7 @@ class _Output:
 
     def write(self, text: str) -> int:
         """Write a text to standard output, or to standard error if a plug-in wrote it."""
-        caller = sys._getframe(1)
-        place = running_line(caller)
-        if not place and caller.f_code.co_filename.startswith(KERNELS_RUN_IN):
-            place = COMPILED
+        place = _place_of(sys._getframe(1))
         if not place:
             return self._real.write(text)
         if place not in self.places:
@@ -280,17 +277,20 @@ def tell_uncaught() -> None:
     sys.unraisablehook = functools.partial(tell, sys.unraisablehook)
 
 
-def where_is(thread: int) -> str:
-    """Return the line of a plug-in at which a thread is, or a text for compiled kernels, else an empty text."""
-    frame = sys._current_frames().get(thread)
-    if frame is None:
-        return ""
+def _place_of(frame: FrameType) -> str:
+    """Return the line of a plug-in that a call runs, or a text for compiled kernels, else an empty text."""
     in_step = Path(frame.f_code.co_filename).is_relative_to(KERNELS_RUN_IN)
     return running_line(frame) or (COMPILED if in_step else "")
 
 
+def where_work_is() -> str:
+    """Return the line of a plug-in at which the main thread is, or a text for compiled kernels, else an empty text."""
+    frame = sys._current_frames().get(threading.main_thread().ident or 0)
+    return _place_of(frame) if frame is not None else ""
+
+
 def tell_standstill() -> None:
     """Say on standard error in which line of a plug-in the work of the main thread stands still, if it is in one."""
-    if place := where_is(threading.main_thread().ident or 0):
+    if place := where_work_is():
         message = f"note: no step has been completed for {STANDSTILL:g} s; the work is in {place}; Ctrl-C ends it"
         print(message, file=sys.stderr, flush=True)

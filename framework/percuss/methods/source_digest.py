@@ -138,9 +138,8 @@ def function_digest(function: types.FunctionType) -> tuple[str, bool]:
     """
     name = function.__globals__.get("__name__", "")
     module = sys.modules.get(name)
-    source = ""
-    if module is not None and vars(module) is function.__globals__:
-        source = _source_of(name) if function.__code__.co_filename == getattr(module, "__file__", None) else ""
+    own = module is not None and vars(module) is function.__globals__
+    source = _source_of(name) if own and function.__code__.co_filename == getattr(module, "__file__", None) else ""
     return f"{source} {_code_digest(function.__code__)}", bool(source)
 
 
@@ -378,20 +377,13 @@ def _file_on_path(name: str) -> str | None:
 def data_files(path: Path, texts: Sequence[str], *, in_package: bool) -> list[Path]:
     """Return the data files that a source may read: those named in its texts and, in a package, all in its folder."""
     folder = path.parent
-    found: dict[Path, None] = {}
     single = (folder / text for text in texts if "/" not in text.strip("/") and text.strip("./"))
     folders = [folder, *filter(is_folder, single)]
-    for parent in folders:
-        named = (parent / text for text in texts if not text.endswith(".py"))
-        found |= dict.fromkeys(filter(is_file, named))
+    named = (parent / text for parent in folders for text in texts if not text.endswith(".py"))
+    found = set(filter(is_file, named))
     if in_package and (folder / "__init__.py").is_file():
-        for entry in folder.rglob("*"):
-            if (
-                entry.is_file()
-                and entry.suffix not in {".py", ".pyc", ".nbi", ".nbc"}
-                and "__pycache__" not in entry.parts
-            ):
-                found[entry] = None
+        data = (entry for entry in folder.rglob("*") if entry.suffix not in {".py", ".pyc", ".nbi", ".nbc"})
+        found |= {entry for entry in data if entry.is_file() and "__pycache__" not in entry.parts}
     return sorted(found)
 
 

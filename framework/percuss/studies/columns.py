@@ -150,7 +150,7 @@ def column(section: MeasureSection, bodies: Sequence[str]) -> Column:
     when = "" if section.at is None else f" at {section.at:g}"
     if section.during:
         when = f" from {section.during[0]:g} to {section.during[1]:g}"
-    taken = f"{section.take} of " if section.take != "value" else ""
+    taken = f"{section.statistic} of " if section.statistic != "value" else ""
     return Column(section.name, f"{taken}{section.quantity}{subject}{axis}{when}", "history", section=section)
 
 

@@ -36,7 +36,7 @@ from percuss.methods.process_guard import (
     plug_ins_cannot_end_the_process,
     tell_standstill,
     tell_uncaught,
-    where_is,
+    where_work_is,
 )
 from percuss.process import processes_with
 from percuss.studies.job_package import Bench, Job, Record
@@ -435,7 +435,7 @@ class _Desk:
         """Say of the run that has not completed a step for long at which line it stands, and end this process."""
         if not self._key:
             return  # nothing is asked of this process
-        place = where_is(threading.main_thread().ident or 0)
+        place = where_work_is()
         reason = f"no step was completed for {stalled_after:g} s (`stalled_after` of the study)"
         self.say(_Stall(self._key, f"{place}: {reason}" if place else reason))
         os._exit(1)

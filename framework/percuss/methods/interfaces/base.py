@@ -27,9 +27,7 @@ class Unit:
     unit: str
 
     def __get_pydantic_json_schema__(self, core_schema: object, handler: Callable[[object], Entries]) -> Entries:
-        schema = handler(core_schema)
-        schema["x-unit"] = self.unit
-        return schema
+        return {**handler(core_schema), "x-unit": self.unit}
 
 
 @dataclass(frozen=True)
@@ -37,9 +35,7 @@ class AllowInf:
     """Mark of a numerical option that may be infinite; all others must be finite, and ``nan`` is always refused."""
 
     def __get_pydantic_core_schema__(self, source: object, handler: Callable[[object], Entries]) -> Entries:
-        schema = handler(source)
-        schema["allow_inf_nan"] = True
-        return schema
+        return {**handler(source), "allow_inf_nan": True}
 
 
 @dataclass(frozen=True)
@@ -49,9 +45,7 @@ class Doc:
     text: str
 
     def __get_pydantic_json_schema__(self, core_schema: object, handler: Callable[[object], Entries]) -> Entries:
-        schema = handler(core_schema)
-        schema["description"] = self.text
-        return schema
+        return {**handler(core_schema), "description": self.text}
 
 
 class OptionError(ValueError):
