@@ -54,6 +54,7 @@ from percuss_methods.materials.elastic import Elastic
 from percuss_methods.materials.ramberg_osgood import RambergOsgood
 from percuss_methods.measures.ripple import Ripple
 from percuss_methods.pairings.gauss_points import GaussPoints
+from percuss_methods.pairings.mortar import Mortar
 from percuss_methods.pairings.node_to_segment import NodeToSegment
 from percuss_methods.shapes.bar import Bar
 from percuss_methods.shapes.block import Block
@@ -105,7 +106,7 @@ def percuss_contacts() -> list[type]:
 @hookimpl
 def percuss_pairings() -> list[type]:
     """Return the built-in pairings."""
-    return [GaussPoints, NodeToSegment]
+    return [GaussPoints, Mortar, NodeToSegment]
 
 
 @hookimpl

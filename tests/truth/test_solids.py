@@ -39,7 +39,7 @@ def bars(integrator, law, count=20, step=0.02):
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector", "velocity-verlet"])
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points", "mortar"])
 def test_quadrilaterals_without_contraction_are_a_bar(integrator, law, pairing):
     if (law, pairing) == ("lagrange", "gauss-points"):
         return
@@ -54,7 +54,7 @@ def test_quadrilaterals_without_contraction_are_a_bar(integrator, law, pairing):
     assert found.summary["momentum"]["balanced"]
 
 
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points", "mortar"])
 def test_triangles_tend_to_the_bar_with_the_first_order(pairing):
     """The corner nodes of the end faces have a third and two thirds of the mass that a bar has there."""
     errors = []
@@ -96,6 +96,17 @@ def test_critical_steps_are_those_of_an_independent_program(cells, plane, poisso
     assert found["stable"] == "yes"
 
 
+def test_methods_that_a_case_leaves_out_are_those_of_solids():
+    pair = {"left": block(0.0, 0.5, [20, 4]), "right": block(1.0, -0.5, [20, 6])}
+    data = {"bodies": pair, "contacts": {"tip": {"between": ["left.right", "right.left"]}}}
+    case = percuss.load({"percuss": 1, **data, "time": {"courant": 0.5, "end": 2.5}})
+    assert (case.method.contact.name, case.method.pairing.name) == ("regularised-lagrange", "mortar")
+    assert case.contacts["tip"].pairing.name == "mortar"
+    given = {"contact": "lagrange", "pairing": "node-to-segment"}
+    case = percuss.load({"percuss": 1, **data, "method": given, "time": {"courant": 0.5, "end": 2.5}})
+    assert (case.contacts["tip"].law.name, case.contacts["tip"].pairing.name) == ("lagrange", "node-to-segment")
+
+
 def test_a_load_on_an_edge_is_spread_and_a_support_holds_it():
     body = block(0.0, 0.0, [10, 3], 0.3, fixed=["left"])
     loads = {"pull": {"constant": 0.01, "on": "a.right", "direction": [1.0, 0.0]}}
@@ -114,7 +125,7 @@ def test_a_load_on_an_edge_is_spread_and_a_support_holds_it():
 
 
 @pytest.mark.parametrize("integrator", ["central-difference", WU])
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points", "mortar"])
 def test_automatic_stiffness_of_a_strip_is_that_of_its_bar(integrator, pairing):
     pair = {"left": block(0.0, 0.5, [20, 4]), "right": block(1.0, -0.5, [20, 4])}
     bar = {"bar": {"length": 1.0, "elements": 20}, "area": 0.2, "material": {"young": 1.0, "density": 1.0}}

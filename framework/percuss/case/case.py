@@ -203,7 +203,7 @@ def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: 
     if section is None:
         raise AssertionError("a part of a case is wrong and nothing says why")
     return Case(
-        **vars(completed(section, checks.dimension, registry)),
+        **vars(completed(section, checks.dimension, source, registry)),
         dimension=checks.dimension,
         data=source.data,
         notes=notes,

@@ -9,6 +9,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from percuss.case.defaults import DEFAULTS, WITHOUT_BARS
+from percuss.case.source import Source
 from percuss.case.specs import Address, BodySpec, CaseSection, Expectation, MeasureSection, RecordSpec, quantity_named
 from percuss.case.type_words import found
 from percuss.case.validation import Mistake, Reader
@@ -63,7 +65,7 @@ def misfits(section: Expectation | MeasureSection, contacts: Collection[str]) ->
         yield Mistake(("contact",), f"there is no contact '{section.contact}'", advice)
 
 
-def completed(case: CaseSection, dimension: int, registry: Registry) -> CaseSection:
+def completed(case: CaseSection, dimension: int, source: Source, registry: Registry) -> CaseSection:
     """Return a case without mistakes in which the computed fields of its parts are set.
 
     Vectors with fewer components than the case has dimensions are padded with zeros.
@@ -76,12 +78,19 @@ def completed(case: CaseSection, dimension: int, registry: Registry) -> CaseSect
     for name, body in case.bodies.items():
         start = body.start if isinstance(body.start, tuple) else (float(body.start),)
         bodies[name] = replace(body, name=name, at=padded(start), element=_element_of(body, registry))
+    method = case.method
+    if any(body.shape.cell != "line" for body in bodies.values()):
+        pairing: Any = method.pairing or registry.get("pairings", DEFAULTS["pairings"])()
+        law: Any = method.contact
+        if source.get(("method", "contact")) is None:
+            law = registry.get("contacts", WITHOUT_BARS["contacts"])()
+        method = replace(method, contact=law, pairing=pairing)
     contacts = {
         name: replace(
             contact,
             name=name,
-            law=contact.method or case.method.contact,
-            pairing=contact.pairing or case.method.pairing,
+            law=contact.method or method.contact,
+            pairing=contact.pairing or method.pairing,
         )
         for name, contact in case.contacts.items()
     }
@@ -95,7 +104,7 @@ def completed(case: CaseSection, dimension: int, registry: Registry) -> CaseSect
         of_contact = quantity_named(expectation.quantity).of == "contact"
         contact = expectation.contact or (next(iter(contacts)) if of_contact else None)
         expect.append(replace(expectation, contact=contact, path=("expect", i)))
-    return replace(case, bodies=bodies, contacts=contacts, loads=loads, expect=tuple(expect))
+    return replace(case, bodies=bodies, contacts=contacts, loads=loads, expect=tuple(expect), method=method)
 
 
 def _element_of(body: BodySpec, registry: Registry) -> Element:

@@ -4,8 +4,10 @@ DEFAULTS = {
     "integrators": "wu-predictor-corrector",
     "contacts": "bipenalty",
     "masses": "lumped",
-    "pairings": "gauss-points",
+    "pairings": "mortar",
     "materials": "elastic",
     "elements": "bar",
     "solutions": "bars-in-a-row",
 }
+# Of a case with bodies that are no bars, in place of those above.
+WITHOUT_BARS = {"contacts": "regularised-lagrange"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,15 +33,11 @@ def points_of_surfaces(
         message = f"expected two bars or two other bodies, found {spec.sides[0]} and {spec.sides[1]}"
         yield case.problem(path, message, "Contact of a bar with another body is not built.")
         return
-    if spec.pairing is None:
-        known = ", ".join(case.registry.names("pairings"))
-        message = f"missing (how the surfaces of {' and '.join(map(str, spec.sides))} make contact points)"
-        yield case.problem((*path, "pairing"), message, f"Add `pairing:` with one of: {known}.")
-        return
     surfaces = [body.surface(side.region) for body, side in zip(sides, spec.sides, strict=True)]
     first = surfaces[0].surface
     second = surfaces[1].surface if len(surfaces) > 1 else wall_of(spec, first)
-    found: PairedPoints = answer(spec.pairing, "points", first, second)
+    pairing: Any = spec.pairing
+    found: PairedPoints = answer(pairing, "points", first, second)
     if not found.gap.size:
         yield case.problem(path, "expected surfaces that face each other, found no point of one that meets the other")
         return

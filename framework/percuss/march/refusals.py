@@ -84,9 +84,7 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
             pairing = case.contacts[name].pairing
             if pairing is not None and pairing.more_points_than_nodes:
                 message = f"expected a law with a compliance on {pairing.name}, found {bound_law.law.name}"
-                advice = (
-                    "There are more points than nodes, so that single forces have no meaning: take node-to-segment."
-                )
+                advice = "It makes more points than nodes, so that single forces have no meaning: take mortar."
                 yield case.problem(("contacts", name), message, advice)
 
 

@@ -1,0 +1,126 @@
+"""Whether pairings transmit a uniform pressure between meshes that do not match, to figures of an independent program.
+
+Two equal blocks meet squarely. The exact pressure is uniform, and the surfaces move along their normals alone.
+"""
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.march.march import March
+from percuss.march.model import Model
+from percuss.methods.interfaces import Surface
+from percuss_methods.pairings.mortar import Mortar
+
+WU, MESHES = "wu-predictor-corrector", ((4, 4), (5, 7), (4, 6), (6, 4))
+FOUR = {"name": "gauss-points", "points_on_facet": 4}
+LAGRANGE, PENALTY, REGULARISED = (
+    {"name": "lagrange"},
+    {"name": "penalty", "beta_s": 0.25},
+    {"name": "regularised-lagrange", "beta_s": 1.0},
+)
+
+
+def block(at, speed, across):
+    return {
+        "block": {"size": [1.0, 0.2], "elements": [20, across]}, "at": [at, 0.0], "velocity": [speed, 0.0],
+        "material": {"young": 1.0, "density": 1.0, "poisson": 0.0},
+    }  # fmt: skip
+
+
+def surfaces_at_the_end(integrator, law, pairing, meshes, courant):
+    """Return the velocities of the surfaces over that of impact, and the pressures over the exact one, at t = 1."""
+    step = courant * min(0.05, 0.2 / max(meshes))
+    model = Model(percuss.load({
+        "percuss": 1, "bodies": {"left": block(0.0, 0.5, meshes[0]), "right": block(1.0, -0.5, meshes[1])},
+        "contacts": {"seam": {"between": ["left.right", "right.left"]}},
+        "method": {"integrator": integrator, "contact": law, "pairing": pairing},
+        "time": {"courant": courant, "steps": round(1.0 / step)},
+    }))  # fmt: skip
+    assert model.dt == pytest.approx(step, rel=1e-6)
+    march = March(model)
+    march.run()
+    nodes = sorted({node for point in model.contact_points for node in point.nodes})
+    velocity = march.v.reshape(-1, 2)[nodes] / 0.5
+    areas = np.array([model.contact_points[point].weight for point in march.arrays.order])
+    return velocity, march.arrays.step.points.state["multiplier"] / areas / 0.5
+
+
+@pytest.mark.parametrize("meshes", MESHES)
+@pytest.mark.parametrize(
+    ("integrator", "law", "courant"),
+    [(WU, LAGRANGE, 1.0), ("central-difference", PENALTY, 0.7), (WU, REGULARISED, 0.7)],
+)
+def test_mortar_transmits_a_uniform_pressure(integrator, law, courant, meshes):
+    velocity, pressure = surfaces_at_the_end(integrator, law, "mortar", meshes, courant)
+    assert np.ptp(pressure) < 1e-10
+    assert pressure == pytest.approx(1.0, abs=0.03)
+    assert np.abs(velocity[:, 1]).max() < 1e-10
+    if law is LAGRANGE:
+        assert np.abs(velocity[:, 0]).max() < 1e-10
+
+
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points", FOUR])
+def test_every_pairing_transmits_it_between_meshes_that_match(pairing):
+    velocity, pressure = surfaces_at_the_end(WU, REGULARISED, pairing, (4, 4), 0.7)
+    assert np.ptp(pressure) < 1e-12
+    assert np.abs(velocity[:, 1]).max() < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("integrator", "law", "courant", "pairing", "meshes", "sideways", "pressures"),
+    [
+        (WU, LAGRANGE, 1.0, "node-to-segment", (5, 7), 0.052, (0.87, 1.09)),
+        (WU, LAGRANGE, 1.0, "node-to-segment", (4, 6), 0.064, (0.84, 1.14)),
+        (WU, LAGRANGE, 1.0, "node-to-segment", (6, 4), 0.031, (0.90, 1.05)),
+        ("central-difference", PENALTY, 0.7, "node-to-segment", (5, 7), 0.019, None),
+        ("central-difference", PENALTY, 0.7, "gauss-points", (5, 7), 0.0075, None),
+        ("central-difference", PENALTY, 0.7, FOUR, (5, 7), 0.0010, None),
+        ("central-difference", PENALTY, 0.7, "node-to-segment", (4, 6), 0.066, None),
+        ("central-difference", PENALTY, 0.7, "gauss-points", (4, 6), 0.0024, None),
+        (WU, REGULARISED, 0.7, "node-to-segment", (5, 7), 0.020, (0.91, 1.06)),
+        (WU, REGULARISED, 0.7, "gauss-points", (5, 7), 0.0031, (0.98, 1.02)),
+        (WU, REGULARISED, 0.7, "node-to-segment", (4, 6), 0.036, (0.90, 1.10)),
+        (WU, REGULARISED, 0.7, "gauss-points", (4, 6), 0.0017, (1.00, 1.01)),
+        (WU, REGULARISED, 0.7, "node-to-segment", (6, 4), 0.014, (0.95, 1.03)),
+        (WU, REGULARISED, 0.7, "gauss-points", (6, 4), 0.0020, (0.99, 1.01)),
+    ],
+)  # fmt: skip
+def test_other_pairings_fail_by_the_figures_of_an_independent_program(
+    integrator, law, courant, pairing, meshes, sideways, pressures
+):
+    velocity, pressure = surfaces_at_the_end(integrator, law, pairing, meshes, courant)
+    assert np.abs(velocity[:, 1]).max() == pytest.approx(sideways, rel=0.05)
+    if pressures is not None:
+        assert (pressure.min(), pressure.max()) == pytest.approx(pressures, abs=0.006)
+
+
+def surface(points, start=0):
+    """Return the surface of a body along a chain of points in space, the body on the left."""
+    points = np.array(points, dtype=float)
+    count = len(points)
+    facets = np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
+    along = points[1:] - points[:-1]
+    lengths = np.linalg.norm(along, axis=1)
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / lengths[:, None]
+    return Surface(np.arange(start, start + count), points, facets, normals, lengths)
+
+
+@pytest.mark.parametrize("cover", [1.0, 0.9, 0.6, 0.31, 0.1, 1e-3, 1e-5])
+def test_mortar_weights_are_positive_areas_of_what_is_covered(cover):
+    """With dual functions of whole edges a node with less than two thirds of an edge covered has a negative area."""
+    first = surface([(0.0, y) for y in np.linspace(0.0, 1.0, 5)])
+    second = surface([(0.0, y) for y in np.linspace(cover, -0.4, 7)], 5)
+    found = Mortar().points(first, second)
+    assert (found.weight > 0.0).all()
+    assert found.weight.sum() == pytest.approx(cover, rel=1e-12)
+    sums = np.add.reduceat(found.value, found.start[:-1])
+    assert np.abs(sums).max() < 1e-9
+    assert np.abs(found.gap).max() < 1e-12 / cover
+
+
+def test_mortar_sees_the_near_side_of_a_closed_body_alone():
+    angle = np.linspace(0.0, 2.0 * np.pi, 41)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    found = Mortar().points(surface(circle - np.array([1.0, 0.0])), surface(circle + np.array([1.0, 0.0]), 41))
+    assert found.gap.min() > -0.02
