@@ -13,7 +13,7 @@ import percuss
 import places
 from command_line import percuss_command
 from percuss.certificate import maps, verdict
-from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
+from percuss.certificate.closed_form import NoClosedFormError, step_of_long_bars
 from percuss.certificate.waves import waves
 from percuss.cli import scaffold
 from percuss.errors import InputError, PercussError, RefusedPair
@@ -136,7 +136,7 @@ def test_maps_closed_forms_waves_and_tied_twins_say_that_it_is_not_known(not_lin
         assert row["courant_critical"] is None
         assert name in row["reason"]
     with pytest.raises(NoClosedFormError, match=name):
-        ClosedFormCriterion(Model(loaded))
+        step_of_long_bars(Model(loaded))
     with pytest.raises(PercussError, match=name):
         waves(Model(loaded))
     twin = compared(case | {"plugins": plugins}, tmp_path, "--tied")[-1]
@@ -381,7 +381,7 @@ def test_why_nothing_is_known_of_a_law_is_said_truly(contact, reason):
     assert reason in known["energy_why"]
     assert ("no line in gap and acceleration" in known["energy_why"]) is (contact["name"] == "nitsche-kernel")
     with pytest.raises(NoClosedFormError, match=reason):
-        assert ClosedFormCriterion(model).critical_step
+        assert step_of_long_bars(model)
 
 
 # ---------------------------------------------------------------------------------------------------- swaps

@@ -65,7 +65,7 @@ def laws(stiffness, inertia, predicted):
     share = np.divide(inertia, stiffness)
     return lambda dt: ClosedContacts(
         stiffness, inertia, np.full(count, predicted), share - dt * dt if predicted else np.full(count, np.nan),
-        1.0 / stiffness, (), (), "", "",
+        1.0 / stiffness, (), "", "",
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 SAME_DIRECTION = 1e-9  # length below which what supports leave of a direction is round-off
 
 
-def assembled_operator(model: Model, *, tied: bool = True) -> Operator:
+def assembled_operator(model: Model, *, tied: bool) -> Operator:
     """Return the operator of all motions that the supports of a stretch leave free, and the ties too if `tied`."""
     from scipy.sparse import block_diag, csr_array, diags_array
 
@@ -32,15 +33,19 @@ def assembled_operator(model: Model, *, tied: bool = True) -> Operator:
     )
 
 
-def operator_of(model: Model) -> Operator:
-    """Return the operator of a stretch of a run: banded for bars, sparse for any other bodies."""
-    return line_operator(model) if model.bodies.of_lines else assembled_operator(model)
+def operator_of(model: Model, *, tied: bool = True) -> Operator:
+    """Return the operator of a stretch of a run, bodies as one that are tied throughout it if `tied`.
+
+    It is banded for bars, and sparse for any other bodies.
+    """
+    return line_operator(model, tied=tied) if model.bodies.of_lines else assembled_operator(model, tied=tied)
 
 
 def rigid_motions(model: Model) -> Floats:
-    """Return the motions of bodies without strain that supports allow, one a column, (nodes * dim, k).
+    """Return the motions of bodies as a whole that supports allow, one a column, (nodes * dim, k).
 
-    Displacements are small, so that a rotation moves a node across its distance from the middle of the body.
+    A bar moves along its axis. Displacements of other bodies are small, so that a rotation moves a node across its
+    distance from the middle of the body.
     """
     from scipy.linalg import null_space
 
@@ -48,39 +53,46 @@ def rigid_motions(model: Model) -> Floats:
     for body in model.bodies.values():
         inside = slice(body.start, body.stop)
         arm = model.bodies.nodes[inside] - model.bodies.nodes[inside].mean(axis=0)
-        fields = [np.tile(axis, (len(arm), 1)) for axis in np.eye(dim)]
-        for first in range(dim):
-            for second in range(first + 1, dim):
-                turned = np.zeros_like(arm)
-                turned[:, first], turned[:, second] = -arm[:, second], arm[:, first]
-                fields.append(turned / np.abs(arm).max())
+        axes = np.eye(dim) if body.mesh.line is None else body.mesh.direction[None]
+        fields = [np.tile(axis, (len(arm), 1)) for axis in axes]
+        for first, second in itertools.combinations(range(dim if body.mesh.line is None else 0), 2):
+            turned = np.zeros_like(arm)
+            turned[:, first], turned[:, second] = -arm[:, second], arm[:, first]
+            fields.append(turned / np.abs(arm).max())
         motions = np.zeros((len(fields), model.bodies.n_nodes, dim))
         motions[:, inside] = fields
         nodes = [node for node in held if body.start <= node < body.stop]
-        caught = [motions[:, node] @ direction for node in nodes for direction in held[node]]
-        allowed = null_space(np.array(caught)) if caught else np.eye(len(fields))
+        caught = np.array([motions[:, node] @ direction for node in nodes for direction in held[node]])
+        caught = caught[np.abs(caught).max(axis=1) > SAME_DIRECTION] if nodes else caught
+        allowed = null_space(caught) if caught.size else np.eye(len(fields))
         columns.append(motions.reshape(len(fields), -1).T @ allowed)
     return np.concatenate(columns, axis=1)
 
 
 def free_motions(model: Model) -> Any:
-    """Return the motions that supports and drives leave free, one a column, sparse and orthonormal."""
+    """Return the motions that supports and drives leave free, one a column, sparse and orthonormal.
+
+    A node of a bar moves along it, and in every direction if it is in contact.
+    """
     from scipy.sparse import csr_array
 
     held, dim = held_directions(model), model.dim
+    touched = {node for contact_point in model.contact_points for node in contact_point.nodes}
     columns: list[tuple[int, Floats]] = []
-    for node in range(model.bodies.n_nodes):
-        if node not in held:
-            columns += [(node, axis) for axis in np.eye(dim)]
-            continue
-        kept: list[Floats] = []
-        for axis in np.eye(dim):
-            rest = axis.copy()
-            for direction in (*held[node], *kept):
-                rest = rest - (rest @ direction) * direction
-            if np.linalg.norm(rest) > SAME_DIRECTION:
-                kept.append(rest / np.linalg.norm(rest))
-        columns += [(node, axis) for axis in kept]
+    for body in model.bodies.values():
+        axes = [*np.eye(dim)] if body.mesh.line is None else [body.mesh.direction]
+        for node in range(body.start, body.stop):
+            if node not in held and (node not in touched or body.mesh.line is None):
+                columns += [(node, axis) for axis in axes]
+                continue
+            kept: list[Floats] = []
+            for axis in (*axes, *np.eye(dim)) if node in touched else axes:
+                rest = axis
+                for direction in (*held.get(node, ()), *kept):
+                    rest = rest - (rest @ direction) * direction
+                if np.linalg.norm(rest) > SAME_DIRECTION:
+                    kept.append(rest / np.linalg.norm(rest))
+            columns += [(node, axis) for axis in kept]
     nodes = np.array([node for node, _ in columns], dtype=np.int64)
     values = np.array([axis for _, axis in columns]).reshape(-1, dim)
     dofs = (nodes[:, None] * dim + np.arange(dim)).ravel()

@@ -59,11 +59,10 @@ class ClosedContacts:
     compliance
         sigma over the weight of the gap; 0 for mesh tying and for unknown laws; that of the end elements is added where
         an end has no mass [length/force].
-    unknown
-        Names of laws from which neither stiffness and inertia nor a constraint follow, such as laws with a kernel of
-        their own or a weight on the gap rate; with a multi-stage scheme also laws evaluated at the end of the step.
     doubts
-        Reasons in words why these laws are unknown, each reason once.
+        Reasons in words, each once, why neither stiffness and inertia nor a constraint follow from some of the laws,
+        such as laws with a kernel of their own or a weight on the gap rate; with a multi-stage scheme also laws
+        evaluated at the end of the step. Empty where they follow from all laws.
     energy, why
         Energy guarantee of the pair of methods, the weakest of all contacts, and the reason for it in words.
     """
@@ -73,7 +72,6 @@ class ClosedContacts:
     predicted: Any
     surplus: Floats
     compliance: Floats
-    unknown: tuple[str, ...]
     doubts: tuple[str, ...]
     energy: str
     why: str
@@ -84,11 +82,9 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     count = len(model.contact_points)
     stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
     predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
-    unknown: list[str] = []
     doubts: list[str] = []
 
-    def add_unknown(name: str, reason: str, energy: tuple[str, str] | None = None) -> None:
-        unknown.append(name)
+    def add_doubt(reason: str, energy: tuple[str, str] | None = None) -> None:
         doubts.append(reason)
         if energy or not model.facts.of_all_laws:
             guarantees.append(energy or (UNKNOWN, reason))
@@ -99,16 +95,14 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     for bound_law in model.laws_at(dt):
         law, linear, indices = bound_law.law, bound_law.linear, list(bound_law.where)
         if linear is None:
-            add_unknown(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
+            add_doubt(f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
             continue
         if reason := _reason_unknown(linear, law.name, multistage=stages is not None) or by_scheme:
-            add_unknown(law.name, reason, _energy_beyond_gap(model, bound_law))
+            add_doubt(reason, _energy_beyond_gap(model, bound_law))
             continue
         if linear.at == "explicit" and not _determined(table.explicit, linear):
             name = model.case.method.integrator.name
-            add_unknown(
-                f"{law.name} with {name}", f"{name} shows {law.name} its gap and acceleration of different times"
-            )
+            add_doubt(f"{name} shows {law.name} its gap and acceleration of different times")
             continue
         if linear.at == "explicit":
             stiffness[indices] = linear.gap / linear.sigma
@@ -122,21 +116,11 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         if not bound_law.ties:
             compliance[indices] = linear.sigma / linear.gap
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
-    by_loads = tuple(filter(None, (model.facts.beyond_pencil(),)))
     inactive = list(model.inactive_points(0.5 * model.dt))
     stiffness[inactive], inertia[inactive], surplus[inactive] = 0.0, 0.0, np.nan
     weakest, why = _weakest(guarantees, multistage=stages is not None)
-    closed = ClosedContacts(
-        stiffness,
-        inertia,
-        predicted,
-        surplus,
-        compliance,
-        (*unknown, *by_loads),
-        (*dict.fromkeys(doubts), *by_loads),
-        weakest,
-        why,
-    )
+    reasons = tuple(filter(None, (*dict.fromkeys(doubts), model.facts.beyond_pencil())))
+    closed = ClosedContacts(stiffness, inertia, predicted, surplus, compliance, reasons, weakest, why)
     return _behind_end_elements(model, closed) if model.balanced.any() else closed
 
 

@@ -11,6 +11,7 @@ from percuss.certificate.lines import held_throughout
 from percuss.certificate.search import largest_step_below, signed_distance
 
 if TYPE_CHECKING:
+    from percuss.contact.contact_point import ContactPoint
     from percuss.march.model import Model
 
 
@@ -29,19 +30,20 @@ def unlike_plain_bars(model: Model) -> str:
     return model.bodies.why_not_linear or scheme or model.facts.unlike_plain_bars or next(cells, "")
 
 
-class ClosedFormCriterion:
-    """Criterion in closed form for uniform bars, which are taken as infinitely long: no mesh, no matrix.
+def end_elements(model: Model, contact_point: ContactPoint) -> list[tuple[float, float]]:
+    """Return EA/h and 2c/h of the end element of each side of a contact."""
+    ends = [(model.bodies.bar_at(node), model.bodies.bar_at(node).end_element(node)) for node in contact_point.nodes]
+    return [(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends]
 
-    A harmonic that decays into an infinitely long bar of elements h holds its end with the stiffness
-    ``(EA/h)(2/C) sqrt(1/C^2 - 1)`` at the step dt = C h/c. Central difference is stable as long as the stiffness of
-    both ends in series is at least ``eps_s - 4 eps_m / dt^2``; on a rigid wall this gives
-    ``C = sqrt(2 / (1 + sqrt(1 + beta_s^2)))`` for the penalty method. Wu's predictor-corrector is stable for
+
+def step_of_long_bars(model: Model) -> float:
+    """Return the critical step of uniform bars, which are taken as infinitely long: no mesh, no matrix.
+
+    It is 2/omega where contact does not lower it. A harmonic that decays into an infinitely long bar of elements h
+    holds its end with the stiffness ``(EA/h)(2/C) sqrt(1/C^2 - 1)`` at the step dt = C h/c. Central difference is
+    stable as long as the stiffness of both ends in series is at least ``eps_s - 4 eps_m / dt^2``; on a rigid wall this
+    gives ``C = sqrt(2 / (1 + sqrt(1 + beta_s^2)))`` for the penalty method. Wu's predictor-corrector is stable for
     ``theta <= 1``.
-
-    Parameters
-    ----------
-    model
-        The case as arrays.
 
     Raises
     ------
@@ -49,55 +51,38 @@ class ClosedFormCriterion:
         If a body is not linear or a bar not uniform, the mass couples nodes, the integrator is a multi-stage scheme or
         viscous, or an end in contact is fixed, driven or in several contacts.
     """
+    if why := unlike_plain_bars(model) or model.facts.no_closed_form:
+        raise NoClosedFormError(why)
+    for body in model.bodies.values():
+        if np.ptp(body.mesh.lengths) > 1e-9 * body.mesh.lengths.mean():
+            raise NoClosedFormError(f"the elements of body '{body.name}' are unequal")
+    nodes = [node for contact_point in model.contact_points for node in contact_point.nodes]
+    if len(set(nodes)) < len(nodes):
+        raise NoClosedFormError("an end is in several contacts")
+    if {constraint.node for constraint in held_throughout(model)} & set(nodes):
+        raise NoClosedFormError("an end in contact is fixed or driven")
+    if doubts := closed_contacts(model, model.dt).doubts:
+        raise NoClosedFormError("; ".join(doubts))
+    free = 2.0 / model.bodies.omega
+    ends = [end_elements(model, contact_point) for contact_point in model.contact_points]
 
-    by = "closed-form"
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        if why := unlike_plain_bars(model):
-            raise NoClosedFormError(why)
-        if why := model.facts.no_closed_form:
-            raise NoClosedFormError(why)
-        self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h
-        for body in model.bodies.values():
-            if np.ptp(body.mesh.lengths) > 1e-9 * body.mesh.lengths.mean():
-                raise NoClosedFormError(f"the elements of body '{body.name}' are unequal")
-        nodes = [node for contact_point in model.contact_points for node in contact_point.nodes]
-        if len(set(nodes)) < len(nodes):
-            raise NoClosedFormError("an end is in several contacts")
-        if {constraint.node for constraint in held_throughout(model)} & set(nodes):
-            raise NoClosedFormError("an end in contact is fixed or driven")
-        for contact_point in model.contact_points:
-            bars = [(model.bodies.bar_at(node), node) for node in contact_point.nodes]
-            ends = [(bar, bar.end_element(node)) for bar, node in bars]
-            self.sides.append([(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends])
-        self.free = 2.0 / model.bodies.omega
-
-    def _excess(self, dt: float) -> float:
-        """Return the signed distance of a step from the critical one: -1 to 1, continuous, 0 at the critical step."""
-        laws = closed_contacts(self.model, dt)
-        if laws.unknown:
-            raise NoClosedFormError("; ".join(laws.doubts))
-        if dt > self.free:
+    def excess(dt: float) -> float:
+        if dt > free:
             return 1.0
-        softening = 0.0  # the largest share of what would make a contact unstable
-        for p, sides in enumerate(self.sides):
+        laws, shares = closed_contacts(model, dt), [0.0]  # of what would make a contact unstable
+        for p, sides in enumerate(ends):
+            stiffness = laws.stiffness[p] - 4.0 * laws.inertia[p] / dt**2
             if laws.predicted[p]:
                 # The entry s of the contact in S is the sum of 1/m over its sides, with m = 2 (EA/h) / omega^2.
-                s = sum(frequency**2 / (2.0 * stiffness) for stiffness, frequency in sides)
-                softening = max(softening, dt**2 * laws.stiffness[p] * s / (1.0 + laws.inertia[p] * s))
-                continue
-            contact_stiffness = laws.stiffness[p] - 4.0 * laws.inertia[p] / dt**2
-            courant = [0.5 * dt * frequency for _, frequency in sides]
-            end_stiffnesses = [
-                stiffness * 2.0 / c * np.sqrt(max(1.0 / c**2 - 1.0, 0.0))
-                for (stiffness, _), c in zip(sides, courant, strict=True)
-            ]
-            if contact_stiffness > 0:
-                softening = max(softening, sum(contact_stiffness / k if k > 0 else np.inf for k in end_stiffnesses))
-        return signed_distance(softening)
+                s = sum(frequency**2 / (2.0 * end_stiffness) for end_stiffness, frequency in sides)
+                shares.append(dt**2 * laws.stiffness[p] * s / (1.0 + laws.inertia[p] * s))
+            elif stiffness > 0:
+                courant = [0.5 * dt * frequency for _, frequency in sides]
+                held = [
+                    end_stiffness * 2.0 / c * np.sqrt(max(1.0 / c**2 - 1.0, 0.0))
+                    for (end_stiffness, _), c in zip(sides, courant, strict=True)
+                ]
+                shares.append(sum(stiffness / k if k > 0 else np.inf for k in held))
+        return signed_distance(*shares)
 
-    @property
-    def critical_step(self) -> float:
-        """Largest stable step, which is 2/omega where contact does not lower it."""
-        return largest_step_below(self._excess, self.free)
+    return largest_step_below(excess, free)

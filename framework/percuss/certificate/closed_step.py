@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.assembled import free_motions, operator_of, rigid_motions
-from percuss.certificate.lines import LineOperator, held_directions, held_throughout
+from percuss.certificate.lines import LineOperator, held_throughout
+from percuss.certificate.operator import unfelt
 from percuss.certificate.search import MARGINAL_DISTANCE
 from percuss.contact.points import FROM_LINE, NEVER
 from percuss.heartbeat import beat
@@ -29,7 +30,7 @@ from percuss.march.march import March
 from percuss.step.parts.end_forces import end_forces
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from percuss.certificate.operator import Operator
     from percuss.march.model import Model
@@ -197,8 +198,7 @@ class Motions:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.constraints = held_throughout(model)
-        self.held = held_directions(model)
-        self.basis = _basis(model, self.held) if model.bodies.of_lines else free_motions(model)
+        self.basis = free_motions(model)
         self.projection = self.basis.T.tocsr()
         self.root = np.sqrt(model.bodies.mass_of_dofs)
         self.shortest_element = min(body.shortest for body in model.bodies.values())
@@ -217,6 +217,11 @@ class Motions:
         return self._march
 
     @cached_property
+    def not_tied(self) -> list[int]:
+        """The contacts that may be open."""
+        return [p for p in range(len(self.model.contact_points)) if p not in self.model.tied_points]
+
+    @cached_property
     def operator(self) -> Operator:
         """Masses and stiffness of the bodies, those as one that are tied throughout."""
         return operator_of(self.model)
@@ -224,59 +229,54 @@ class Motions:
     @cached_property
     def gaps(self) -> Floats:
         """Gap matrix N^T of all contacts for weighted displacements, (P, n)."""
-        return self._weighted(self.model.rows.normals().T)
+        return self._weighted([contact_point.gradient for contact_point in self.model.contact_points])
 
     @cached_property
     def end_forces(self) -> Floats:
         """The end forces that laws see or push, scaled, as rows for weighted displacements, (points, n)."""
-        found = end_forces(self.model, 0.5 * self.model.dt).values()
-        out = np.zeros((len(found), self.root.size))
-        for line, end_force in zip(out, found, strict=True):
-            for node, row in end_force.rows.items():
-                line[node * self.model.dim : (node + 1) * self.model.dim] = row
-        return self._weighted(out / np.abs(out).max(axis=1, keepdims=True, initial=np.finfo(float).tiny))
+        rows = [point.rows for point in end_forces(self.model, 0.5 * self.model.dt).values()]
+        largest = [max(float(np.abs(vector).max()) for vector in row.values()) for row in rows]
+        return self._weighted(
+            [[(node, vector / size) for node, vector in row.items()] for row, size in zip(rows, largest, strict=True)]
+        )
 
     @cached_property
     def followed(self) -> Floats:
         """The displacements on which forces depend, as rows for weighted displacements, (forces, n)."""
-        forces = self.model.facts.forces
-        rows = np.zeros((len(forces), self.model.bodies.n_nodes, self.model.dim))
-        for row, force in zip(rows, forces, strict=True):
-            row[force.node] = force.force
-        return self._weighted(rows.reshape(len(forces), self.root.size))
+        return self._weighted([[(force.node, force.force)] for force in self.model.facts.forces])
 
-    def _weighted(self, rows: Floats) -> Floats:
-        """Return rows for displacements, (k, nodes * dim), as rows for weighted ones, (k, n)."""
-        return np.asarray(self.projection @ (rows / self.root).T).T
+    def _weighted(self, gradients: Sequence[Iterable[tuple[int, Floats]]]) -> Floats:
+        """Return rows for weighted displacements, (k, n), from derivatives by the displacements of nodes."""
+        rows = np.zeros((len(gradients), self.model.bodies.n_nodes, self.model.dim))
+        for row, gradient in zip(rows, gradients, strict=True):
+            for node, vector in gradient:
+                row[node] += vector
+        return np.asarray(self.projection @ (rows.reshape(len(gradients), self.root.size) / self.root).T).T
 
     @cached_property
     def strainless(self) -> Floats:
-        """Motions without strain: translation of bars that are free along their axis, and all motion across, (n, z)."""
-        model, basis = self.model, self.basis
+        """Motions without strain: those of bodies as a whole, and all motion across a bar, (n, z)."""
+        model = self.model
+        whole = np.asarray(self.projection @ (rigid_motions(model) * self.root[:, None]))
         if not model.bodies.of_lines:
-            return np.asarray(self.projection @ (rigid_motions(model) * self.root[:, None]))
-        columns = []
-        along = np.zeros(basis.shape[1])
-        for body in model.bodies.values():
-            axis = np.zeros((model.bodies.n_nodes, model.dim))
-            axis[body.start : body.stop] = body.mesh.direction
-            along += np.abs(basis.T @ axis.ravel())
-            held = [direction for node in range(body.start, body.stop) for direction in self.held.get(node, [])]
-            if all(abs(float(direction @ body.mesh.direction)) < 1e-9 for direction in held):
-                columns.append(basis.T @ (axis.ravel() * self.root))
-        across = np.flatnonzero(along < 1e-9)
-        sideways = np.zeros((basis.shape[1], across.size))
+            return whole
+        across = np.flatnonzero(np.abs(self.projection @ self._axes.ravel()) < 1e-9)
+        sideways = np.zeros((whole.shape[0], across.size))
         sideways[across, np.arange(across.size)] = 1.0
-        return np.concatenate([np.array(columns).reshape(-1, basis.shape[1]).T, sideways], axis=1)
+        return np.concatenate([whole, sideways], axis=1)
+
+    @property
+    def _axes(self) -> Floats:
+        """The direction of the bar of each node, (nodes, dim)."""
+        bodies = self.model.bodies.values()
+        return np.concatenate([np.tile(body.mesh.direction, (body.mass.size, 1)) for body in bodies])
 
     def critical_modes(self, dt: float) -> Floats:
         """Return the highest mode of each bar whose highest frequency is 2/dt, (n, z)."""
         operator, columns = self.operator, []
         if not isinstance(operator, LineOperator):
             return np.zeros((self.basis.shape[1], 0))
-        axes = np.concatenate(
-            [np.tile(body.mesh.direction, (body.mass.size, 1)) for body in self.model.bodies.values()]
-        )
+        axes = self._axes
         for rows, block in operator.blocks():
             diagonal, mass = block.stiffness[0], block.mass[0]
             largest = float((diagonal / mass).max())
@@ -285,10 +285,9 @@ class Motions:
             value = block.highest_of_block()
             if abs(value * dt**2 / 4.0 - 1.0) < 4.0 * MARGINAL_DISTANCE:
                 moving = np.flatnonzero((operator.place >= rows.start) & (operator.place < rows.stop))
-                nodes, mode = operator.nodes[moving], block.highest_mode(value)[operator.place[moving] - rows.start]
+                mode = operator.signs[moving] * block.highest_mode(value)[operator.place[moving] - rows.start]
                 full = np.zeros((self.model.bodies.n_nodes, self.model.dim))
-                size = operator.signs[moving] * mode * np.sqrt(self.model.bodies.mass[nodes])
-                full[nodes] = size[:, None] * axes[nodes]
+                full[moving] = (mode * np.sqrt(self.model.bodies.mass[moving]))[:, None] * axes[moving]
                 columns.append(self.projection @ full.ravel())
         return np.array(columns).reshape(-1, self.basis.shape[1]).T
 
@@ -298,45 +297,6 @@ class Motions:
         They change no closed gap and no end force that a law uses, and move no end that a load follows.
         """
         gaps = np.concatenate([self.gaps[sorted(closed)], self.followed, self.end_forces])
-        out = []
-        for group in (self.strainless, *(() if self.model.stages else (self.critical_modes(dt),))):
-            if gaps.size and group.size:
-                _, size, right = np.linalg.svd(gaps @ group)
-                rank = int((size > 1e-9 * np.linalg.norm(gaps)).sum())
-                out.append(group @ right[rank:].T)
-            else:
-                out.append(group)
-        kept = np.concatenate(out, axis=1)
+        groups = [self.strainless] if self.model.stages else [self.strainless, self.critical_modes(dt)]
+        kept = np.concatenate([unfelt(group, gaps) for group in groups], axis=1)
         return np.linalg.qr(kept)[0] if kept.size else kept
-
-
-def _basis(model: Model, held_at: dict[int, list[Floats]]) -> Any:
-    """Return the examined motions as sparse orthonormal columns, (nodes * dim, n).
-
-    A node moves along its bar as far as its supports allow; a node in contact moves in every free direction.
-    """
-    from scipy import sparse
-
-    touched = {node for contact_point in model.contact_points for node in contact_point.nodes}
-    columns: list[tuple[int, Floats]] = []
-    for body in model.bodies.values():
-        axis = body.mesh.direction
-        special = touched | set(held_at)
-        for node in range(body.start, body.stop):
-            if node not in special:
-                columns.append((node, axis))
-                continue
-            free = np.eye(model.dim)
-            for held in held_at.get(node, []):
-                free = free - np.outer(free @ held, held)
-            directions: list[Floats] = []
-            for candidate in [free @ axis, *free] if node in touched else [free @ axis]:
-                rest = candidate - sum(((candidate @ other) * other for other in directions), np.zeros(model.dim))
-                if np.linalg.norm(rest) > 1e-9:
-                    directions.append(rest / np.linalg.norm(rest))
-            columns += [(node, direction) for direction in directions]
-    nodes = np.array([node for node, _ in columns], dtype=np.int64)
-    dofs = (nodes[:, None] * model.dim + np.arange(model.dim)).ravel()
-    values = np.array([direction for _, direction in columns]).ravel()
-    place = np.repeat(np.arange(nodes.size), model.dim)
-    return sparse.csr_array((values, (dofs, place)), shape=(model.bodies.n_nodes * model.dim, nodes.size))

@@ -7,14 +7,14 @@ independent check of the operator, which asks the step itself only about bars of
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.assembled import assembled_operator, operator_of
+from percuss.certificate.assembled import operator_of
 from percuss.certificate.assessment import Assessment, Criterion, quoted
-from percuss.certificate.closed_contacts import ClosedContacts, closed_contacts
-from percuss.certificate.lines import bars_alone
+from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.operator_criterion import OperatorCriterion
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.step_itself import LARGEST_DENSE_STATE, StepCriterion
@@ -22,41 +22,28 @@ from percuss.certificate.step_itself import LARGEST_DENSE_STATE, StepCriterion
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from percuss.march.model import Model, Stretch
+    from percuss.march.model import Model
 
 # Number of elements below which contact can damp all of a bar, so that a step above theta = 1 may be stable.
 SHORT_BAR_ELEMENTS = 3
 
 
-def operator_criterion(model: Model, closed: ClosedContacts | None = None) -> OperatorCriterion:
-    """Return the criterion of the sparse operator of a stretch of a run.
-
-    Parameters
-    ----------
-    model
-        A stretch of a run, `percuss.march.model.Model.stretches`.
-    closed
-        The closed contacts of the stretch at its step, if they are known.
-    """
-
-    def laws_at(dt: float) -> ClosedContacts:
-        return closed if closed and dt == model.dt else closed_contacts(model, dt)
-
+def operator_criterion(model: Model) -> OperatorCriterion:
+    """Return the criterion of the sparse operator of a stretch of a run, `percuss.march.model.Model.stretches`."""
     # Contact can damp all of a short bar, so a step above theta = 1 may be stable: the step itself tells. The state of
     # ends without mass is not one of displacement and velocity alone, and states are weighted with diagonal masses.
     short = model.bodies.of_lines and any(body.count < SHORT_BAR_ELEMENTS for body in model.bodies.values())
     covered = not model.facts.by_pencil_alone
     asked = short and covered and 2 * model.bodies.mass.size <= LARGEST_DENSE_STATE
-    _, delassus, coupling = model.rows.at(0.5 * model.dt)
     return OperatorCriterion(
         operator_of(model),
-        (delassus, coupling),
-        laws_at,
+        model.rows.at(0.5 * model.dt)[1:],
+        functools.partial(closed_contacts, model),
         contact_names(model),
         limit_ratio=limit_ratio(model),
         tied=model.tied_points,
-        apart=lambda: bars_alone(model) if model.bodies.of_lines else assembled_operator(model, tied=False),
-        above_theta_of_one=(lambda: StepCriterion(model)) if asked else None,
+        apart=lambda: operator_of(model, tied=False),
+        beyond=(lambda: StepCriterion(model)) if asked else None,
         why_open=model.facts.unknown_above_theta_of_one if short else "",
     )
 
@@ -90,35 +77,21 @@ class RunCriterion:
     other_step
         The criterion of the same run with another step. If the run has the same stretches with both steps, it also has
         the same critical step, and their criteria are taken over with what they have searched already.
-    closed
-        The closed contacts of the model at its step, if they are known.
     """
 
     def __init__(
-        self,
-        model: Model,
-        kind: Callable[[Model], Criterion],
-        other_step: RunCriterion | None = None,
-        *,
-        closed: ClosedContacts | None = None,
+        self, model: Model, kind: Callable[[Model], Criterion], other_step: RunCriterion | None = None
     ) -> None:
         self.model = model
         self.names = contact_names(model)
-        self.closed = closed or closed_contacts(model, model.dt)
         self.kind = kind
         self.stretches = model.stretches()
         self.criteria: list[Criterion]
         if other_step is not None and other_step.kind is kind and other_step._actions() == self._actions():
             self.criteria = other_step.criteria
         else:
-            self.criteria = [self._criterion_of(kind, stretch) for stretch in self.stretches]
+            self.criteria = [kind(stretch.model) for stretch in self.stretches]
         self.by = self.criteria[0].by
-
-    def _criterion_of(self, kind: Callable[[Model], Criterion], stretch: Stretch) -> Criterion:
-        # The same laws act in the first step of the run as in this stretch, mostly.
-        if kind is operator_criterion and stretch.inactive == self.model.inactive_points(0.5 * self.model.dt):
-            return operator_criterion(stretch.model, self.closed)
-        return kind(stretch.model)
 
     def _actions(self) -> list[Any]:
         """Return the numbers of the active constraints and of the inactive contact points in each stretch."""

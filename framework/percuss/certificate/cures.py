@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.criteria import RunCriterion, operator_criterion
+from percuss.certificate.search import largest_step
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -69,14 +70,10 @@ def largest_stable_value(criterion: RunCriterion, law: Any, option: str, value: 
     """
     model = criterion.model
 
-    def is_stable(candidate: float) -> bool:
+    def excess(candidate: float) -> float:
         changed = model.with_laws({law: dataclasses.replace(law, **{option: candidate})})
-        return RunCriterion(changed, operator_criterion).assess_step(model.dt).stable
+        return -1.0 if RunCriterion(changed, operator_criterion).assess_step(model.dt).stable else 1.0
 
-    if not is_stable(value * 1e-9):
+    if excess(value * 1e-9) > 0.0:
         return None
-    lo, hi = value * 1e-9, value
-    while hi > lo * (1.0 + CURE_TOLERANCE):
-        middle = float(np.sqrt(lo * hi))
-        lo, hi = (middle, hi) if is_stable(middle) else (lo, middle)
-    return lo
+    return min(value, largest_step(excess, value, CURE_TOLERANCE))

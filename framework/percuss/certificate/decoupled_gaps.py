@@ -16,14 +16,13 @@ energy never grows, whatever is closed, so that the step is stable where that of
 
 from __future__ import annotations
 
-import dataclasses
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from percuss.certificate.assessment import Assessment
-from percuss.certificate.lines import LineOperator, line_operator, rows_along
+from percuss.certificate.lines import LineOperator, line_operator, with_rows
 from percuss.certificate.search import largest_step_below, signed_distance
 from percuss.step.integrator_check import unchecked_scheme
 from percuss.step.parts.end_forces import end_forces
@@ -138,13 +137,8 @@ class DecoupledGapsCriterion:
     @cached_property
     def _elements(self) -> LineOperator:
         """The bodies with Sigma in place of N."""
-        bodies = line_operator(self.model)
-        entries: dict[int, list[tuple[int, float]]] = {}
-        for p, end_force in self._end_forces.items():
-            for node, row in end_force.rows.items():
-                along = float(row @ self.model.bodies.at(node).mesh.direction)
-                entries.setdefault(node, []).append((p, along))
-        return dataclasses.replace(bodies, rows=rows_along(bodies, entries))
+        sigma = [self._end_forces[p].rows.items() for p in range(len(self._end_forces))]
+        return with_rows(line_operator(self.model), self.model, sigma)
 
     @cached_property
     def free(self) -> float:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -30,13 +30,14 @@ from percuss.mesh import banded_matrices
 from percuss.mesh.banded_matrices import with_ends_held
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from percuss.march.model import Model
     from percuss.mesh.loads import Constraint
     from percuss.methods.interfaces import Floats, Integers
 
 INVERSE_ITERATIONS = 8
+WITHOUT_STRAIN = 1e-9  # force of a motion, relative to its largest part, below which it is round-off
 ABOVE_HIGHEST = 1e-12  # relative distance from the highest eigenvalue at which a matrix is factorised for its mode
 
 
@@ -76,23 +77,17 @@ class LineOperator(Operator):
         Rows of N, or of C N.
     count
         Number of contacts.
-    starts : (blocks,) array
-        First row of each block.
-    nodes, place, signs : (m,) arrays
-        The nodes that move, the row by which each of them moves, and whether along its axis or against it.
-    floating
-        Numbers of the blocks that are bodies with all their nodes free, unless ties join bodies.
+    place, signs : (nodes,) arrays
+        The row by which each node of the model moves, -1 of one that does not, and whether it moves along its axis or
+        against it.
     """
 
     stiffness: Floats
     mass: Floats
     rows: Rows
     count: int
-    starts: Integers
-    nodes: Integers
     place: Integers
     signs: Floats
-    floating: Sequence[int] = ()
 
     @property
     def tridiagonal(self) -> bool:
@@ -150,6 +145,15 @@ class LineOperator(Operator):
         np.add.at(out, tuple(places), values)
         return out
 
+    @cached_property
+    def starts(self) -> Integers:
+        """First row of each block, to which no row before it is joined."""
+        reach = np.arange(self.size)
+        for k, beside in enumerate(self.stiffness[1 : self.size], start=1):
+            reach = np.maximum(reach, np.where(beside != 0.0, np.arange(self.size) + k, 0))
+        joined = np.maximum.accumulate(reach)
+        return np.flatnonzero(np.concatenate([[-1], joined[:-1]]) < np.arange(self.size)).astype(np.int64)
+
     def blocks(self) -> Iterator[tuple[slice, LineOperator]]:
         """Yield the rows of each block, and its matrices without contacts."""
         nothing = np.zeros(0, dtype=np.int64)
@@ -157,8 +161,7 @@ class LineOperator(Operator):
             rows = slice(start, stop)
             bands = min(self.stiffness.shape[0], stop - start)
             stiffness, mass = self.stiffness[:bands, rows], self.mass[:bands, rows]
-            no_rows = Rows(nothing, nothing, np.zeros(0))
-            yield rows, LineOperator(stiffness, mass, no_rows, 0, nothing[:1], nothing, nothing, np.zeros(0))
+            yield rows, LineOperator(stiffness, mass, Rows(nothing, nothing, np.zeros(0)), 0, nothing, np.zeros(0))
 
     def highest_eigenvalue(self) -> float:
         """Return the largest eigenvalue of ``M^-1 K`` [1/time^2]."""
@@ -195,14 +198,14 @@ class LineOperator(Operator):
         return mode
 
     def rigid(self) -> Floats:
-        """Return the motions of those bodies as a whole that have all their nodes free, one a column."""
-        stops = [*self.starts[1:].tolist(), self.size]
-        out = np.zeros((self.size, len(self.floating)))
-        for column, block in enumerate(self.floating):
-            out[int(self.starts[block]) : stops[block], column] = 1.0
+        """Return the motions of blocks as a whole that strain nothing, one a column."""
+        block = np.searchsorted(self.starts, np.arange(self.size), side="right") - 1
+        motions = np.eye(self.starts.size)[block]
         if self.mass.shape[0] > 1:
-            out = np.asarray(np.linalg.solve(_full(self.mass), out))
-        return out
+            motions = np.asarray(np.linalg.solve(_full(self.mass), motions))
+        force = banded_matrices.times(self.stiffness, motions)
+        largest = banded_matrices.times(np.abs(self.stiffness), np.abs(motions))
+        return motions[:, np.all(np.abs(force) <= WITHOUT_STRAIN * largest, axis=0)]
 
     def dense(self) -> tuple[Floats, Floats, Floats]:
         """Return stiffness, mass and contact rows as full matrices."""
@@ -233,191 +236,142 @@ def held_directions(model: Model) -> dict[int, list[Floats]]:
 
 
 class _Bars(NamedTuple):
-    """Axial matrices of the free nodes of all bodies, side by side; `inverse` is empty with diagonal masses."""
+    """The nodes that move along all bodies, and their axial matrices; `inverse` has no rows with diagonal masses."""
 
-    nodes: Integers
-    starts: Integers
+    moving: Any  # (nodes,), whether each node of the model moves
     mass: Floats
     stiffness: Floats
     inverse: Floats
-    floating: list[int]  # numbers of those bodies of which all nodes are free
 
 
 def _bars(model: Model) -> _Bars:
-    held, springs = held_directions(model), model.facts.springs()
-    nodes, mass = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
-    bands: list[Floats] = []
-    inverses: list[Floats] = []
-    floating: list[int] = []
+    moving = model.bodies.mass > 0.0
+    for node, directions in held_directions(model).items():
+        axis = model.bodies.at(node).mesh.direction
+        moving[node] &= all(abs(float(direction @ axis)) < 1e-9 for direction in directions)
+    # m-fold forces in every m-th step are stable where m^2 K is in every step
+    bars = model.bodies.bars.values()
+    stiffness = _side_by_side([body.axial_band * float(model.leaps[body.number] ** 2) for body in bars])
+    for node, spring in model.facts.springs().items():
+        stiffness[0, node] += spring
+    inverses = []
     for body in model.bodies.bars.values():
-        axis, ends = body.mesh.direction, (body.start, body.stop - 1)
-        carried = [node for node in ends if body.carrier(node) != node]
-        band = body.axial_band.copy()
-        # m-fold forces in every m-th step are stable where m^2 K is in every step
-        band *= float(model.leaps[body.number] ** 2)
-        for node in set(ends) & springs.keys():
-            band[0, node - body.start] += springs[node]
-        for node in carried:
-            band[0, body.carrier(node) - body.start] -= body.stiffness[body.end_element(node)]
-        left_out = [
-            node in carried or not all(abs(float(direction @ axis)) < 1e-9 for direction in held.get(node, []))
-            for node in ends
-        ]
-        lo, hi = int(left_out[0]), body.mass.size - int(left_out[1])
-        if hi <= lo:
-            continue
-        band = band[:, lo:hi]
-        for k, off in enumerate(band):
-            off[max(hi - lo - k, 0) :] = 0.0
-        inverse = 1.0 / body.mass[None, lo:hi] if model.bodies.couples_nodes else np.zeros((0, hi - lo))
-        if body.inverse.size:
-            inverse = with_ends_held(body.inverse, first=left_out[0], last=left_out[1])
-        if not any(left_out):
-            floating.append(len(bands))
-        nodes.append(np.arange(body.start + lo, body.start + hi))
-        mass.append(body.mass[lo:hi])
-        bands.append(band)
-        inverses.append(inverse)
-    starts = np.cumsum([part.size for part in nodes])[:-1]
-    return _Bars(
-        np.concatenate(nodes), starts, np.concatenate(mass), _side_by_side(bands), _side_by_side(inverses), floating
-    )
+        for end, beside in body.ends_without_mass.items():
+            stiffness[0, beside] -= body.stiffness[body.end_element(end)]
+        kept = moving[body.start : body.stop]
+        if body.inverse.size and kept.any():
+            inverses.append(with_ends_held(body.inverse, first=not kept[0], last=not kept[-1]))
+        elif model.bodies.couples_nodes:
+            inverses.append(1.0 / body.mass[None, kept])
+    for k, beside in enumerate(stiffness):
+        beside[: beside.size - k][~moving[k:]] = 0.0
+    return _Bars(moving, model.bodies.mass[moving], stiffness[:, moving], _side_by_side(inverses))
 
 
 def _side_by_side(matrices: Sequence[Floats]) -> Floats:
     """Return the banded matrix of which the given ones are the blocks."""
-    out = np.zeros((max((band.shape[0] for band in matrices), default=1), sum(band.shape[1] for band in matrices)))
-    first = 0
-    for band in matrices:
-        out[: band.shape[0], first : first + band.shape[1]] = band
-        first += band.shape[1]
-    return out
+    count = max((len(band) for band in matrices), default=0)
+    return np.concatenate(
+        [np.zeros((count, 0)), *(np.pad(band, ((0, count - len(band)), (0, 0))) for band in matrices)], axis=1
+    )
 
 
-def _contacts_at(model: Model) -> dict[int, list[tuple[int, float]]]:
-    """Return the contacts of each node, with N along the axis of its body; an end without mass has its neighbour."""
-    at_node: dict[int, list[tuple[int, float]]] = {}
-    for p, contact_point in enumerate(model.contact_points):
-        for node, normal in contact_point.gradient:
-            body = model.bodies.at(node)
-            along = float(normal @ body.mesh.direction)
-            at_node.setdefault(body.carrier(node), []).append((p, along))
-    return at_node
+def _along(model: Model, gradient: Iterable[tuple[int, Floats]]) -> Iterator[tuple[int, float]]:
+    """Yield derivatives by the displacement of nodes along their axes; an end without mass has its neighbour."""
+    for node, vector in gradient:
+        body = model.bodies.at(node)
+        yield body.carrier(node), float(vector @ body.mesh.direction)
 
 
-def rows_along(operator: LineOperator, entries: Mapping[int, Sequence[tuple[int, float]]]) -> Rows:
-    """Return rows from their entries along the axes of bars, (number, value) by node, without held nodes."""
-    count = 1 + max([*entries, *operator.nodes.max(initial=-1, keepdims=True).tolist()])
-    place, signs = np.full(count, -1), np.zeros(count)
-    place[operator.nodes], signs[operator.nodes] = operator.place, operator.signs
-    nodes = [node for node in sorted(entries) if place[node] >= 0]
-    found = [(place[node], number, signs[node] * value) for node in nodes for number, value in entries[node]]
+def with_rows(operator: LineOperator, model: Model, gradients: Iterable[Iterable[tuple[int, Floats]]]) -> LineOperator:
+    """Return an operator of the bars of a model with other rows, of the derivatives by the displacements of nodes."""
+    found = [
+        (operator.place[node], number, operator.signs[node] * along)
+        for number, gradient in enumerate(gradients)
+        for node, along in _along(model, gradient)
+        if operator.place[node] >= 0
+    ]
     row, number, value = np.array(found).reshape(-1, 3).T
-    return Rows(row.astype(np.int64), number.astype(np.int64), value)
+    rows = Rows(row.astype(np.int64), number.astype(np.int64), value)
+    if operator.mass.shape[0] > 1:  # with C N in place of N
+        from scipy.sparse import csr_array
+
+        normals: Any = csr_array((rows.value, (rows.row, rows.contact)), shape=(operator.size, operator.count))
+        product = (banded_matrices.sparse(operator.mass) @ normals).tocoo()
+        rows = Rows(product.row.astype(np.int64), product.col.astype(np.int64), product.data)
+    return dataclasses.replace(operator, rows=rows)
 
 
-def bars_alone(model: Model) -> LineOperator:
-    """Return the operator of the bars of a stretch of a run, each by itself: ties count as contacts.
+def line_operator(model: Model, *, tied: bool = True) -> LineOperator:
+    """Return the operator of the bars of a stretch of a run, those as one that are tied throughout it if `tied`.
 
     Of a whole run, a drive that is off at any time counts as absent.
     """
-    bars = _bars(model)
-    return _operator(model, bars, np.arange(bars.mass.size), np.ones(bars.mass.size))
-
-
-def line_operator(model: Model) -> LineOperator:
-    """Return the operator of the bars of a stretch of a run, those as one that are tied throughout it."""
-    tied = () if model.period > 1 else model.tied_points
-    if not tied:
-        return bars_alone(model)
-    bars, ties = _bars(model), dict[int, list[tuple[int, float]]]()
-    moving = set(bars.nodes.tolist())
-    for node, contacts in _contacts_at(model).items():
-        for p, along in contacts if node in moving else ():
-            if p in tied:
-                ties.setdefault(p, []).append((node, along))
-    return _tied(model, bars, list(ties.values())) if ties else bars_alone(model)
-
-
-def _operator(model: Model, bars: _Bars, place: Integers, signs: Floats) -> LineOperator:
-    stiffness, mass = bars.stiffness, bars.mass[None]
-    if bars.inverse.size:
-        mass, stiffness = banded_matrices.pencil_bands(bars.inverse, stiffness)
-    nothing, count = Rows(bars.starts, bars.starts, signs), len(model.contact_points)
-    operator = LineOperator(stiffness, mass, nothing, count, bars.starts, bars.nodes, place, signs, bars.floating)
-    rows = rows_along(operator, _contacts_at(model))
-    return dataclasses.replace(operator, rows=_times(bars.inverse, rows) if bars.inverse.size else rows)
-
-
-def _times(inverse: Floats, rows: Rows) -> Rows:
-    """Return the rows of C N from those of N."""
-    from scipy.sparse import csr_array
-
-    shape = inverse.shape[1], int(rows.contact.max(initial=-1)) + 1
-    normals: Any = csr_array((rows.value, (rows.row, rows.contact)), shape=shape)
-    found = (banded_matrices.sparse(inverse) @ normals).tocoo()
-    return Rows(found.row.astype(np.int64), found.col.astype(np.int64), found.data)
+    moving, mass, stiffness, inverse = bars = _bars(model)
+    place, signs = np.where(moving, np.cumsum(moving) - 1, -1), moving.astype(float)
+    gradients = [contact_point.gradient for contact_point in model.contact_points]
+    sides = [
+        [(int(place[node]), along) for node, along in _along(model, gradients[p]) if moving[node]]
+        for p in (model.tied_points if tied and model.period == 1 else ())
+    ]
+    if any(sides):
+        motions, mass, stiffness, inverse = _tied(bars, list(filter(None, sides)))
+        nodes = np.flatnonzero(moving)[motions.row]
+        place, signs = np.full(moving.size, -1), np.zeros(moving.size)
+        place[nodes], signs[nodes] = motions.col, motions.data
+    mass = mass[None]
+    if inverse.size:
+        mass, stiffness = banded_matrices.pencil_bands(inverse, stiffness)
+    nothing = np.zeros(0, dtype=np.int64)
+    operator = LineOperator(stiffness, mass, Rows(nothing, nothing, np.zeros(0)), len(gradients), place, signs)
+    return with_rows(operator, model, gradients)
 
 
 # ----------------------------------------------------------------------------------------------------- tied bodies
 
 
-def _tied(model: Model, bars: _Bars, ties: Sequence[Sequence[tuple[int, float]]]) -> LineOperator:
-    """Return the operator of bars that are tied: of the motions that leave the gaps of their ties unchanged.
+def _tied(bars: _Bars, ties: Sequence[Sequence[tuple[int, float]]]) -> tuple[Any, Floats, Floats, Floats]:
+    """Return the motions of bars that leave the gaps of their ties unchanged, and mass, stiffness and C of these.
 
     Parameters
     ----------
-    model, bars
-        The stretch of the run and its bars.
+    bars
+        The bars of a stretch of a run.
     ties
-        For each tie the sides that are not held: node and N along the axis of its body.
+        For each tie the sides that are not held: row of the node and N along the axis of its body.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-    motion, signs = _motions(bars.nodes, ties)
-    moving = np.flatnonzero(signs)
-    place = np.unique(motion[moving], return_inverse=True)[1]
-    size = int(place.max(initial=-1)) + 1
-    basis: Any = csr_array((signs[moving], (moving, place)), shape=(signs.size, size))
-    stiffness = csr_array(basis.T @ banded_matrices.sparse(bars.stiffness) @ basis)
-    order = reverse_cuthill_mckee(stiffness, symmetric_mode=True) if size else place
-    mass = (np.abs(basis).T @ bars.mass)[order]
-    stiffness, inverse = banded_matrices.bands(stiffness[order][:, order], 2), np.zeros((0, size))
+    motions, stiffness = _motions(bars.mass.size, ties), banded_matrices.sparse(bars.stiffness)
+    if motions.shape[1]:
+        motions = motions[:, reverse_cuthill_mckee(csr_array(motions.T @ stiffness @ motions), symmetric_mode=True)]
+    inverse = np.zeros((0, motions.shape[1]))
     if bars.inverse.size:
-        full = basis.T @ np.linalg.inv(_full(bars.inverse)) @ basis
-        inverse = banded_matrices.bands(csr_array(np.linalg.inv(full[np.ix_(order, order)])), size)
-    starts = _starts(inverse if inverse.size else stiffness)
-    joined = _Bars(bars.nodes[moving], starts, mass, stiffness, inverse, [])
-    return _operator(model, joined, np.argsort(order)[place], signs[moving])
+        full = motions.T @ np.linalg.inv(_full(bars.inverse)) @ motions
+        inverse = banded_matrices.bands(csr_array(np.linalg.inv(full)), motions.shape[1])
+    bands = banded_matrices.bands(csr_array(motions.T @ stiffness @ motions), 2)
+    return motions.tocoo(), np.abs(motions).T @ bars.mass, bands, inverse
 
 
-def _starts(band: Floats) -> Integers:
-    """Return the first row of each block of a banded matrix, to which no row before it is joined."""
-    size = band.shape[1]
-    reach = np.arange(size)
-    for k in range(1, min(band.shape[0], size)):
-        reach = np.maximum(reach, np.where(band[k] != 0.0, np.arange(size) + k, 0))
-    joined = np.maximum.accumulate(reach)
-    return np.flatnonzero(np.concatenate([[-1], joined[:-1]]) < np.arange(size)).astype(np.int64)
+def _motions(count: int, ties: Sequence[Sequence[tuple[int, float]]]) -> Any:
+    """Return the motions of `count` rows of bars that ties leave, one a column: 1 or -1 in each row, 0 of a held one.
 
-
-def _motions(nodes: Integers, ties: Sequence[Sequence[tuple[int, float]]]) -> tuple[Integers, Floats]:
-    """Return the motion that each node makes and its sign there, 0 of a node that is held.
-
-    Each node stands twice in a graph, along its axis and against it, and ties join what moves together: a node that is
+    Each row stands twice in a graph, along its axis and against it, and ties join what moves together: a row that is
     joined to its own opposite cannot move.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
-    row = {int(node): k for k, node in enumerate(nodes)}
     joined = []
     for tie in ties:
-        (one, normal), (other, opposite) = ((row[node], along) for node, along in (tie[0], tie[-1]))
-        against = nodes.size if normal * opposite > 0.0 else 0
-        joined += [(one, other + against), (one + nodes.size, other + nodes.size - against)]
+        (one, normal), (other, opposite) = tie[0], tie[-1]
+        against = count if normal * opposite > 0.0 else 0
+        joined += [(one, other + against), (one + count, other + count - against)]
     first, second = np.array(joined).T
-    graph = csr_array((np.ones(first.size), (first, second)), shape=(2 * nodes.size,) * 2)
+    graph = csr_array((np.ones(first.size), (first, second)), shape=(2 * count, 2 * count))
     along, against = connected_components(graph, directed=False)[1].reshape(2, -1)
-    return np.minimum(along, against), np.sign(against - along).astype(float)
+    moving = np.flatnonzero(along != against)
+    column = np.unique(np.minimum(along, against)[moving], return_inverse=True)[1]
+    signs = np.sign(against - along)[moving].astype(float)
+    return csr_array((signs, (moving, column)), shape=(count, int(column.max(initial=-1)) + 1))

@@ -17,7 +17,7 @@ from percuss.case.arguments import expect_names
 from percuss.case.case import expect_case
 from percuss.case.overrides import as_given_by
 from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
+from percuss.certificate.closed_form import NoClosedFormError, step_of_long_bars
 from percuss.certificate.criteria import RunCriterion, operator_criterion, step_criterion
 from percuss.certificate.verdict import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
@@ -128,12 +128,8 @@ def _critical_row(model: Model, varied: Data, way: str, doubts: Sequence[str]) -
     if why := _why_unknown(model, way, doubts):
         return _row(varied, way, None, why)
     try:
-        criterion: Any
-        if way == "closed-form":
-            criterion = ClosedFormCriterion(model)
-        else:
-            criterion = RunCriterion(model, operator_criterion if way == "pencil" else step_criterion)
-        critical = criterion.critical_step
+        criterion = RunCriterion(model, step_criterion if way == "black-box" else operator_criterion)
+        critical = step_of_long_bars(model) if way == "closed-form" else criterion.critical_step
     except (NoClosedFormError, PluginError) as error:
         return _row(varied, way, None, str(error))
     doubt = ""
@@ -151,21 +147,16 @@ def _critical_row(model: Model, varied: Data, way: str, doubts: Sequence[str]) -
 
 def _why_unknown(model: Model, way: str, doubts: Sequence[str]) -> str:
     """Return why a criterion gives no number for a model, whatever its step; empty if it gives one."""
-    if why := _why_no_critical_step(model):
-        return why
-    if way == "pencil" and doubts:
-        return f"the pencil does not cover this: {'; '.join(doubts)}"
-    why = model.facts.by_pencil_alone
-    return "; ".join((why, *doubts)) if way == "black-box" and why else ""
-
-
-def _why_no_critical_step(model: Model) -> str:
-    """Return why no criterion has a critical step of a model; empty where one may have it."""
     if model.bodies.why_not_linear:
         return f"{model.bodies.why_not_linear}, and its critical step changes with the strain"
     if why := model.facts.effect_unknown():
         return f"{why}, which changes the critical step"
-    return model.facts.no_critical_step
+    if model.facts.no_critical_step:
+        return model.facts.no_critical_step
+    if way == "pencil" and doubts:
+        return f"the pencil does not cover this: {'; '.join(doubts)}"
+    why = model.facts.by_pencil_alone
+    return "; ".join((why, *doubts)) if way == "black-box" and why else ""
 
 
 def _row(varied: Data, way: str, critical: float | None, reason: str, model: Any = None) -> Entries:

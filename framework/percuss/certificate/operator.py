@@ -30,6 +30,7 @@ FULL_EIGENVECTORS = 200  # rows up to which all eigenvectors of a matrix are fou
 COLUMNS_AT_ONCE = 256  # right-hand sides that are solved for together
 # Largest number of contacts of which each is tried whether it can be left out, to bound the time.
 MOST_TRIED_CONTACTS = 24
+UNFELT = 1e-9  # relative size below which what rows see of a motion is round-off
 ABOVE_RITZ_VALUE = 1e-11  # relative distance from the largest Ritz value at which the first factor is tried
 
 
@@ -196,6 +197,21 @@ def largest_eigenvalue(matrix: Any) -> float:
     band = np.zeros((width + 1, size))
     band[(rows - columns)[lower], columns[lower]] = entries.data[lower]
     return float(eigvals_banded(band, lower=True, select="i", select_range=last)[0])
+
+
+def deflated(matrix: Floats, motions: Floats) -> Floats:
+    """Return a matrix with zero in place of some motions, orthonormal columns, and of what it makes of these."""
+    matrix = matrix - motions @ (motions.T @ matrix)
+    return matrix - (matrix @ motions) @ motions.T
+
+
+def unfelt(motions: Floats, rows: Floats) -> Floats:
+    """Return the combinations of motions, one a column, that leave rows at zero."""
+    if not (motions.size and rows.size):
+        return motions
+    _, size, right = np.linalg.svd(rows @ motions)
+    kept: Floats = motions @ right[int((size > UNFELT * np.linalg.norm(rows)).sum()) :].T
+    return kept
 
 
 def without_chance(solver: Any) -> dict[str, int]:

@@ -19,13 +19,14 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from percuss.certificate.assessment import Assessment, quoted
-from percuss.certificate.operator import SMALL_MATRIX, largest_eigenvalue
+from percuss.certificate.operator import SMALL_MATRIX, deflated, largest_eigenvalue, submatrix, unfelt
 from percuss.certificate.search import MARGINAL_DISTANCE, SMALLEST_NUMBER, largest_step_below, signed_distance
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from percuss.certificate.assessment import Criterion
     from percuss.certificate.closed_contacts import ClosedContacts
     from percuss.certificate.operator import Operator
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Floats, Integers
 
 UNALIKE = (
     "contacts {} share an end and differ in eps_m / eps_s: they do not act on one another as equals, and such a step "
@@ -58,10 +59,11 @@ GROWTH_RESOLUTION = 1e-7
 MOST_WORK = 1e8
 
 
+@dataclass(eq=False)
 class OperatorCriterion:
-    """Criterion from mass, stiffness and contact rows, and from the linear laws.
+    """Criterion of one stretch of a run from the linear laws.
 
-    Parameters
+    Attributes
     ----------
     operator
         Bodies and contact rows, with bodies as one that are tied throughout.
@@ -76,78 +78,58 @@ class OperatorCriterion:
     tied
         Contacts that are tied throughout.
     apart
-        Bodies and contact rows, with ties among the contacts; the same without ties.
-    above_theta_of_one
+        Bodies and contact rows, with ties among the contacts; None without ties.
+    beyond
         Makes the criterion of steps above theta = 1, where contact may damp all of a short body: such a step may be
-        stable.
+        stable. None where they all grow.
     why_open
         Why a step above theta = 1 that the operator finds stable is not known to grow; empty if it is known.
     """
 
     by: ClassVar[str] = "pencil"
-
-    def __init__(
-        self,
-        operator: Operator,
-        coupling: tuple[Floats, Sequence[dict[int, float]]],
-        laws_at: Callable[[float], ClosedContacts],
-        names: Sequence[str],
-        *,
-        limit_ratio: float = 1.0,
-        tied: Sequence[int] = (),
-        apart: Callable[[], Operator] | None = None,
-        above_theta_of_one: Callable[[], Criterion] | None = None,
-        why_open: str = "",
-    ) -> None:
-        self.operator = operator
-        self.delassus, self.coupling = coupling
-        self.laws_at, self.names, self.limit_ratio, self.tied = laws_at, names, limit_ratio, tied
-        self._apart = apart or (lambda: operator)
-        self._criterion_above_theta_of_one, self._why_open = above_theta_of_one, why_open
+    operator: Operator
+    coupling: tuple[Floats, Sequence[dict[int, float]]]
+    laws_at: Callable[[float], ClosedContacts]
+    names: Sequence[str]
+    limit_ratio: float = 1.0
+    tied: Sequence[int] = ()
+    apart: Callable[[], Operator] | None = None
+    beyond: Callable[[], Criterion] | None = None
+    why_open: str = ""
 
     # ------------------------------------------------------------------------------------------------------- theta
 
-    def _groups(self, laws: ClosedContacts, dt: float) -> list[tuple[Any, bool]]:
+    @cached_property
+    def _delassus(self) -> Any:
+        """The Delassus operator as a sparse array."""
+        from scipy.sparse import csr_array
+
+        diagonal, coupling = self.coupling
+        entries = [(p, q, value) for p, row in enumerate(coupling) for q, value in {**row, p: diagonal[p]}.items()]
+        row, column, value = np.array(entries).T
+        return csr_array((value, (row.astype(np.int64), column.astype(np.int64))), shape=(diagonal.size,) * 2)
+
+    def _groups(self, laws: ClosedContacts, dt: float) -> list[tuple[Integers, bool]]:
         """Return the groups of contacts that share ends, each with whether its F is symmetric.
 
         Contacts that share no end with another of these are left out, as are contacts of laws without a `surplus` and
         contacts that cannot press for want of stiffness.
         """
-        if not any(self.coupling):
+        if not any(self.coupling[1]):
             return []
-        pressing = [int(p) for p in np.flatnonzero(_pressing(laws))]
-        left = set(pressing)
-        out = []
-        for first in pressing:
-            members, waiting = set(), [first]
-            while waiting:
-                p = waiting.pop()
-                if p in left:
-                    left.discard(p)
-                    members.add(p)
-                    waiting.extend(self.coupling[p])
-            if len(members) > 1:
-                group = np.array(sorted(members))
-                scale = np.abs(laws.surplus[group]).max() + dt * dt
-                out.append((group, bool(np.ptp(laws.surplus[group]) <= ROUND_OFF * scale)))
-        return out
+        from scipy.sparse.csgraph import connected_components
 
-    def _theta_of(self, part: Any, dt: float, laws: ClosedContacts) -> float:
-        """Return ``dt^2 lambda_max((I + S D_m)^-1 S D_s)`` of some contacts evaluated at the predicted gap."""
-        s = np.diag(self.delassus[part])
-        place = {int(p): k for k, p in enumerate(part)}
-        for p, k in place.items():
-            for q, value in self.coupling[p].items():
-                if q in place:
-                    s[k, place[q]] = value
-        if part.size > SMALL_MATRIX and np.ptp(laws.surplus[part]) == 0.0:
-            # Of the same eps_m / eps_s, theta rises with the eigenvalues of the symmetric D_s^1/2 S D_s^1/2.
-            root = np.sqrt(laws.stiffness[part])
-            largest = largest_eigenvalue(root[:, None] * s * root)
-            return float(dt**2 * largest / (1.0 + laws.inertia[part[0]] / laws.stiffness[part[0]] * largest))
-        left = np.eye(part.size) + s * laws.inertia[part]
-        values = np.linalg.eigvals(np.linalg.solve(left, s * laws.stiffness[part]))
-        return float(dt**2 * np.max(values.real))
+        pressing = np.flatnonzero(_pressing(laws))
+        if not pressing.size:
+            return []
+        label = connected_components(submatrix(self._delassus, pressing), directed=False)[1]
+        groups = np.split(pressing[np.argsort(label, kind="stable")], np.cumsum(np.bincount(label))[:-1])
+        surplus = [laws.surplus[group] for group in groups]
+        return [
+            (group, bool(np.ptp(ratios) <= ROUND_OFF * (np.abs(ratios).max() + dt * dt)))
+            for group, ratios in zip(groups, surplus, strict=True)
+            if group.size > 1
+        ]
 
     def theta(self, dt: float, laws: ClosedContacts) -> tuple[float | None, list[int]]:
         """Return the largest theta of the contacts evaluated at the predicted gap, and the contacts it comes from.
@@ -163,7 +145,7 @@ class OperatorCriterion:
             alone[group] = False
         points = np.flatnonzero(alone)
         if points.size:
-            s, stiffness, inertia = self.delassus[points], laws.stiffness[points], laws.inertia[points]
+            s, stiffness, inertia = self.coupling[0][points], laws.stiffness[points], laws.inertia[points]
             thetas = dt**2 * (s * stiffness / (1.0 + s * inertia))
             limiting = int(np.argmax(thetas * (1.0 + 1e-12) >= thetas.max()))  # of equal ones the first
             largest_theta, worst = float(thetas[limiting]), points[limiting : limiting + 1]
@@ -171,16 +153,14 @@ class OperatorCriterion:
             explicit = group[laws.predicted[group]]
             if explicit.size == 0:
                 continue
-            sizes = range(1, explicit.size + 1)
-            if symmetric:
-                sizes = range(explicit.size, explicit.size + 1)
-            elif explicit.size > MOST_SUBSETS:
-                sizes = range(1, 3)
-            parts = [np.array(part) for size in sizes for part in itertools.combinations(explicit, size)]
-            for part in [*parts, *([explicit] if explicit.size > MOST_SUBSETS else [])]:
-                theta = self._theta_of(part, dt, laws)
+            sizes: Sequence[int] = (explicit.size,) if symmetric else range(1, explicit.size + 1)
+            if not symmetric and explicit.size > MOST_SUBSETS:
+                sizes = (1, 2, explicit.size)
+            coupled = submatrix(self._delassus, explicit).toarray()
+            for part in (list(part) for size in sizes for part in itertools.combinations(range(explicit.size), size)):
+                theta = _theta_of(coupled[np.ix_(part, part)], explicit[part], dt, laws)
                 if largest_theta is None or theta > largest_theta * (1.0 + 1e-12):
-                    largest_theta, worst = theta, part
+                    largest_theta, worst = theta, explicit[part]
         if largest_theta is not None and 1.0 < largest_theta <= 1.0 + THETA_ROUNDING:
             largest_theta = 1.0
         return largest_theta, [int(p) for p in worst]
@@ -188,8 +168,8 @@ class OperatorCriterion:
     # ---------------------------------------------------------------------------------------------------- one step
 
     @cached_property
-    def _above_theta_of_one(self) -> Criterion | None:
-        return self._criterion_above_theta_of_one() if self._criterion_above_theta_of_one else None
+    def _beyond(self) -> Criterion | None:
+        return self.beyond() if self.beyond else None
 
     def assess_step(self, dt: float) -> Assessment:
         """Return the assessment of a step."""
@@ -206,10 +186,10 @@ class OperatorCriterion:
         theta, group = self.theta(dt, laws)
         if theta is None or theta <= 1.0:
             return Assessment("stable" if definite else "grows", limiting, theta)
-        if self._above_theta_of_one is not None:
-            return dataclasses.replace(self._above_theta_of_one.assess_step(dt), theta=theta)
-        if definite and self._why_open:
-            return Assessment("unknown", group, theta, self._why_open)
+        if self._beyond is not None:
+            return dataclasses.replace(self._beyond.assess_step(dt), theta=theta)
+        if definite and self.why_open:
+            return Assessment("unknown", group, theta, self.why_open)
         return Assessment("grows", group, theta, NOT_EXCLUDED if len(group) > 1 else "")
 
     def excess(self, dt: float) -> float:
@@ -243,12 +223,11 @@ class OperatorCriterion:
         if self.free in {0.0, np.inf}:  # No step is stable, or every step is because all nodes are held.
             return self.free
         bound = self.bound
-        beyond = self._above_theta_of_one
+        beyond = self._beyond
         if beyond is not None and self._longer_steps_may_be_stable(beyond, bound):
             bound = largest_step_below(beyond.excess, self.free)
-        if not any(self.coupling) or not 0.0 < bound < np.inf:
-            return bound
-        if not self._unequal_groups(self.laws_at(bound), bound):
+        some = any(self.coupling[1]) and 0.0 < bound < np.inf
+        if not some or not self._unequal_groups(self.laws_at(bound), bound):
             return bound
         # Growth caused by unequal ratios goes on at shorter steps, ever more slowly: there is no critical step then.
         return bound if self.assess_step(bound * (1.0 - MARGINAL_DISTANCE)).answer == "stable" else np.nan
@@ -271,7 +250,7 @@ class OperatorCriterion:
         """Return the assessment by amplification matrices, for groups about which theta alone does not decide."""
         reason = UNALIKE.format(quoted(self.names, [int(p) for group in groups for p in group]))
         sets = list(itertools.islice(unequal_sets(groups, laws, self.tied), MOST_SETS))
-        apart = self._apart()
+        apart = self.apart() if self.apart else self.operator
         if len(sets) == MOST_SETS or len(sets) * (2.0 * apart.size) ** 3 > MOST_WORK:
             return Assessment("unknown", doubt=f"{reason}; the model is too large to examine all sets of them")
         matrix = ClosedMatrix(apart)
@@ -323,20 +302,10 @@ class ClosedMatrix:
         weight = laws.surplus[indices] + dt * dt
         left = np.diag(laws.compliance[indices]) + weight[:, None] * (normal.T @ normal)
         back = np.eye(self.size) - dt * dt * normal @ np.linalg.lstsq(left, normal.T, rcond=None)[0]
-        n = self.size
-        matrix = np.zeros((2 * n, 2 * n))
-        matrix[:n, :n] = back @ (2.0 * np.eye(n) - dt * dt * self.scaled)
-        matrix[:n, n:] = -back
-        matrix[n:, :n] = np.eye(n)
-        felt = normal.T @ self.rigid
-        idle = self.rigid
-        if felt.size:
-            _, size, right = np.linalg.svd(felt)
-            idle = self.rigid @ right[int((size > 1e-9 * size.max(initial=0.0)).sum()) :].T
-        keep = np.kron(np.eye(2), idle)
-        matrix -= keep @ (keep.T @ matrix)
-        matrix -= (matrix @ keep) @ keep.T
-        return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0))
+        one = np.eye(self.size)
+        matrix = np.block([[back @ (2.0 * one - dt * dt * self.scaled), -back], [one, np.zeros_like(one)]])
+        idle = np.asarray(np.kron(np.eye(2), unfelt(self.rigid, normal.T)))
+        return float(np.abs(np.linalg.eigvals(deflated(matrix, idle))).max(initial=0.0))
 
 
 def unequal_sets(
@@ -363,3 +332,15 @@ def _pressing(laws: ClosedContacts) -> Any:
 def _at_current_state(laws: ClosedContacts) -> tuple[Floats, Floats]:
     """Return eps_s and eps_m of the contacts evaluated at the current state, 0 for the others, (P,) each."""
     return np.where(laws.predicted, 0.0, laws.stiffness), np.where(laws.predicted, 0.0, laws.inertia)
+
+
+def _theta_of(s: Floats, contacts: Integers, dt: float, laws: ClosedContacts) -> float:
+    """Return ``dt^2 lambda_max((I + S D_m)^-1 S D_s)`` of some contacts evaluated at the predicted gap."""
+    stiffness, inertia = laws.stiffness[contacts], laws.inertia[contacts]
+    if contacts.size > SMALL_MATRIX and np.ptp(laws.surplus[contacts]) == 0.0:
+        # Of the same eps_m / eps_s, theta rises with the eigenvalues of the symmetric D_s^1/2 S D_s^1/2.
+        root = np.sqrt(stiffness)
+        largest = largest_eigenvalue(root[:, None] * s * root)
+        return float(dt**2 * largest / (1.0 + inertia[0] / stiffness[0] * largest))
+    values = np.linalg.eigvals(np.linalg.solve(np.eye(contacts.size) + s * inertia, s * stiffness))
+    return float(dt**2 * np.max(values.real))

@@ -22,7 +22,7 @@ import numpy as np
 
 from percuss.certificate.assessment import Assessment, quoted
 from percuss.certificate.closed_step import LINEARITY_TOLERANCE, ClosedStep, Motions
-from percuss.certificate.operator import MOST_TRIED_CONTACTS, without_chance
+from percuss.certificate.operator import MOST_TRIED_CONTACTS, deflated, without_chance
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
 from percuss.errors import PercussError
@@ -193,27 +193,22 @@ def _stability(step: ClosedStep) -> ClosedStepStability:
         return ClosedStepStability(1.0 if motions.operator.definite(dt, zeros, zeros)[0] else np.inf, theta)
     idle: Floats = np.kron(np.eye(step.parts), motions.idle(dt, step.acting)).astype(np.float64)
     if size > LARGEST_DENSE_STATE:
-        closed = f" with {NONE_AND_ALL} of its contacts closed" if len(not_tied(motions.model)) > MOST_ALONE else ""
+        closed = f" with {NONE_AND_ALL} of its contacts closed" if len(motions.not_tied) > MOST_ALONE else ""
         doubt = f"the model is large: growth{closed} was looked for by a Krylov iteration, and none found"
         return ClosedStepStability(_largest_modulus(step, idle), theta, doubt)
-    matrix = step.matrix()
-    deflated = matrix - idle @ (idle.T @ matrix)
-    deflated -= (deflated @ idle) @ idle.T
+    matrix, felt_radius = step.matrix(), np.inf
+    without_idle = deflated(matrix, idle)
     if not _above_one(theta):
-        values = np.linalg.eigvals(deflated)
-        flip = np.inf if step.model.multistage else _distance_to_flip(values)
-        radius = float(np.abs(values).max(initial=0.0))
-        return ClosedStepStability(radius, theta, distance_to_flip=flip)
-    values, vectors = np.linalg.eig(deflated)
-    moduli = np.abs(values)
-    # The gaps of the eigenvectors cannot tell which ones contact changes, because they vanish at theta = 1.
-    change = matrix - ClosedStep(motions, dt, ()).matrix()
-    felt = np.linalg.norm(change @ vectors, axis=0) > CONTACT_EFFECT_TOLERANCE * np.linalg.norm(change)
+        values = np.linalg.eigvals(without_idle)
+    else:
+        values, vectors = np.linalg.eig(without_idle)
+        # The gaps of the eigenvectors cannot tell which ones contact changes, because they vanish at theta = 1.
+        change = matrix - ClosedStep(motions, dt, ()).matrix()
+        felt = np.linalg.norm(change @ vectors, axis=0) > CONTACT_EFFECT_TOLERANCE * np.linalg.norm(change)
+        felt_radius = float(np.abs(values[felt]).max(initial=0.0))
+    flip = np.inf if step.model.multistage else _distance_to_flip(values)
     return ClosedStepStability(
-        float(moduli.max(initial=0.0)),
-        theta,
-        felt_radius=float(moduli[felt].max(initial=0.0)),
-        distance_to_flip=_distance_to_flip(values),
+        float(np.abs(values).max(initial=0.0)), theta, felt_radius=felt_radius, distance_to_flip=flip
     )
 
 
@@ -321,18 +316,14 @@ class StepCriterion:
         Under a multi-stage scheme `free` covers that of no contact, but no load that follows the motion of an end, and
         not what a tie does to the velocities of its ends.
         """
-        tied = self.model.tied_points
-        closed_sets = [(*tied, *(self._not_tied[k] for k in closed)) for closed in combinations(len(self._not_tied))]
+        tied, others = self.model.tied_points, self.motions.not_tied
+        closed_sets = [(*tied, *(others[k] for k in closed)) for closed in combinations(len(others))]
         return closed_sets if self.model.stages is None or self.model.facts.forces or tied else closed_sets[1:]
-
-    @cached_property
-    def _not_tied(self) -> list[int]:
-        return not_tied(self.model)
 
     @property
     def _why_not_all(self) -> str:
         """Why the combinations that are tried are not all; empty if they are."""
-        count = len(self._not_tied)
+        count = len(self.motions.not_tied)
         if len(combinations(count)) == 1 << count:
             return ""
         tried = NONE_AND_ALL if count > MOST_ALONE else "no contact, each one and all"
@@ -354,7 +345,7 @@ class StepCriterion:
                 return Assessment("grows", self._smallest_combination(dt, closed), found.theta)
             doubts.append(found.doubt)
             if found.radius > radius * (1.0 + 1e-6):
-                radius, worst = found.radius, [p for p in closed if p in self._not_tied]
+                radius, worst = found.radius, [p for p in closed if p in self.motions.not_tied]
         if self._time_dependent_laws:
             names = ", ".join(self._time_dependent_laws)
             doubts.append(f"{names} changes with time, and no growth was found as it acts at the start")
@@ -378,8 +369,8 @@ class StepCriterion:
 
     def _smallest_combination(self, dt: float, unstable: tuple[int, ...]) -> list[int]:
         """Return contacts of an unstable combination that suffice for instability and none of which can be left out."""
-        kept = [p for p in unstable if p in self._not_tied]
-        if len(self._not_tied) <= MOST_TOGETHER or len(kept) > MOST_TRIED_CONTACTS:
+        kept = [p for p in unstable if p in self.motions.not_tied]
+        if len(self.motions.not_tied) <= MOST_TOGETHER or len(kept) > MOST_TRIED_CONTACTS:
             return kept  # All smaller combinations were stable, or there are too many to try.
         for contact in list(kept):
             fewer = [other for other in kept if other != contact]
@@ -437,8 +428,3 @@ class StepCriterion:
             if known.conclusive:
                 self._examined[dt, closed] = known
         return known
-
-
-def not_tied(model: Model) -> list[int]:
-    """Return the contacts that may be open."""
-    return [p for p in range(len(model.contact_points)) if p not in model.tied_points]

@@ -115,13 +115,8 @@ def _refuse_after_the_end(case: Case, end: float) -> None:
     """
     if not case.expect or case.origin.has_override("bodies", "contacts", "loads", "method", "refine", "time"):
         return
-    problems = []
-    for expectation in case.expect:
-        late = after_the_end(expectation.during, expectation.at, end)
-        if late is not None:
-            key, message, advice = late
-            problems.append(case.problem((*expectation.path, key), message, advice))
-    refuse_if_any(problems)
+    late = [(one.path, after_the_end(one.during, one.at, end)) for one in case.expect]
+    refuse_if_any([case.problem((*path, found[0]), *found[1:]) for path, found in late if found is not None])
 
 
 def _with_step(case: Case) -> SettledRun:
@@ -171,11 +166,10 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
     other_step
         The criterion of the same run with another step, if there is one.
     """
-    closed = closed_contacts(model, model.dt)
     kind: Callable[[Model], Criterion] = operator_criterion
-    if closed.unknown:
+    if closed_contacts(model, model.dt).doubts:
         kind = closed_form(model) or step_criterion
-    return RunCriterion(model, kind, other_step, closed=closed)
+    return RunCriterion(model, kind, other_step)
 
 
 @one_blas_thread()
@@ -197,11 +191,11 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
     """
     if model.facts.verdict is not None:
         stable, why = model.facts.verdict()
-        return _unknown_certificate(closed_contacts(model, model.dt), model, why) | {"stable": stable}
+        return _unknown_certificate(model, why) | {"stable": stable}
     if model.bodies.why_not_linear:
         found = _certificate_of_nonlinear_bodies(model)
     elif why := unknown_by_mass(model) or model.facts.unknown():
-        found = _unknown_certificate(closed_contacts(model, model.dt), model, why)
+        found = _unknown_certificate(model, why)
     else:
         found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), with_critical_step)
     if why := model.facts.effect_unknown():
@@ -230,23 +224,25 @@ def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_cr
             assessment = dataclasses.replace(assessment, worst=limiting.worst, stretch=limiting.stretch)
     if not assessment.conclusive or (not assessment.stable and critical > model.dt * (1.0 + MARGINAL_DISTANCE)):
         critical = np.nan  # A longer step may be stable where this one is not, so the limit is not known.
-    verdict, why = _verdict(criterion, assessment, free, critical)
-    energy, energy_why = _energy_guarantee(criterion, assessment, verdict)
-    stretch = criterion.stretches[assessment.stretch]
-    found = _unknown_certificate(criterion.closed, model, why)
-    found |= {"stable": verdict, "energy": energy, "energy_why": energy_why, "dt_critical_free": free}
-    found |= {
-        "theta": assessment.theta,
-        "by": criterion.by,
-        "worst": list(dict.fromkeys(criterion.names[p] for p in assessment.worst)),
-    }
+    found = _judged(criterion, assessment, critical) | {"dt_critical_free": free}
+    found["energy"], found["energy_why"] = _energy_guarantee(model, assessment, found["stable"])
     if not np.isnan(critical):
         margin = model.dt / critical if critical > 0 else np.inf
         found |= {"dt_critical": critical, "courant_critical": 0.5 * critical * model.bodies.omega, "margin": margin}
     if len(criterion.stretches) > 1:
+        stretch = criterion.stretches[assessment.stretch]
         found["stretch"] = [stretch.start, stretch.stop]
-    if verdict == "no":
+    if found["stable"] == "no":
         found["cure"] = assessment.cure or cure_of(criterion, critical)
+    return found
+
+
+def _judged(criterion: RunCriterion, assessment: Assessment, critical: float) -> Certificate:
+    """Return the certificate of a run with the verdict on its step, and what the verdict follows from."""
+    verdict, why = _verdict(criterion, assessment, critical)
+    worst = list(dict.fromkeys(criterion.names[p] for p in assessment.worst))
+    found = _unknown_certificate(criterion.model, why)
+    found |= {"stable": verdict, "by": criterion.by, "worst": worst, "theta": assessment.theta}
     return found
 
 
@@ -260,8 +256,9 @@ def unknown_by_mass(model: Model) -> str:
     return f"{what}, and {'; '.join(doubts)}" if doubts else ""
 
 
-def _unknown_certificate(laws: ClosedContacts, model: Model, why: str) -> Certificate:
+def _unknown_certificate(model: Model, why: str) -> Certificate:
     """Return the certificate of a run about whose step nothing is known, with the reason in words."""
+    laws = closed_contacts(model, model.dt)
     return {
         "stable": "unknown",
         "energy": laws.energy,
@@ -286,37 +283,28 @@ def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
     Their highest frequency changes with the strain, so no step is known to be stable. A step that is unstable for
     small motions about rest is known to be unstable, provided the bodies are as stiff about rest as they declare.
     """
-    laws = closed_contacts(model, model.dt)
-    out = _unknown_certificate(
-        laws, model, f"{model.bodies.why_not_linear}, and its highest frequency changes with the strain"
-    )
-    if laws.unknown or not tangent_as_declared(model.bodies.values()):
-        return out
+    why = f"{model.bodies.why_not_linear}, and its highest frequency changes with the strain"
+    if closed_contacts(model, model.dt).doubts or not tangent_as_declared(model.bodies.values()):
+        return _unknown_certificate(model, why)
     criterion = criterion_of(model)
     assessment = criterion.assess_step(model.dt)
     critical = criterion.critical_step if assessment.conclusive else np.nan
-    about_rest, why = _verdict(criterion, assessment, criterion.free, critical)
-    if about_rest == "no":
-        lower = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"
-        out["stable"], out["by"], out["why"] = "no", criterion.by, f"for small motions about rest {why}"
-        out["cure"] = lower if critical > 0 else no_step(model, criterion.free, critical)
-        out["worst"], out["theta"] = (
-            list(dict.fromkeys(model.contact_points[p].name for p in assessment.worst)),
-            assessment.theta,
-        )
-    else:
-        out["why"] += f"; for small motions about rest {why}"
-    return out
+    found = _judged(criterion, assessment, critical)
+    about_rest = f"for small motions about rest {found['why']}"
+    if found["stable"] != "no":
+        return _unknown_certificate(model, f"{why}; {about_rest}")
+    lower = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"
+    return found | {"why": about_rest, "cure": lower if critical > 0 else no_step(model, criterion.free, critical)}
 
 
-def _verdict(criterion: RunCriterion, assessment: Assessment, free: float, critical: float) -> tuple[Verdict, str]:
+def _verdict(criterion: RunCriterion, assessment: Assessment, critical: float) -> tuple[Verdict, str]:
     """Return the verdict on the closed linear step, and the reason for it in words."""
-    model = criterion.model
+    model, dt, free = criterion.model, criterion.model.dt, criterion.free
     if free == 0.0:
         return "no", f"{model.case.method.integrator.name} is unstable at any step, without contact too"
-    if model.dt > free * (1.0 + MARGINAL_DISTANCE):
+    if dt > free * (1.0 + MARGINAL_DISTANCE):
         courant = f"Courant number {model.courant:.6g}"
-        why = f"the step {model.dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow"
+        why = f"the step {dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow"
         return "no", f"{why} {criterion.nothing_closed()}"
     when = ""
     if len(criterion.stretches) > 1:
@@ -330,7 +318,7 @@ def _verdict(criterion: RunCriterion, assessment: Assessment, free: float, criti
         combination = f"with closed {noun} {quoted(criterion.names, assessment.worst)}"
     more = f"; theta = {assessment.theta:.6g}" if assessment.theta is not None else ""
     more += f" ({assessment.doubt})" if assessment.doubt else ""
-    return _compare_with_critical(model.dt, critical, f"{combination}{when}{more}", stable=assessment.stable)
+    return _compare_with_critical(dt, critical, f"{combination}{when}{more}", stable=assessment.stable)
 
 
 def _compare_with_critical(dt: float, critical: float, combination: str, *, stable: bool) -> tuple[Verdict, str]:
@@ -349,9 +337,9 @@ def _compare_with_critical(dt: float, critical: float, combination: str, *, stab
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}"
 
 
-def _energy_guarantee(criterion: RunCriterion, assessment: Assessment, verdict: Verdict) -> tuple[str, str]:
+def _energy_guarantee(model: Model, assessment: Assessment, verdict: Verdict) -> tuple[str, str]:
     """Return the energy guarantee of the pair of methods in this run, and the reason for it in words."""
-    model, laws = criterion.model, criterion.closed
+    laws = closed_contacts(model, model.dt)
     if laws.energy in {NEVER_GROWS, BETWEEN}:
         if verdict == "no" or (assessment.theta is not None and assessment.theta >= 1.0):
             more = ", with theta below 1" if assessment.theta is not None else ""

@@ -8,13 +8,13 @@ amplification matrix; two equations at the two ends then give reflection and tra
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.blas import one_blas_thread
 from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.closed_form import unlike_plain_bars
+from percuss.certificate.closed_form import end_elements, unlike_plain_bars
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.jsonable import Entries
@@ -101,7 +101,7 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
         raise InputError([Problem("--contact", "", f"expected the name of a contact, found '{contact}'", advice)])
     p = names.index(contact) if contact else 0
     contact_point = model.contact_points[p]
-    ends = _Ends(model, p)
+    ends = _ends(model, p)
     courant = [0.5 * model.dt * frequency for _, frequency in ends.sides]
     # The first bar carries no wave above Omega = 2, and the leap-frog step none above Omega = 2/C.
     frequency = np.linspace(0.0, 2.0 * min(1.0, 1.0 / courant[0]), count + 2)[1:-1]
@@ -133,7 +133,7 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     )
 
 
-class _Ends:
+class _Ends(NamedTuple):
     """Response of the ends of a closed contact: ``dt v`` after a step to displacement and velocity of the nodes.
 
     Attributes
@@ -145,46 +145,36 @@ class _Ends:
         end and of the node behind it.
     """
 
-    def __init__(self, model: Model, p: int) -> None:
-        contact_point = model.contact_points[p]
-        contact = f"contact '{contact_point.name}'"
-        if why := model.facts.no_waves:
-            raise PercussError(f"{contact}: {why}")
-        motions = Motions(model)
-        step = ClosedStep(motions, model.dt, [p])
-        if not step.linear():
-            raise PercussError(f"{contact}: the step is not linear while it is closed")
-        held = {constraint.node for constraint in motions.constraints}
-        bodies = [model.bodies.bar_at(node) for node in contact_point.nodes]
-        others = [
-            other.name
-            for other in model.contact_points
-            if other is not contact_point and set(other.nodes) & set(contact_point.nodes)
-        ]
-        if held & set(contact_point.nodes) or others or any(body.count < 2 for body in bodies):
-            needed = "ends that move freely, in one contact, with two elements behind"
-            raise PercussError(f"{contact}: waves need {needed}")
-        self.sides = [
-            (float(body.stiffness[body.end_element(node)]), float(body.frequency[body.end_element(node)]))
-            for body, node in zip(bodies, contact_point.nodes, strict=True)
-        ]
-        behind = [
-            node + 1 if node == body.start else node - 1 for body, node in zip(bodies, contact_point.nodes, strict=True)
-        ]
-        nodes = [node for pair in zip(contact_point.nodes, behind, strict=True) for node in pair]
-        place = np.stack(
-            [self._unit_displacement(motions, model, node, contact_point.normal) for node in nodes], axis=1
-        )
-        rest = np.zeros_like(place)
-        readout = place[:, ::2] / np.sum(place[:, ::2] ** 2, axis=0)
-        self.place = readout.T @ step(np.concatenate([place, rest]))[step.size :]
-        self.speed = readout.T @ step(np.concatenate([rest, place]))[step.size :]
+    sides: list[tuple[float, float]]
+    place: Floats
+    speed: Floats
 
-    @staticmethod
-    def _unit_displacement(motions: Motions, model: Model, node: int, normal: Floats) -> Floats:
-        full = np.zeros((model.bodies.n_nodes, model.dim))
-        full[node] = normal
-        return np.asarray(motions.projection @ (full.ravel() * motions.root))
+
+def _ends(model: Model, p: int) -> _Ends:
+    """Return the response of the ends of a contact, measured from the time step."""
+    contact_point = model.contact_points[p]
+    contact, ends = f"contact '{contact_point.name}'", contact_point.nodes
+    if why := model.facts.no_waves:
+        raise PercussError(f"{contact}: {why}")
+    motions = Motions(model)
+    step = ClosedStep(motions, model.dt, [p])
+    if not step.linear():
+        raise PercussError(f"{contact}: the step is not linear while it is closed")
+    bodies = [model.bodies.bar_at(node) for node in ends]
+    others = (other.nodes for other in model.contact_points if other is not contact_point)
+    taken = {constraint.node for constraint in motions.constraints}.union(*others)
+    if taken.intersection(ends) or any(body.count < 2 for body in bodies):
+        needed = "ends that move freely, in one contact, with two elements behind"
+        raise PercussError(f"{contact}: waves need {needed}")
+    behind = [end + 1 if end == body.start else end - 1 for end, body in zip(ends, bodies, strict=True)]
+    nodes = [node for pair in zip(ends, behind, strict=True) for node in pair]
+    units = np.zeros((len(nodes), model.bodies.n_nodes, model.dim))
+    units[np.arange(len(nodes)), nodes] = contact_point.normal
+    place = motions.projection @ (units.reshape(len(units), -1) * motions.root).T
+    rest = np.zeros_like(place)
+    readout = place[:, ::2] / np.sum(place[:, ::2] ** 2, axis=0)
+    after = [step(np.concatenate(state))[step.size :] for state in ((place, rest), (rest, place))]
+    return _Ends(end_elements(model, contact_point), readout.T @ after[0], readout.T @ after[1])
 
 
 def _element_phase(frequency: Floats) -> Any:
@@ -198,7 +188,7 @@ def _formula(model: Model, p: int, frequency: Floats, step_phase: Floats) -> tup
     if len(contact_point.nodes) < 2 or not contact_point.equal_sides:
         return None, "a formula is known for identical bars only"
     laws = closed_contacts(model, model.dt)
-    if contact_point.law.name in laws.unknown or laws.stiffness[p] == 0:
+    if laws.stiffness[p] == 0:
         return None, f"no formula for {contact_point.law.name}"
     side = frequency * np.sqrt(1.0 - 0.25 * frequency**2)
     stiffness, inertia = laws.stiffness[p] / contact_point.stiffness, laws.inertia[p] / contact_point.mass

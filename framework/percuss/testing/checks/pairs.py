@@ -351,9 +351,8 @@ def check_certificate(subject: Subject, case: Entries) -> None:
     model = Model(subject.load(subject.placed(case)))
     if model.facts.verdict is not None:
         raise NotApplicable("the scheme is implicit, and has no critical step")
-    contacts = closed_contacts(model, model.dt)
-    if contacts.unknown:
-        raise NotApplicable(f"the pencil does not cover {', '.join(contacts.unknown)}: only the step itself can decide")
+    if doubts := "; ".join(closed_contacts(model, model.dt).doubts):
+        raise NotApplicable(f"the pencil does not cover this: {doubts}; only the step itself can decide")
     by_pencil, by_black_box = operator_criterion(model).critical_step, step_criterion(model).critical_step
     if not abs(by_pencil - by_black_box) <= 1e-3 * by_pencil:
         raise CheckFailed(f"the critical step is {by_pencil:.6g} by the pencil, {by_black_box:.6g} by the step itself")
