@@ -124,12 +124,6 @@ def test_each_built_in_method_says_where_it_is_from():
         assert Path(source.file).samefile(inspect.getsourcefile(component))
 
 
-def test_without_distributions_there_is_nothing():
-    registry = Registry.load(distributions=False)
-    assert not registry.components
-    assert all(registry.names(family) == [] for family in FAMILIES)
-
-
 def test_the_registry_is_light_and_plugins_come_in_only_with_load():
     code = (
         "import sys, percuss.methods.registry\n"
@@ -551,7 +545,7 @@ def test_a_contract_that_is_not_kept_costs_that_component_alone(install, contrac
     assert {"other", "penalty"} <= set(registry.names("contacts"))
     assert "my-law" not in registry.names("contacts")
     with pytest.raises(PluginError) as raised:
-        Registry.load([write(stating(stated, IMPORTS + law()))], distributions=False)
+        Registry.load([write(stating(stated, IMPORTS + law()))])
     assert str(raised.value) == f"my_law.py:{line_of(IMPORTS + law(), '@dataclass')}: {said}"
 
 
@@ -604,7 +598,7 @@ def test_a_name_that_percuss_does_not_have_is_told_with_the_nearest(install, wri
     assert broken.error == f"entry point 'laws = fake_bad': {said}"
     assert broken.file == f"{site / 'fake_bad.py'}:{line}"
     with pytest.raises(PluginError) as raised:
-        Registry.load([write(text + "\n")], distributions=False)
+        Registry.load([write(text + "\n")])
     assert str(raised.value) == f"my_law.py:{line}: {said}"
 
 
@@ -735,11 +729,6 @@ def test_a_file_with_hooks_registers_what_they_return(write):
     assert "unfinished" not in registry.names("contacts")
 
 
-def test_a_file_works_without_distributions(write):
-    registry = Registry.load([write(IMPORTS + law())], distributions=False)
-    assert list(registry.components) == [("contacts", "my-law")]
-
-
 @pytest.mark.parametrize("name", ["my_law.py", "my-law 2.py", "1.py"])
 def test_a_class_of_a_file_has_its_source_and_its_pickle(write, tmp_path, name):
     text = IMPORTS + law()
@@ -864,8 +853,9 @@ def test_a_file_given_twice_counts_once(write, tmp_path):
 
 
 def test_a_file_in_two_registries_is_one_module(write):
-    file = write(IMPORTS + law())
-    one, two = Registry.load([file]), Registry.load([file], distributions=False)
+    file, other = write(IMPORTS + law()), write(IMPORTS + law("Other", "other"), "other.py")
+    one, two = Registry.load([file]), Registry.load([file, other])
+    assert one is not two
     assert one.get("contacts", "my-law") is two.get("contacts", "my-law")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from percuss.case.hints import name_advice
-from percuss.errors import InputError, Problem, refuse_if_any, wrong_input
+from percuss.errors import InputError, Problem, refuse_if_any, shortened, wrong_input
 from percuss.methods.blame import SINGULAR
 
 if TYPE_CHECKING:
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 def wrong_argument(function: str, message: str, value: object, advice: str) -> InputError:
     """Return the error for an argument of the wrong kind."""
-    text = repr(value)
-    shown = text if len(text) <= 60 else f"{text[:57]}..."
+    shown = shortened(repr(value), 60)
     return wrong_input(function, f"{message}, found {shown} of type {type(value).__name__}", advice)
 
 

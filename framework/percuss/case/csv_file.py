@@ -111,8 +111,8 @@ def table_in(text: str, path: str) -> DataFile:
 
 def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and the fields, with blanks, of each line that is neither empty nor a comment."""
-    lines = [(number, line) for number, line in enumerate(LINE_END.split(text), start=1)]
-    lines = [(number, line) for number, line in lines if line.strip(BLANKS) and not line.lstrip(BLANKS).startswith("#")]
+    numbered = enumerate(LINE_END.split(text), start=1)
+    lines = [(number, line) for number, line in numbered if line.strip(BLANKS) and line.lstrip(BLANKS)[0] != "#"]
     # The whole file has one separator; otherwise 0,5;1,0 with decimal commas would be four numbers.
     separator = next((mark for mark in (";", ",", "\t") if any(mark in line for _, line in lines)), ",")
     for number, line in lines:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import re
 from collections.abc import Mapping, Sequence
@@ -15,7 +14,7 @@ import numpy as np
 
 from percuss.case.hints import file_advice
 from percuss.case.yaml_text import MAX_DEPTH, KeyPath, Mark, Mistake, NotPlainError, compose, dotted, flow
-from percuss.errors import InputError, Problem, shortened, wrong_input
+from percuss.errors import InputError, Problem, nearest, shortened, wrong_input
 from percuss.files import found_instead, is_folder
 from percuss.jsonable import Data
 
@@ -122,8 +121,8 @@ class Source:
             text = content.decode("utf-8-sig") if len(content) <= MAX_BYTES else None
         except FileNotFoundError:
             beside = [entry.name for entry in file.parent.glob("*.y*ml")] if file.parent.is_dir() else []
-            close = difflib.get_close_matches(file.name, beside, n=1)
-            advice = f"Did you mean '{file.parent / close[0]}'?" if close else "Check the path."
+            near = nearest(file.name, beside)
+            advice = f"Did you mean '{file.parent / near}'?" if near else "Check the path."
             raise wrong_input(name, "no such file", advice) from None
         except UnicodeDecodeError as error:
             line = error.object.count(b"\n", 0, error.start) + 1
@@ -236,13 +235,13 @@ class Source:
                 return mark.key if mark.key is not None and (key or n < len(path)) else mark.value
         return None
 
-    def place(self, path: KeyPath, *, key: bool = False) -> str:
-        """Return the place of the value (or of the `key`) at `path`, ``file:line:column``.
+    def place(self, path: KeyPath) -> str:
+        """Return the place of the value at `path`, ``file:line:column``.
 
         An entry that is not in the text, such as a missing key, has the place of the nearest entry above it; the place
         of a value that an override set is the override.
         """
-        return self._label(path) or self._place_and_line(self._position(path, key))[0]
+        return self._label(path) or self._place_and_line(self._position(path, key=False))[0]
 
     def order(self, path: KeyPath, *, key: bool = False) -> tuple[int, int, int]:
         """Return the sort key of a problem at `path`: places in the file first, then the overrides in their order."""

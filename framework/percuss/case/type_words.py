@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from percuss.case.hints import number_advice
 from percuss.case.yaml_text import flow
-from percuss.errors import nearest
+from percuss.errors import nearest, shortened
 from percuss.methods.interfaces import DataFile, Ge, Unit
 
 T = TypeVar("T")
@@ -122,13 +122,11 @@ def _phrases(annotation: Any, facts: tuple[object, ...]) -> list[str]:
 def found(value: object) -> str:
     """Return a value as the input has it, short enough for a message."""
     if isinstance(value, str):
-        return f"'{value}'" if len(value) <= 60 else f"'{value[:57]}...'"
+        return f"'{shortened(value, 60)}'"
     text = flow(_rounded(value))
-    if len(text) <= 40:
-        return text
-    if isinstance(value, Mapping):
+    if len(text) > 40 and isinstance(value, Mapping):
         return f"a mapping of {len(value)} entries"
-    return f"a list of {len(value)} items" if isinstance(value, tuple) else f"{text[:37]}..."
+    return f"a list of {len(value)} items" if len(text) > 40 and isinstance(value, tuple) else shortened(text, 40)
 
 
 def _rounded(value: object) -> Any:

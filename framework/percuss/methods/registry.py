@@ -52,8 +52,6 @@ class Registry:
         Plug-ins and components that were left out, with the reason.
     single_files
         The single-file plug-ins as they were read.
-    distributions
-        Whether the plug-ins of installed distributions are included.
     """
 
     components: Mapping[Key, type[Component]]
@@ -61,10 +59,9 @@ class Registry:
     clashes: Clashes
     broken: tuple[Broken, ...]
     single_files: tuple[SingleFile, ...]
-    distributions: bool
 
     @staticmethod
-    def load(files: Sequence[Path | str] = (), *, distributions: bool = True) -> Registry:
+    def load(files: Sequence[Path | str] = ()) -> Registry:
         """Return the registry of all installed plug-ins and the single-file plug-ins `files`.
 
         The same files, unedited, give the same object as long as no distribution is installed or removed in between.
@@ -73,8 +70,6 @@ class Registry:
         ----------
         files
             Single-file plug-ins; a file given twice counts once.
-        distributions
-            Whether to include installed distributions; without them even the built-in methods are missing.
 
         Raises
         ------
@@ -86,7 +81,7 @@ class Registry:
             for file in files:
                 read = SingleFile.read(Path(file))
                 given.setdefault(read.path, read)
-            return _load(_environment() if distributions else None, tuple(given.values()))
+            return _load(_environment(), tuple(given.values()))
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -131,7 +126,7 @@ class Registry:
 
     def __reduce__(self) -> tuple[Callable[..., Registry], tuple[object, ...]]:
         # Another process loads the plug-ins itself, so that pickle finds the modules of single files there.
-        return functools.partial(Registry.load, distributions=self.distributions), (self.files,)
+        return Registry.load, (self.files,)
 
 
 class _Registered(NamedTuple):
@@ -152,20 +147,20 @@ def _environment() -> tuple[tuple[str, int], ...]:
 
 
 @functools.lru_cache(maxsize=32)
-def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[SingleFile, ...]) -> Registry:
+def _load(environment: tuple[tuple[str, int], ...], files: tuple[SingleFile, ...]) -> Registry:  # noqa: ARG001
     """Return the registry of installed distributions and `files`, cached until the installation changes.
 
     Parameters
     ----------
     environment
-        State of the installation, which serves only as a key of the cache; None leaves installed distributions out.
+        State of the installation, which serves only as a key of the cache.
     files
         The single-file plug-ins.
     """
     manager = PluginManager(GROUP)
     broken: list[Broken] = []
     by_key: dict[Key, list[_Registered]] = {}
-    points = importlib.metadata.entry_points(group=GROUP) if environment is not None else ()
+    points = importlib.metadata.entry_points(group=GROUP)
     for source, point in sorted(((_provenance_of(point), point) for point in points), key=lambda pair: pair[0].label):
         with _isolate(broken, source, f"entry point '{point.name} = {point.value}'"):
             top = source.module.partition(".")[0]
@@ -192,7 +187,6 @@ def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[SingleFi
         clashes=MappingProxyType(clashes),
         broken=tuple(broken),
         single_files=files,
-        distributions=environment is not None,
     )
 
 
