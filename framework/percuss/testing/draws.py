@@ -417,10 +417,8 @@ def on_chains(share: int = 1, **chains: Any) -> Callable[[ChainCheck], Callable[
             ]
             if subject.family in PARTNERS:
                 names = {subject.check, f"{subject.check} with {subject.name}"}
-                others = {
-                    name: subject.registry.components[PARTNERS[subject.family], name] for name in subject.partners
-                }
-                willing = [name for name, other in others.items() if not names & set(other.expected_failures)]
+                declared = {name: set(subject.partner_class(name).expected_failures) for name in subject.partners}
+                willing = [name for name, failures in declared.items() if not names & failures]
                 pairs = [st.tuples(st.sampled_from(subject.examples), st.sampled_from(willing or [""]))]
             for_all(subject, st.tuples(bar_chains(**chains), *pairs), body, max(1, subject.draws // share))
 

@@ -58,7 +58,7 @@ def expected(kit_check: Check, subject: Subject, partner: str) -> str:
     """Return the reason for an expected failure declared by the component or its partner, empty if there is none."""
     sides = [(subject.component, partner)]
     if partner:
-        sides.append((subject.registry.components[PARTNERS[subject.family], partner], subject.name))
+        sides.append((subject.partner_class(partner), subject.name))
     names = [(side, name) for side, other in sides for name in (kit_check.name, named(kit_check, other))]
     return next((side.expected_failures[name] for side, name in names if side.expected_failures.get(name)), "")
 
@@ -71,7 +71,7 @@ def _fails_elsewhere(kit_check: Check, subject: Subject, partner: str) -> str:
     if not partner:
         return ""
     if subject.family == "integrators":
-        declared = subject.registry.components[PARTNERS[subject.family], partner].expected_failures
+        declared = subject.partner_class(partner).expected_failures
         start = f"{kit_check.name} with "
         return " and ".join(name.removeprefix(start) for name in declared if name.startswith(start))
     states = _shown_states(subject, partner)

@@ -145,6 +145,10 @@ class Subject:
         """Names of the partners that judge the component; none if its family has no partners."""
         return self.judges(PARTNERS[self.family]) if self.family in PARTNERS else []
 
+    def partner_class(self, name: str) -> type[Component]:
+        """Return the class of a registered method that the component may be paired with."""
+        return self.registry.components[PARTNERS[self.family], name]
+
     def make(self, options: Data) -> Any:
         """Return an instance of the component whose options were checked in the same way as the options of a case."""
         from pydantic import ValidationError

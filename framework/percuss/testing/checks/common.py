@@ -9,7 +9,7 @@ import json
 import math
 import pickle
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from hypothesis import strategies as st
@@ -17,12 +17,13 @@ from hypothesis.errors import Unsatisfiable
 
 from percuss.case.json_schema import schema_of
 from percuss.case.options import options_of
+from percuss.case.type_words import branches
 from percuss.errors import InputError, RefusedPair, RunError, suggestion
 from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import described
 from percuss.results.result import Result
 from percuss.testing.draws import TWO_BARS, for_all, must_agree, on_chains, option_values, unit_factor
-from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, check
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 # families of methods that take part in the time steps
 METHODS = ("integrators", "contacts", "elements", "materials", "masses")
@@ -148,11 +149,10 @@ def check_options_documented(subject: Subject) -> None:
     Every option has a description, `Doc("...")`, and every number a unit, such as `Unit("force/length")`. The
     schema, the messages and the check `units` use the unit.
     """
-    schema = schema_of(subject.component)["properties"]
     for key, option in options_of(subject.component).items():
         if not option.doc:
             raise CheckFailed(f'option `{key}` has no description: add Doc("...") to its annotation')
-        if _has_number(schema[key]) and not option.unit:
+        if _takes_number(option.annotation) and not option.unit:
             raise CheckFailed(f'option `{key}` has no unit: add Unit("..."), Unit("1") for a pure number')
         if option.unit:
             unit_factor(option.unit)
@@ -202,9 +202,8 @@ def _use(subject: Subject, instance: Any, options: Data) -> Result | None:
     """
     if subject.family in METHODS:
         case = {**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}
-        partners = [(name, subject.registry.components[PARTNERS[subject.family], name]) for name in subject.partners]
-        choices: list[str | Data] = ["", *({"name": name, **cls.examples[0]} for name, cls in partners)]
-        for partner in choices:
+        partners: list[Data] = [{"name": name, **subject.partner_class(name).examples[0]} for name in subject.partners]
+        for partner in [None, *partners]:
             with contextlib.suppress(NotApplicable):
                 return subject.run(subject.placed(case, options, partner))
     elif subject.family == "shapes":
@@ -285,10 +284,6 @@ def check_compiled_and_plain(subject: Subject, case: Entries) -> None:
     must_agree(subject, case, {"plain Python": lambda: subject.run(case, compiled=False).arrays})
 
 
-def _has_number(schema: Data) -> bool:
-    """Return whether a JSON schema allows a number, itself or in one of its branches or items."""
-    branches = [schema, *schema.get("anyOf", []), *([schema["items"]] if isinstance(schema.get("items"), dict) else [])]
-    return any(
-        branch.get("type") in {"number", "integer"} or (branch is not schema and _has_number(branch))
-        for branch in branches
-    )
+def _takes_number(annotation: object) -> bool:
+    """Return whether an option may be a number, or have numbers in it."""
+    return any(kind in {int, float} or any(map(_takes_number, get_args(kind))) for kind in branches(annotation))

@@ -24,7 +24,7 @@ from percuss.results.ledger import STORED_BY_LAWS
 from percuss.results.result import Result
 from percuss.testing import draws
 from percuss.testing.draws import bar, bar_chains, chain, for_all, must_agree, must_balance, number, on_chains, per_cent
-from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, check, was_not_started
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, was_not_started
 
 PAIRS = ("integrators", "contacts")
 GROWTH_TOLERANCE = 1e-10  # relative to the largest energy; less growth is round-off
@@ -165,8 +165,7 @@ def check_energy_never_grows(subject: Subject, partner: str) -> None:
     law's own word. Otherwise the energy never exceeds its initial value and never rises from one state with all
     contacts open to the next. A scheme that gives bodies steps of their own is exempt, whatever the contact law.
     """
-    other = subject.registry.components[PARTNERS[subject.family], partner]
-    pairs = list(itertools.product(subject.examples, other.examples))
+    pairs = list(itertools.product(subject.examples, subject.partner_class(partner).examples))
 
     def check_growth(case: Data, options: Data, partner_options: Data) -> None:
         full_case = subject.placed(case, options, {"name": partner, **partner_options})
@@ -297,7 +296,7 @@ def check_refusals(subject: Subject) -> None:
     """
     refused = []
     for name in subject.partners:
-        cls = subject.registry.components[PARTNERS[subject.family], name]
+        cls = subject.partner_class(name)
         partner: Any = Subject.of(cls, subject.registry).make(dict(cls.examples[0]))
         reasons = [subject.make(subject.examples[0]).refuses(partner) for _ in range(2)]
         if reasons[0] != reasons[1]:
