@@ -309,8 +309,8 @@ BALANCED_GAP = "the gap at t_n, in static balance of the end without mass, whate
 def _linear_law_lines(law: Data) -> Iterator[str]:
     """Yield a linear law with its numbers in words, and the multiplier that follows if only this contact is closed."""
     terms = [(law["gap"], "g"), (law["rate"], "g'"), (law["acceleration"], "g''")]
-    right = " ".join(f"- {'' if weight == 1.0 else f'{weight:.6g} '}{name}" for weight, name in terms if weight)
-    right = right.replace("- ", "-", 1) or "0"
+    parts = [f"{'' if weight == 1.0 else f'{weight:.6g} '}{name}" for weight, name in terms if weight]
+    right = f"-{' - '.join(parts)}" if parts else "0"
     state = {
         ("end", "predicted"): "the gap at the end of the step",
         ("explicit", "predicted"): "the predicted gap",
@@ -336,7 +336,7 @@ def _linear_law_lines(law: Data) -> Iterator[str]:
     if law["sees"] or pushed:
         yield "F = Sigma^T u is the mean normal force of the end elements, and s is that of what is seen and pushed"
     if remark:
-        right = " ".join(right.split(" ")[:-3]) if right.count(" ") > 2 else right.split(" - ")[0]
+        right = f"-{' - '.join(parts[:-1])}"
     yield (
         f"closed alone: lambda = ({right}) / (sigma + w s) = {law['stiffness']:.6g} ({right}), "
         f"sigma = {law['sigma']:.6g}, w = {law['w']:.6g}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -208,17 +210,20 @@ def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:
     most = max(bound_law.law.state for bound_law in laws)
     states = np.full((outcome.records, len(march.model.contact_points), most), np.nan)
     dissipated = np.zeros(outcome.records)
-    first = 0
-    for bound_law in laws:
+    parts = _parts(records, [(len(bound_law.where), bound_law.law.state) for bound_law in laws])
+    for bound_law, of_law in zip(laws, parts, strict=True):
         law, where = bound_law.law, list(bound_law.where)
-        stop = first + len(where) * law.state
-        of_law = records[:, first:stop].reshape(outcome.records, len(where), law.state)
         states[:, where, : law.state] = of_law
         if law.dissipated_in is not None:
             dissipated += of_law[:, :, law.dissipated_in].sum(axis=1)
-        first = stop
     known = any(bound_law.law.dissipated_in is not None for bound_law in laws)
     return {"contact_state": states, **({"contact_dissipation": dissipated} if known else {})}
+
+
+def _parts(recorded: Floats, shapes: Sequence[tuple[int, ...]]) -> list[Floats]:
+    """Return the columns of an array, (records, columns), in parts that have the given shapes in each record."""
+    parts = np.split(recorded, np.cumsum([math.prod(shape) for shape in shapes]), axis=1)
+    return [part.reshape(len(recorded), *shape) for part, shape in zip(parts, shapes, strict=False)]
 
 
 def _fields(march: March, outcome: Outcome) -> Entries:
@@ -228,20 +233,16 @@ def _fields(march: March, outcome: Outcome) -> Entries:
     snapshots = outcome.done // record.field_every + (outcome.status == "done")
     if snapshots == 0:  # stopped before the first snapshot
         return {}
-    of_elements = outcome.histories.get("field_state", np.zeros((snapshots, 0)))
+    recorded = list(zip(model.bodies.values(), recorded_elements(model).values(), field_nodes(model), strict=True))
+    shapes = [(*nodes.shape, dim) for _, _, nodes in recorded]
+    state_shapes = [(each.size, body.volumes.shape[1], body.spec.material.state) for body, each, _ in recorded]
+    displacements = _parts(record.field[:snapshots], shapes)
+    states = _parts(outcome.histories.get("field_state", np.zeros((snapshots, 0)))[:snapshots], state_shapes)
     stress: list[Floats] = []
     names: list[str] = []
     positions: list[Floats] = []
-    first, first_state = 0, 0
-    for body, elements, nodes in zip(
-        model.bodies.values(), recorded_elements(model).values(), field_nodes(model), strict=True
-    ):
-        u = record.field[:snapshots, first : first + nodes.size * dim].reshape(snapshots, *nodes.shape, dim)
-        first += nodes.size * dim
-        points, state = body.volumes.shape[1], body.spec.material.state
-        states = of_elements[:snapshots, first_state : first_state + elements.size * points * state]
-        first_state += elements.size * points * state
-        stress.append(stress_field(body, elements, u, states.reshape(snapshots, elements.size, points, state)))
+    for (body, elements, nodes), u, state in zip(recorded, displacements, states, strict=True):
+        stress.append(stress_field(body, elements, u, state))
         names += [body.name] * elements.size
         begin, end = model.bodies.nodes[nodes[:, 0]], model.bodies.nodes[nodes[:, 1]]  # the ends come first
         positions.append(0.5 * (begin + end))

@@ -13,7 +13,7 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -106,18 +106,6 @@ def fields_dataset(field_arrays: Data, units: Mapping[str, str]) -> xr.Dataset:
     )
 
 
-def plain_arrays(histories: xr.Dataset, fields: xr.Dataset | None) -> tuple[Entries, dict[str, list[str]], Entries]:
-    """Return histories, names along the axes, and fields of datasets as the plain values they were made from."""
-    arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
-    arrays |= {name: histories[name].to_numpy() for name in _TIMES if name in histories.coords}
-    coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in ("contact", "probe")}
-    field_arrays: Entries = {}
-    if fields is not None:
-        field_arrays = {name: fields[name].to_numpy() for name in ("time", "stress", "position")}
-        field_arrays["body"] = [str(name) for name in fields["body"].to_numpy()]
-    return arrays, coordinates, field_arrays
-
-
 FORMAT = "percuss-result-3"  # format 1 had no checksums, format 2 one that only a reader of HDF5 could find
 ADVICE = "Make the run again, or use an undamaged copy."
 CHECKSUM = re.compile(rb"\npercuss sha256 ([0-9a-f]{64})\n")
@@ -166,8 +154,8 @@ def _reserve(path: Path, size: int) -> None:
             os.posix_fallocate(file.fileno(), 0, size)
 
 
-def read(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
-    """Return the histories of a result file, and its fields or None.
+def read(path: str | os.PathLike[str]) -> tuple[Entries, dict[str, list[str]], Entries, Any, Any]:
+    """Return what a result file holds: histories, names along the axes, fields, summary, provenance.
 
     Raises
     ------
@@ -186,12 +174,18 @@ def read(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
             histories = xr.open_dataset(NetCDF4DataStore(file)).load()
             group = file.groups.get("fields")
             fields = xr.open_dataset(NetCDF4DataStore(group)).load() if group is not None else None
-        for name in ("summary", "provenance"):
-            json.loads(histories.attrs[name])
+        summary, provenance = (json.loads(histories.attrs[name]) for name in ("summary", "provenance"))
     except Exception as error:  # a result that another program put together
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise wrong_input(str(path), f"cannot be read as a percuss result: {reason}", ADVICE) from error
-    return histories, fields
+    arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
+    arrays |= {name: histories[name].to_numpy() for name in _TIMES if name in histories.coords}
+    coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in ("contact", "probe")}
+    field_arrays: Entries = {}
+    if fields is not None:
+        field_arrays = {name: fields[name].to_numpy() for name in ("time", "stress", "position")}
+        field_arrays["body"] = [str(name) for name in fields["body"].to_numpy()]
+    return arrays, coordinates, field_arrays, summary, provenance
 
 
 def _verify(path: Path) -> None:

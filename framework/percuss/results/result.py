@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import Exact, Floats
-from percuss.results.netcdf import (
-    FORMAT,
-    Source,
-    definition_attributes,
-    fields_dataset,
-    histories_dataset,
-    plain_arrays,
-    read,
-    write,
-)
+from percuss.results import netcdf
 from percuss.results.summary import Summary
 
 if TYPE_CHECKING:
@@ -26,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@dataclass(repr=False, eq=False)
 class Result:
     """Result of a case, saved to NetCDF-4 and drawn: of a run, or of its exact solution alone, for which none marched.
 
@@ -49,21 +42,12 @@ class Result:
         The exact solution, for any place and any time; None if there is none, or if this result was read from a file.
     """
 
-    def __init__(
-        self,
-        arrays: dict[str, Floats],
-        coordinates: dict[str, list[str]],
-        field_arrays: Entries,
-        summary: Summary,
-        provenance: Entries,
-        solution: Exact | None = None,
-    ) -> None:
-        self.arrays = arrays
-        self.coordinates = coordinates
-        self.field_arrays = field_arrays
-        self.summary = summary
-        self.provenance = provenance
-        self.solution = solution
+    arrays: dict[str, Floats]
+    coordinates: dict[str, list[str]]
+    field_arrays: Entries
+    summary: Summary
+    provenance: Entries
+    solution: Exact | None = None
 
     @property
     def status(self) -> str:
@@ -120,7 +104,7 @@ class Result:
         forces = self.arrays["contact_force_exact"]
         return {name: (self.arrays["time"], forces[:, k]) for k, name in enumerate(self.coordinates["contact"])}
 
-    def _source(self) -> Source:
+    def _source(self) -> netcdf.Source:
         """Return the kind of source of the histories, on which their definitions depend.
 
         That of a run shows in the time of its energies: t_{n+1/2}, t_{n+1} or t_n.
@@ -136,19 +120,19 @@ class Result:
     def histories(self) -> xr.Dataset:
         """Histories on the axis ``time``; energies of a run carry the coordinate ``time_half(time)``."""
         attributes = {
-            "format": FORMAT,
+            "format": netcdf.FORMAT,
             "title": self.title,
             "status": self.status,
             "summary": json.dumps(self.summary),
             "provenance": json.dumps(self.provenance),
         }
-        definitions = definition_attributes(self._source(), self.units)
-        return histories_dataset(self.arrays, self.coordinates, definitions, attributes)
+        definitions = netcdf.definition_attributes(self._source(), self.units)
+        return netcdf.histories_dataset(self.arrays, self.coordinates, definitions, attributes)
 
     @cached_property
     def fields(self) -> xr.Dataset:
         """Stress along the bodies over time, (time, element); empty unless the case sets `record.fields`."""
-        return fields_dataset(self.field_arrays, self.units)
+        return netcdf.fields_dataset(self.field_arrays, self.units)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the result as NetCDF-4 to a temporary file beside `path`, then rename it.
@@ -158,7 +142,7 @@ class Result:
         InputError
             If the folder does not exist or cannot be written.
         """
-        write(path, self.histories, self.fields if self.field_arrays else None)
+        netcdf.write(path, self.histories, self.fields if self.field_arrays else None)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Return the figure of ``percuss run --plot``: contact forces, energies, and stress where the case records it.
@@ -197,6 +181,4 @@ def open_result(path: str | os.PathLike[str]) -> Result:
     InputError
         If there is no such file, it is not a percuss result, or it is damaged: a checksum covers every byte.
     """
-    histories, fields = read(path)
-    summary, provenance = (json.loads(histories.attrs[name]) for name in ("summary", "provenance"))
-    return Result(*plain_arrays(histories, fields), summary, provenance)
+    return Result(*netcdf.read(path))

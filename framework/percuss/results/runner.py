@@ -166,7 +166,8 @@ def _run(
                 twin = run(nudged(case, model.courant), compiled=compiled)
         except RunError as error:  # the twin is unstable although the run is not
             twin = error.result
-        result.summary["fragile"] = is_fragile(result, twin)
+        compared = "contact_force" if result.arrays["contact_force"].size else "displacement"
+        result.summary["fragile"] = differs(result.arrays[compared], twin.arrays[compared])
     result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
     stop = result.summary["stop"]
     if stop is not None:
@@ -228,12 +229,6 @@ def nudged(case: Case, courant: float) -> Case:
     section = "area" if body.area is not None else "thickness"
     fixed_courant = {"time.courant": courant} if case.time.courant == "auto" else {}
     return case.with_overrides({f"bodies.{name}.{section}": body.section * (1.0 + NUDGE_OF_AREA), **fixed_courant})
-
-
-def is_fragile(result: Result, twin: Result) -> bool:
-    """Return whether a run and its nudged twin differ: in their contact forces, or in displacements without contact."""
-    compared = "contact_force" if result.arrays["contact_force"].size else "displacement"
-    return differs(result.arrays[compared], twin.arrays[compared])
 
 
 def differs(values: Floats, twin_values: Floats) -> bool:

@@ -126,23 +126,25 @@ class ContactErrors(TypedDict):
     closed: list[list[float]]
 
 
-class ExactErrors(TypedDict):
-    """True errors of a run, by contact and of the displacement, up to the time reached by the exact solution."""
+class ErrorsOfContacts(TypedDict):
+    """True errors of a run by contact, and the exact solution that told them."""
 
     solution: str
-    reached: float
     fronts: int
     contacts: dict[str, ContactErrors]
+
+
+class ExactErrors(ErrorsOfContacts):
+    """True errors of a run, by contact and of the displacement, up to the time reached by the exact solution."""
+
+    reached: float
     displacement_error: NotRequired[float | None]
 
 
-class CoveredErrors(TypedDict):
+class CoveredErrors(ErrorsOfContacts):
     """True errors of a part of a run, up to the time `until` at which the exact solution ends."""
 
     until: float
-    solution: str
-    fronts: int
-    contacts: dict[str, ContactErrors]
 
 
 class ExactEntries(TypedDict):
