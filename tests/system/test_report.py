@@ -226,14 +226,14 @@ def test_the_line_of_the_best_has_no_run_that_another_beats():
 
 def test_bands_are_quantiles_of_all_done_runs(large):
     table = large.table
-    found = {(m, n): band for m, n, band in study_data.bands(table, ["noise", "steps"], "refine")}
     method = "central-difference + penalty"
-    assert found[method, "noise"][0].tolist() == [1, 2, 4, 8, 16, 32]
+    found = study_data.bands(table, "noise", "refine")[method]
+    assert found[0].tolist() == [1, 2, 4, 8, 16, 32]
     own = table[(table["status"] == "done") & (np.array(study_data.methods(table)) == method) & (table["refine"] == 4)]
-    assert found[method, "noise"][2:5, 2] == pytest.approx(own["noise"].quantile([0.1, 0.5, 0.9]).to_numpy())
+    assert found[2:5, 2] == pytest.approx(own["noise"].quantile([0.1, 0.5, 0.9]).to_numpy())
     made = table[(np.array(study_data.methods(table)) == method) & (table["refine"] == 4)]
-    assert found[method, "noise"][5:, 2].tolist() == [len(own), len(made)]
-    assert found[method, "noise"][1, 2] == own["noise"].min()
+    assert found[5:, 2].tolist() == [len(own), len(made)]
+    assert found[1, 2] == own["noise"].min()
     assert len(own) < len(made)
 
 
@@ -529,12 +529,12 @@ def test_cost_is_that_of_the_method_alone(small):
 
 
 def test_a_method_without_the_varied_value_has_its_median_beside_the_axis(several):
-    found = {(m, n): band for m, n, band in study_data.bands(several.table, ["noise"], "method.contact.beta_s")}
-    band = found["central-difference + lagrange", "noise"]
+    found = study_data.bands(several.table, "noise", "method.contact.beta_s")
+    band = found["central-difference + lagrange"]
     assert band.shape == (7, 1)
     assert np.isnan(band[0, 0])
     assert band[5:, 0].tolist() == [12, 12]
-    lost = found["central-difference + penalty", "noise"]
+    lost = found["central-difference + penalty"]
     assert lost[5:].tolist() == [[12, 12, 8, 0], [12, 12, 12, 12]]
     assert np.isnan(lost[1:5, 3]).all()
 
@@ -681,7 +681,7 @@ def test_words_have_bands_too(several):
     bare = "central-difference + tied"
     mixed.table.loc[np.array(study_data.methods(mixed.table)) == bare, "method.contact.ratio"] = None
     path, pair = "method.contact.ratio", "central-difference + lagrange"
-    bands = {method: band for method, _, band in study_data.bands(mixed.table, ["noise"], path)}
+    bands = study_data.bands(mixed.table, "noise", path)
     words = study_data.in_order(study_data.texts(mixed.table[path]))
     own = mixed.table[np.array(study_data.methods(mixed.table)) == pair]
     medians = own.groupby(study_data.texts(own[path]))["noise"].median()
@@ -874,7 +874,7 @@ def test_the_page_and_the_files_draw_the_same_medians(browser, pages, several, p
             })""",
             path,
         )
-        bands = [band for _, _, band in study_data.bands(odd(several).table, ["noise"], path)]
+        bands = list(study_data.bands(odd(several).table, "noise", path).values())
         assert len(drawn) == len(bands) == 8
         for of_page, band in zip(drawn, bands, strict=True):
             # A number that is none is null, or what JavaScript makes of a quantile of nothing.

@@ -28,7 +28,6 @@ from percuss.reporting.figures import (
     new_figure,
     number,
     set_labels,
-    stopped_at,
     subtitle_lines,
     thinned,
 )
@@ -174,6 +173,6 @@ def _force_lines(axes: Axes, result: Result) -> Line2D:
         (entries[name],) = axes.plot(*force, color=COLOURS[k], linestyle=DASHES[k])
     if entries:
         legend(axes, entries, room=100)
-    axes.set_xlim(0, stopped_at(result))
+    axes.set_xlim(0, result.end)
     set_labels(axes, result.units, xlabel=TIME, ylabel=FORCE)
     return axes.axvline(0.0, color=ALARM, linewidth=1.2, animated=True)

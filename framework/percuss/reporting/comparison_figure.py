@@ -26,7 +26,6 @@ from percuss.reporting.figures import (
     one_line,
     percent_axis,
     set_labels,
-    stopped_at,
     thinned,
     tick_text,
     wrapped,
@@ -80,7 +79,7 @@ def comparison_figure(rows: Sequence[Data]) -> Figure:
 
 
 def _run_label(label: str, result: Result) -> str:
-    return label if result.status == "done" else f"{label}: {result.status} at {number(stopped_at(result))}"
+    return label if result.status == "done" else f"{label}: {result.status} at {number(result.end)}"
 
 
 def _overlay_runs(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, alone: bool) -> Entries:
@@ -107,7 +106,7 @@ def _overlay_runs(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, 
 
 
 def _end_time(runs: Sequence[tuple[str, Result]]) -> float:
-    return max(max(stopped_at(result), float(result.summary["dt"])) for _, result in runs)
+    return max(max(result.end, float(result.summary["dt"])) for _, result in runs)
 
 
 def _run_with_exact(runs: Sequence[tuple[str, Result]]) -> Result:
@@ -127,7 +126,7 @@ def _limit_forces(axes: Axes, results: Sequence[Result]) -> None:
 
 def _mark_stop(axes: Axes, result: Result) -> None:
     if result.status != "done":
-        axes.axvline(stopped_at(result), color=ALARM, linewidth=1.0, linestyle=(0, (1, 2)))
+        axes.axvline(result.end, color=ALARM, linewidth=1.0, linestyle=(0, (1, 2)))
 
 
 def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) -> None:

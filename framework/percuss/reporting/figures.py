@@ -85,11 +85,6 @@ def _symbol(name: str) -> str:
     return GREEK[head] + SMALL.get(tail, underscore + tail) if head in GREEK else name
 
 
-def stopped_at(result: Result) -> float:
-    """Return the time at which a run ended or stopped, or up to which an exact solution holds."""
-    return float(result.summary["end"])
-
-
 def warning_lines(result: Result) -> list[str]:
     """Return the warnings that must head a result that is not complete or not valid; none for a valid one."""
     if result.status == "done":
@@ -99,7 +94,7 @@ def warning_lines(result: Result) -> list[str]:
         return [head, str(result.summary["exact_reason"])]
     summary, stop = result.summary, result.summary["stop"]
     planned = result.provenance.get("resolved", {}).get("steps", "?")
-    where = f"step {summary['steps']} of {planned}, time {number(stopped_at(result))}"
+    where = f"step {summary['steps']} of {planned}, time {number(result.end)}"
     if result.status != "unstable":
         return [f"{result.status.upper()} at {where}: the run is not complete"]
     head = f"UNSTABLE, no valid result: stopped at {where}"
@@ -347,12 +342,12 @@ def axis_end(result: Result) -> float:
     if not result.marched:
         return result.end
     planned = result.provenance.get("resolved", {}).get("steps", result.summary["steps"]) * result.summary["dt"]
-    return float(max(min(planned, 1.3 * stopped_at(result)), result.summary["dt"]))
+    return float(max(min(planned, 1.3 * result.end), result.summary["dt"]))
 
 
 def hatch_after_stop(axes: Axes, result: Result, until: float, *, word: bool = True, upwards: bool = False) -> None:
     """Hatch the part of the time axis from the stop of a run that is not done up to `until`, the end of the axis."""
-    stopped = stopped_at(result)
+    stopped = result.end
     if result.status == "done" or stopped >= until:
         return
     span, line = (axes.axhspan, axes.axhline) if upwards else (axes.axvspan, axes.axvline)

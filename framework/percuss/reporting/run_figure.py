@@ -26,7 +26,6 @@ from percuss.reporting.figures import (
     new_figure,
     one_line,
     set_labels,
-    stopped_at,
     subtitle_lines,
     thinned,
     warning_lines,
@@ -126,7 +125,7 @@ def draw_references(axes: Axes, result: Result, names: Sequence[str]) -> Entries
         statistic, value, allowed = (expected[key] for key in ("statistic", "value", "allowed"))
         if expected["contact"] not in names or statistic not in marks:
             continue
-        interval = expected["during"] or (0.0, stopped_at(result))
+        interval = expected["during"] or (0.0, result.end)
         axes.fill_between(interval, value - allowed, value + allowed, color=INK, alpha=0.22, linewidth=0, zorder=2.5)
         line = axes.plot(interval, [value, value], color=INK, linewidth=0.9, marker=marks[statistic], zorder=3)
         entries[f"expected {statistic}"] = line[0]

@@ -10,7 +10,7 @@ import numpy as np
 from percuss.case.quantities import with_unit
 from percuss.jsonable import Data, Entries
 from percuss.methods.interfaces import Array, Floats, Integers
-from percuss.reporting.figures import INK, STRESS, TIME, hatch_after_stop, legend, set_labels, stopped_at, write_reason
+from percuss.reporting.figures import INK, STRESS, TIME, hatch_after_stop, legend, set_labels, write_reason
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,7 +86,7 @@ def space_time(axes: Axes, result: Result, until: float) -> None:
     limit = float(np.percentile(finite, 99.5)) if finite.size else 0.0
     limit = limit if limit > 1e-3 * largest else largest or 1.0
     step = time[1] - time[0] if time.size > 1 else result.summary.get("dt") or until
-    rows = np.concatenate([time - 0.5 * step, [time[-1] + 0.5 * step]]).clip(0, max(stopped_at(result), step))
+    rows = np.concatenate([time - 0.5 * step, [time[-1] + 0.5 * step]]).clip(0, max(result.end, step))
     style: Entries = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit, "rasterized": True}
     for strip in strips.values():
         mesh = axes.pcolormesh(strip.edges, rows, np.ma.masked_invalid(stress[:, strip.columns]), **style)

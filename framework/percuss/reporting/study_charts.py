@@ -22,10 +22,9 @@ from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES
 from percuss.reporting.study_data import ColumnRoles
 
 if TYPE_CHECKING:
-    from percuss.studies.study_table import Study
-
-if TYPE_CHECKING:
     import pandas as pd
+
+    from percuss.studies.study_table import Study
 
 MOST_BANDS = 3  # Bands of more pairs hide each other, and the medians.
 LINES = {

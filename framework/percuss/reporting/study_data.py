@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -300,42 +300,31 @@ def lacking(table: pd.DataFrame, path: str) -> set[str]:
     return set(methods(table)) - set(methods(table[table[path].notna()]))
 
 
-def bands(table: pd.DataFrame, names: Sequence[str], path: str) -> Iterator[tuple[str, str, Floats]]:
-    """Yield the best, the median and the quantile band of each measure over a varied value, for each pair of methods.
+def bands(table: pd.DataFrame, name: str, path: str) -> dict[str, Floats]:
+    """Return the best, the median and the quantile band of a measure over a varied value, for each pair of methods.
 
-    Yields
-    ------
-    tuple
-        Pair of methods, measure, and an array (7, bins): the place of each bin on the axis, the four `QUANTILES` over
-        the runs that have the measure, the number of these runs, and the number of runs made. A pair that lacks the
-        value has one bin, whose place is nan; among words it has the bin of the empty text.
+    Returns
+    -------
+    dict
+        For each pair of methods an array (7, bins): the place of each bin on the axis, the four `QUANTILES` over the
+        runs that have the measure, the number of these runs, and the number of runs made. A pair that lacks the value
+        has one bin, whose place is nan; among words it has the bin of the empty text.
     """
-    is_made = (table["status"] != WAITING).to_numpy()
-    made = table[is_made]
     places, bin_of = binned_column(table[path])
     if not places.size:
-        return
-    bin_of = bin_of[is_made]
-    done = (made["status"] == "done").to_numpy()
-    without = lacking(made, path) if numbers(table[path]) is not None else set()
-    measured = made[list(names)].astype(float).to_numpy()
-    for (method,), own in groups(methods(made)).items():
-        bins = [(np.nan, own)] if method in without else [(x, own[bin_of[own] == k]) for k, x in enumerate(places)]
-        runs = [(place, in_bin[done[in_bin]], in_bin.size) for place, in_bin in bins]
-        for n, name in enumerate(names):
-            yield method, name, _band(runs, measured[:, n])
-
-
-def _band(runs: Sequence[tuple[float, Integers, int]], values: Floats) -> Floats:
-    """Return place, quantiles, number of values and number of runs of each bin that has a run: array (7, bins)."""
-    out = []
-    for place, rows, count in runs:
-        own = values[rows]
-        own = own[np.isfinite(own)]
-        quantiles = np.quantile(own, QUANTILES) if own.size else np.full(len(QUANTILES), np.nan)
-        if count:
-            out.append((place, *quantiles, own.size, count))
-    return np.array(out).reshape(-1, 7).T
+        return {}
+    made, pairs = table["status"] != WAITING, methods(table)
+    without = lacking(table[made], path) if numbers(table[path]) is not None else set()
+    values = np.where(table["status"] == "done", numbers(table[name]), np.nan)
+    values[np.isinf(values)] = np.nan
+    runs = table[[]].assign(pair=pairs, place=np.append(places, np.nan)[bin_of], value=values)
+    runs = runs[made & ((bin_of >= 0) | np.isin(pairs, list(without)))]
+    out = {}
+    for pair, own in runs.groupby("pair", sort=False):
+        of_bin = own.groupby("place", dropna=False)["value"]
+        rows = [of_bin.quantile(fraction) for fraction in QUANTILES]
+        out[pair] = np.array([rows[0].index, *rows, of_bin.count(), of_bin.size()], dtype=float)
+    return out
 
 
 PENDING = (WAITING, "lost")  # Nothing is known of these runs, which are still to be made or to be made again.

@@ -234,7 +234,7 @@ class _Drawn(NamedTuple):
         """Draw one measure over one varied value, which is a number or a word; return the legend's entries."""
         across, up = self.charts.axes[path], self.charts.axes[name]
         row = 1 if self.statistic == "best" and name in self.charts.ranked else 3
-        bands = {pair: band for pair, _, band in study_data.bands(made, [name], path) if band[5].any()}
+        bands = {pair: band for pair, band in study_data.bands(made, name, path).items() if band[5].any()}
         seen = [pair for pair in self.charts.styles if pair in bands]
         pairs, places = np.array(study_data.methods(made)), _places(made[path], across)
         measured = np.maximum(study_data.numbers(made[name].where(made["status"] == "done")), up.edge)

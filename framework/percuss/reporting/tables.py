@@ -121,44 +121,43 @@ def _print_table(out: Console, table: Table) -> None:
     """Print a table, and below it the names of the columns that had no room."""
     from rich.text import Text
 
-    room = out.width if out.is_terminal else None
     title, continued = printable(table.title), table.continued
     columns = [replace(c, head=printable(c.head), cells=[printable(cell) for cell in c.cells]) for c in table.columns]
     if continued:
         names, rest = columns[:continued], columns[continued:]
         while rest:
             taken = [rest.pop(0)]
-            while rest and _fits([*names, *taken, rest[0]], room):
+            while rest and _fits([*names, *taken, rest[0]], out.width):
                 taken.append(rest.pop(0))
-            _print_columns(out, [*names, *taken], title, room)
+            _print_columns(out, [*names, *taken], title)
             title = ""
         return
     shown = list(columns)
-    while not _fits(shown, room) and any(column.drop is not None for column in shown):
+    while not _fits(shown, out.width) and any(column.drop is not None for column in shown):
         shown.remove(max((column for column in shown if column.drop is not None), key=lambda column: column.drop or 0))
-    _print_columns(out, shown, title, room)
+    _print_columns(out, shown, title)
     if left_out := [column.head for column in columns if column not in shown]:
         out.print(Text(f"not shown, for lack of width: {', '.join(left_out)}; --json has all, a wider terminal too"))
 
 
-def _fits(columns: Sequence[Column], room: int | None) -> bool:
-    return room is None or sum(column.least_width + GAP for column in columns) + 1 <= room
+def _fits(columns: Sequence[Column], room: int) -> bool:
+    return sum(column.least_width + GAP for column in columns) + 1 <= room
 
 
-def _print_columns(out: Console, columns: Sequence[Column], title: str, room: int | None) -> None:
+def _print_columns(out: Console, columns: Sequence[Column], title: str) -> None:
     """Print columns as a table; row by row where there is too little room for that."""
     from rich import box
     from rich.table import Table as Drawn
     from rich.text import Text
 
-    if not _fits(columns, room):
+    if not _fits(columns, out.width):
         out.print(Text(title, style="italic"))
         for cells in zip(*(column.cells for column in columns), strict=True):
             for column, cell in zip(columns, cells, strict=True):
                 out.print(Text(f"{column.head}: {cell}"), soft_wrap=True)
             out.print()
         return
-    widths = _widths(columns, room)
+    widths = _widths(columns, out.width)
     table = Drawn(box=box.HEAVY_HEAD if out.is_terminal else box.MARKDOWN, title=Text(title) if title else None)
     for column, width in zip(columns, widths, strict=True):
         head = Text("\n".join(_broken(column.head, width)))
@@ -174,17 +173,13 @@ def _print_columns(out: Console, columns: Sequence[Column], title: str, room: in
     out.print(Text("\n".join(line for line in lines if line)), soft_wrap=True)
 
 
-def _widths(columns: Sequence[Column], room: int | None) -> list[int]:
+def _widths(columns: Sequence[Column], room: int) -> list[int]:
     """Return the widths of the columns: as wide as their content if there is room, and the widest are made narrower."""
     widths = [column.full_width for column in columns]
-    if room is None:
-        return widths
-    excess = sum(widths) + GAP * len(columns) + 1 - room
-    while excess > 0:
+    for _ in range(sum(widths) + GAP * len(columns) + 1 - room):
         spare = [width - column.least_width for column, width in zip(columns, widths, strict=True)]
         widest = max(range(len(columns)), key=lambda i: (spare[i] > 0, widths[i]))
         widths[widest] -= 1
-        excess -= 1
     return widths
 
 
