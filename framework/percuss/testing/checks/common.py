@@ -285,5 +285,7 @@ def check_compiled_and_plain(subject: Subject, case: Entries) -> None:
 
 
 def _takes_number(annotation: object) -> bool:
-    """Return whether an option may be a number, or have numbers in it."""
-    return any(kind in {int, float} or any(map(_takes_number, get_args(kind))) for kind in branches(annotation))
+    """Return whether an option may be a number, or a list of numbers."""
+    kinds = list(branches(annotation))
+    items = [get_args(kind)[0] for kind in kinds if get_args(kind)[1:] == (...,)]
+    return not {int, float}.isdisjoint(kinds) or any(map(_takes_number, items))
