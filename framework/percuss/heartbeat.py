@@ -42,8 +42,9 @@ def heard_by(listener: Callable[[float], object]) -> Iterator[None]:
         _LISTENERS.reset(token)
 
 
-class Watch:
-    """A thread that calls a function after some seconds without a sign of life, once for each such silence.
+@contextmanager
+def watched(seconds: float, stalled: Callable[[], None]) -> Iterator[None]:
+    """Call a function after some seconds without a sign of life inside this context, once for each such silence.
 
     The seconds are counted while this process runs: a computer that slept does not make its work late.
 
@@ -52,26 +53,21 @@ class Watch:
     seconds
         Length of the silence.
     stalled
-        Called in the thread of the watch.
+        Called in a thread of its own.
     """
+    ended = threading.Event()
+    threading.Thread(target=_keep_watch, args=(seconds, stalled, ended), name="percuss-watch", daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
 
-    def __init__(self, seconds: float, stalled: Callable[[], None]) -> None:
-        self._seconds, self._stalled = seconds, stalled
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._keep_watch, name="percuss-watch", daemon=True)
 
-    def __enter__(self) -> Watch:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._ended.set()
-
-    def _keep_watch(self) -> None:
-        tick = min(1.0, self._seconds / 4)
-        latest, silent = _BEATS[0], 0.0
-        while not self._ended.wait(tick):
-            silent = silent + tick if _BEATS[0] == latest else 0.0
-            latest = _BEATS[0]
-            if silent >= self._seconds > silent - tick:
-                self._stalled()
+def _keep_watch(seconds: float, stalled: Callable[[], None], ended: threading.Event) -> None:
+    tick = min(1.0, seconds / 4)
+    latest, silent = _BEATS[0], 0.0
+    while not ended.wait(tick):
+        silent = silent + tick if _BEATS[0] == latest else 0.0
+        latest = _BEATS[0]
+        if silent >= seconds > silent - tick:
+            stalled()

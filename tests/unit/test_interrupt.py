@@ -10,6 +10,7 @@ import sqlite3
 import stat
 import sys
 import threading
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,7 +22,7 @@ from fake_studies import TWO_BARS
 from percuss.cli import common
 from percuss.cli.main import app
 from percuss.errors import InputError
-from percuss.heartbeat import Watch, beat
+from percuss.heartbeat import beat, watched
 from percuss.interrupt import interruptible
 from percuss.march import march
 from percuss.studies.cluster import _WaitForWorkers
@@ -90,12 +91,12 @@ def test_ctrl_c_ends_a_rehearsal_and_nothing_is_left(tmp_path, monkeypatch):
 
 def test_a_watch_notices_silence_once_and_not_while_there_are_beats():
     silences = []
-    with Watch(0.2, lambda: silences.append(1)) as watch:
+    with watched(0.2, lambda: silences.append(1)):
         for _ in range(10):
             beat()
-            watch._ended.wait(0.05)
+            time.sleep(0.05)
         assert silences == []
-        watch._ended.wait(1.0)
+        time.sleep(1.0)
     assert silences == [1]
 
 

@@ -49,12 +49,8 @@ def schema_of(cls: type, registry: Registry | None = None) -> Entries:
     registry
         Registry of the components that may be named; needed for sections only.
     """
-
-    class Generator(_Generator):
-        pass
-
-    Generator.registry = registry
-    return adapter(cls).json_schema(schema_generator=Generator)
+    generator = type("Generator", (_Generator,), {"registry": registry})
+    return adapter(cls).json_schema(schema_generator=generator)
 
 
 def component_schema(components: Mapping[str, type[Component]], *, default: str = "", complete: bool = True) -> Entries:
@@ -154,14 +150,12 @@ class _Generator(GenerateJsonSchema):
     def function_plain_schema(self, schema: Any) -> Entries:
         """Return the schema of a component."""
         mark = schema["metadata"]["percuss"]
-        return self._named(mark) if isinstance(mark, Named) else self._keyed(mark)
+        if isinstance(mark, Named):
+            return component_schema(self._components(mark.family), default=mark.default)
+        return self._keyed(mark)
 
     def _components(self, family: str) -> Entries:
         return {name: self.registry.get(family, name) for name in self.registry.names(family)} if self.registry else {}
-
-    def _named(self, named: Named) -> Entries:
-        """Return the schema of ``NAME`` or ``{name: NAME, option: ...}``."""
-        return component_schema(self._components(named.family), default=named.default)
 
     def _keyed(self, keyed: Keyed) -> Entries:
         """Return the schemas of the values of each key that is the name of a shape or load."""

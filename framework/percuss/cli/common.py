@@ -18,7 +18,7 @@ import typer
 
 from percuss.errors import InputError, PercussError, Problem, UnwrittenError, printable, refuse_if_any, shortened
 from percuss.files import expect_writable
-from percuss.heartbeat import Watch, beat, heard_by
+from percuss.heartbeat import beat, heard_by, watched
 from percuss.methods.blame import described, is_ctrl_c, line_in_plugin, plugin_faults
 from percuss.methods.process_guard import (
     STANDSTILL,
@@ -216,7 +216,7 @@ def _standstill_told() -> Iterator[None]:
     before = signal.set_wakeup_fd(sending.fileno(), warn_on_full_buffer=False)
     threading.Thread(target=_watch_interrupts, args=(receiving,), daemon=True).start()
     try:
-        with ctrl_c_raises(), Watch(STANDSTILL, tell_standstill):
+        with ctrl_c_raises(), watched(STANDSTILL, tell_standstill):
             yield
     except KeyboardInterrupt as interrupt:
         if not is_ctrl_c(interrupt):

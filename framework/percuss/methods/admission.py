@@ -69,20 +69,19 @@ def admitted(family: str, offer: object) -> type[Component]:
 # Static methods that a contract describes but does not define, with their arguments.
 KERNELS: dict[str, dict[str, tuple[str, ...]]] = {
     "contacts": {"multipliers": ("bound", "trial", "multiplier")},
-    "loads": {"follow": ("numbers", "time", "displacement", "velocity")},
-    "elements": {
-        "force": ("rule", "material", "first", "section", "geometry", "displacement", "force"),
-    },
     "integrators": {"step": ("numbers", "system", "u", "v", "kept", "dt")},
 }
 
 
 def _check_signatures(contract: type[Component], component: type[Component]) -> None:
-    """Raise PluginError if a method cannot be called with the arguments that its contract gives it."""
+    """Raise PluginError if a method cannot be called with the arguments that its contract gives it.
+
+    Contracts are that of the family and those between it and the component, as `FollowingLoad` is.
+    """
     expected: dict[str, tuple[str, ...]] = {**KERNELS.get(contract.family, {})}
-    public = {name: plain_function(value) for name, value in vars(contract).items() if name[0] != "_"}
-    for name, function in public.items():
-        if inspect.isfunction(function):
+    contracts = [base for base in reversed(component.__mro__[1:]) if issubclass(base, contract)]
+    for name, value in (entry for base in contracts for entry in vars(base).items()):
+        if name[0] != "_" and inspect.isfunction(function := plain_function(value)):
             expected[name] = tuple(inspect.signature(function).parameters)
     if issubclass(component, Material) and component.state:
         expected["stress"] = ("parameters", "strain", "before", "after")

@@ -87,10 +87,8 @@ def guarded_output(*, shown: bool = True) -> Iterator[None]:
     shown
         Whether their text goes to standard error; otherwise it is left out.
     """
-    if isinstance(sys.stdout, _Output):
-        yield
-        return
-    with contextlib.redirect_stdout(_Output(sys.stdout, shown=shown)):
+    guarded = isinstance(sys.stdout, _Output)
+    with contextlib.nullcontext() if guarded else contextlib.redirect_stdout(_Output(sys.stdout, shown=shown)):
         yield
 
 

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 from percuss.blas import ONE_THREAD
 from percuss.errors import RunError
-from percuss.heartbeat import Watch, beat
+from percuss.heartbeat import beat, watched
 from percuss.jsonable import Data
 from percuss.methods.blame import third_party_files
 from percuss.methods.process_guard import (
@@ -394,9 +394,9 @@ class _Desk:
         guards.enter_context(guarded_output(shown=False))
         guards.enter_context(plug_ins_cannot_end_the_process())
         tell_uncaught()
-        guards.enter_context(Watch(STANDSTILL, tell_standstill))
+        guards.enter_context(watched(STANDSTILL, tell_standstill))
         faulthandler.enable(crash)
-        guards.enter_context(Watch(stalled_after, lambda: self._give_up(stalled_after)))
+        guards.enter_context(watched(stalled_after, lambda: self._give_up(stalled_after)))
 
     def _receive(self) -> None:
         """Put what is to be made into the queue; end this process when the pipe is closed, in the middle of a run."""
