@@ -237,6 +237,10 @@ def test_an_anchor_is_that_of_a_value_or_a_key_and_stands_once(folder):
     assert message("&x a: 1\n*x : 2").startswith("case.yaml:2:1: expected a word as key")
 
 
+def test_a_mistake_in_a_key_is_one_of_its_mapping(folder):
+    assert message("a: {!x b: 1}").startswith("case.yaml:1:5: a: unknown tag !x\n")
+
+
 def test_aliases_do_not_hide_depth(folder):
     deep = f"a: &a {'[' * 25}{']' * 25}\nb: {'[' * 25}*a{']' * 25}"
     assert "nested more than 40 levels deep" in message(deep)

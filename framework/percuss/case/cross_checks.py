@@ -139,7 +139,8 @@ class CrossChecks:
         self._check_bodies()
         self._check_contacts()
         self._check_loads()
-        self._check_record()
+        record = reader.part(("record",))
+        self._are_ends(("record", "probes"), (record and record.probes) or ())
         self.dimension = self._common_dimension()
         self._check_expectations()
 
@@ -327,11 +328,6 @@ class CrossChecks:
                 if load.along is not None:
                     self.wrong((*path, "direction"), f"{key} is a vector already", "Keep one.", key=True)
             self._note_vector((*path, "direction"), load.along)
-
-    def _check_record(self) -> None:
-        record = self.reader.part(("record",))
-        if record is not None:
-            self._are_ends(("record", "probes"), record.probes or ())
 
     # --------------------------------------------------------------------------------------- expectations
 

@@ -241,7 +241,9 @@ class _Document:
             message = "expected a word as key, found a list, a mapping or an alias"
             self.no_word = _fatal_error(position, message, "Write `key: value`.")
         text = str(getattr(event, "value", ""))
+        known = len(self.mistakes)
         value = self.read(event, (*path, text))
+        self.mistakes[known:] = [mistake._replace(path=path) for mistake in self.mistakes[known:]]
         if not isinstance(value, str):
             is_name = NAME_PATTERN.fullmatch(text)
             advice = f"Quote it: '{text}'." if is_name else "A name is a letter, then letters, digits, _ or -."

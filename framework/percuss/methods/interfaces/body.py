@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from percuss.jsonable import Data
 from percuss.methods.interfaces.base import Component, Floats, Integers
 
-NO_CELLS: Mapping[str, Integers] = MappingProxyType({})
-
 
 class Region(NamedTuple):
     """A named part of a body's boundary: its nodes, the unit vector that points out of the body at them, its facets.
@@ -33,7 +31,7 @@ class Region(NamedTuple):
 
     nodes: tuple[int, ...]
     outward: Floats
-    facets: Mapping[str, Integers] = NO_CELLS
+    facets: Mapping[str, Integers] = MappingProxyType({})
 
 
 class Line(NamedTuple):
