@@ -22,6 +22,7 @@ from percuss.compiling import numba_inside
 FOREIGN = ("numpy", "math", "numba", "builtins", "scipy", "cmath")
 
 _BY_REPR = (bool, int, float, complex, str, bytes, type(None), type(...), range, slice, np.dtype)
+_FIXED = (*_BY_REPR, np.generic, np.ufunc, types.FunctionType, types.BuiltinFunctionType)
 _NOTHING = object()
 # Objects that a fingerprint identifies by their address: kept alive, so that no other object can take that address.
 _KEPT_ALIVE: dict[int, object] = {}
@@ -37,11 +38,8 @@ def is_fixed(value: object) -> bool:
     if isinstance(value, types.ModuleType):
         return is_foreign(value.__name__)
     if isinstance(value, tuple):
-        return all(is_fixed(item) for item in value)
-    if isinstance(value, enum.Enum):
-        return False
-    by_name = isinstance(value, (np.generic, np.ufunc, types.FunctionType, types.BuiltinFunctionType))
-    return by_name or isinstance(value, _BY_REPR)
+        return all(map(is_fixed, value))
+    return isinstance(value, _FIXED) and not isinstance(value, enum.Enum)
 
 
 def plain_function(value: object) -> types.FunctionType | None:
@@ -92,8 +90,8 @@ class Fingerprint:
 
     def __init__(self, text: str) -> None:
         self._digest = hashlib.sha256(text.encode())
-        self._seen: set[tuple[int, frozenset[str]]] = set()
-        self._keep: list[object] = []  # keeps the values alive, as ids are only unique among living objects
+        # The values themselves, too, as ids are only unique among living objects.
+        self._seen: dict[tuple[int, frozenset[str]], object] = {}
         self.whole = True
 
     @property
@@ -110,8 +108,7 @@ class Fingerprint:
         if (id(value), names) in self._seen:
             self.text("again")
             return
-        self._seen.add((id(value), names))
-        self._keep.append(value)
+        self._seen[id(value), names] = value
         if isinstance(value, _BY_REPR) and not isinstance(value, enum.Enum):
             self.text(f"{type(value).__name__}:{value!r}")
         elif isinstance(value, types.ModuleType):
@@ -120,10 +117,8 @@ class Fingerprint:
             self._class(value, names)
         elif isinstance(value, (tuple, list, dict, set, frozenset)):
             self._container(value, names)
-        elif type(value) in {np.ndarray, np.recarray} and not value.dtype.hasobject:
+        elif (type(value) in {np.ndarray, np.recarray} or isinstance(value, np.generic)) and not value.dtype.hasobject:
             self._digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-        elif isinstance(value, np.generic):
-            self._digest.update(f"{value.dtype}".encode() + value.tobytes())
         elif isinstance(value, enum.Enum):
             self._class(type(value), frozenset())
             self.text(value.name)

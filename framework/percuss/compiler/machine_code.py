@@ -47,17 +47,9 @@ class MachineCode(NamedTuple):
     object_code: bytes
 
 
-class _Loaded(NamedTuple):
-    """A function that was loaded: its address, the form of its data, and the library that has its code."""
-
-    address: int
-    form: str
-    library: object
-
-
-# The functions that this process has loaded, by key. llvmlite removes the code of a library from memory when nothing
-# refers to it any more.
-_LOADED: dict[str, _Loaded] = {}
+# The address and the form of the data of each function that this process has loaded, and the library that has its code,
+# by key. llvmlite removes the code of a library from memory when nothing refers to it any more.
+_LOADED: dict[str, tuple[tuple[int, str], object]] = {}
 
 
 def jit_disabled() -> bool:
@@ -96,8 +88,8 @@ def address_of_stored(key: str) -> tuple[int, str] | None:
             library = _library(key, MachineCode(symbol, form, object_code))
             if library is None:
                 return None
-            _LOADED[key] = _Loaded(int(library[symbol]), form, library)
-        return _LOADED[key][:2]
+            _LOADED[key] = (int(library[symbol]), form), library
+        return _LOADED[key][0]
 
 
 def store(key: str, code: MachineCode) -> None:

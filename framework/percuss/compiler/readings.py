@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from percuss.compiler.fingerprint import Fingerprint, contents, is_fixed, is_overloaded, refresh_overloads
 
@@ -18,9 +19,7 @@ class Readings:
     """
 
     def __init__(self) -> None:
-        self._variables: list[tuple[Mapping[str, object], str, object]] = []
-        self._attributes: list[tuple[types.ModuleType | types.FunctionType, str, object]] = []
-        self._cells: list[tuple[types.CellType, object]] = []
+        self._objects: list[tuple[Callable[..., object], tuple[Any, ...], object]] = []
         self._values: list[tuple[object, frozenset[str], str]] = []
         self._overloads: list[tuple[object, bool]] = []
 
@@ -28,15 +27,19 @@ class Readings:
         """Add the code of a function, its defaults and the content of its closure."""
         for name in ("__code__", "__defaults__", "__kwdefaults__"):
             self.attribute(function, name)
-        self._cells += [(cell, contents(cell)) for cell in function.__closure__ or ()]
+        for cell in function.__closure__ or ():
+            self._object(contents, cell)
 
     def variable(self, namespace: Mapping[str, object], name: str) -> None:
         """Add the variable `name` of the globals of a function."""
-        self._variables.append((namespace, name, namespace[name]))
+        self._object(namespace.get, name, _MISSING)
 
     def attribute(self, owner: types.ModuleType | types.FunctionType, name: str) -> None:
         """Add an attribute of a module or a function, or that it has none of this name."""
-        self._attributes.append((owner, name, getattr(owner, name, _MISSING)))
+        self._object(getattr, owner, name, _MISSING)
+
+    def _object(self, read: Callable[..., object], *arguments: Any) -> None:
+        self._objects.append((read, arguments, read(*arguments)))
 
     def value(self, value: object, names: frozenset[str]) -> None:
         """Add the content of a value, as far as it is visible to code that refers to `names`."""
@@ -52,9 +55,7 @@ class Readings:
         if jit:
             refresh_overloads()
         return (
-            all(namespace.get(name, _MISSING) is value for namespace, name, value in self._variables)
-            and all(getattr(owner, name, _MISSING) is value for owner, name, value in self._attributes)
-            and all(contents(cell) is value for cell, value in self._cells)
+            all(read(*arguments) is found for read, arguments, found in self._objects)
             and all(_tag(value, names) == tag for value, names, tag in self._values)
             and (not jit or all(is_overloaded(function) is before for function, before in self._overloads))
         )

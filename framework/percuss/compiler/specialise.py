@@ -10,11 +10,12 @@ identifiable content, is compiled again by every process that needs it.
 
 from __future__ import annotations
 
-import copy
+import dataclasses
 import functools
 import sys
 import types
 from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -37,6 +38,7 @@ from percuss.methods.source_digest import content_digest, function_digest
 from percuss.version import __version__, installed_version
 
 AnyKernel = TypeVar("AnyKernel", bound=Kernel)
+_Part = tuple[str, Any, Any]  # what code reads: its name, its replacement in bound code, and the original
 
 _COMPILED: dict[str, Kernel] = {}  # kernels that this process has compiled or loaded, by tag
 
@@ -53,6 +55,7 @@ class Filled(NamedTuple):
     slots: tuple[tuple[Kernel, Any], ...]
 
 
+@dataclass(eq=False)
 class Specialiser:
     """Binds and compiles the kernels of one run, or binds them as plain Python.
 
@@ -71,45 +74,32 @@ class Specialiser:
         numbers; code that is inlined takes longer to compile.
     digested_alone
         Whether to bind and digest as for the compiler, without handing anything to it.
-
-    Attributes
-    ----------
-    readings
-        What this specialiser, and those made by its `with_slots`, have read.
+    checked
+        Whether kernels of plug-ins check array indices against the size of the array.
+    tags, readings
+        The tag of each kernel, by its id, and what was read. Those that `with_slots` makes have them in common.
     """
 
-    def __init__(
-        self,
-        slots: Mapping[Kernel, Kernel] | None = None,
-        *,
-        jit: bool = True,
-        counting: bool = False,
-        about: str = "",
-        inline: bool = True,
-        digested_alone: bool = False,
-    ) -> None:
-        self.slots = dict(slots or {})
-        self.jit = jit
-        self.counting = counting
-        self.about = about
-        self.inline = inline
-        self.digested_alone = digested_alone
-        self.checked = False  # whether kernels of plug-ins check array indices against the size of the array
-        self.tags: dict[int, str] = {}
-        self._unkept: set[str] = set()  # tags of code without a source, or that reaches an object without a digest
-        self._slotted: set[str] = set()  # tags of code that reaches a slot or belongs to a plug-in
-        self._bound: dict[int, Kernel] = {}
-        self._in_progress: set[int] = set()
-        self._modules: set[int] = set()  # ids of the modules that are being copied
-        self._keep: list[object] = []  # keeps objects alive, as ids are only unique among living objects
-        self.readings = Readings()
+    slots: Mapping[Kernel, Any] = field(default_factory=dict)
+    _: KW_ONLY
+    jit: bool = True
+    counting: bool = False
+    about: str = ""
+    inline: bool = True
+    digested_alone: bool = False
+    checked: bool = False
+    tags: dict[int, str] = field(default_factory=dict)
+    readings: Readings = field(default_factory=Readings)
+    _unkept: set[str] = field(default_factory=set)  # tags of code without a source, or that reaches one without digest
+    _slotted: set[str] = field(default_factory=set)  # tags of code that reaches a slot or belongs to a plug-in
+    _keep: list[object] = field(default_factory=list)  # alive, as ids are only unique among living objects
+    _bound: dict[int, Kernel] = field(default_factory=dict, init=False)
+    _in_progress: set[int] = field(default_factory=set, init=False)
+    _modules: set[int] = field(default_factory=set, init=False)  # ids of the modules that are being copied
 
     def with_slots(self, slots: Mapping[Kernel, Kernel], about: str = "") -> Specialiser:
         """Return a specialiser with `slots` added to those of this one; kernels already bound remain usable."""
-        specialiser = copy.copy(self)
-        specialiser.slots, specialiser.about = {**self.slots, **slots}, about
-        specialiser._bound, specialiser._in_progress, specialiser._modules = {}, set(), set()
-        return specialiser
+        return dataclasses.replace(self, slots={**self.slots, **slots}, about=about)
 
     def tag_of(self, kernel: Kernel) -> str:
         """Return the tag of a function that `bind` has returned; empty if its machine code may not be stored."""
@@ -145,9 +135,8 @@ class Specialiser:
         if definition is not None and function.__module__ == CALLS:  # an instruction for the compiler, not a function
             self.tags[id(function)] = function_digest(definition)[0]
             return function
-        cached = self._bound.get(id(function))
-        if cached is not None:
-            return cached
+        if id(function) in self._bound:
+            return self._bound[id(function)]
         source = plain_function(function)
         if source is None:
             raise TypeError(f"{function!r} is not a Python function")
@@ -156,38 +145,49 @@ class Specialiser:
         self._in_progress.add(id(function))
         names = named_in(source.__code__)
         self.readings.function(source)
-        bound = {}
-        for name in sorted(names & set(source.__globals__)):
+        variables = {name: source.__globals__[name] for name in sorted(names & set(source.__globals__))}
+        for name in variables:
             self.readings.variable(source.__globals__, name)
-            replacement = self._replacement(source.__globals__[name], names)
-            if replacement is not None:
-                bound[name] = replacement
-        closure = tuple(
-            types.CellType(self._replacement(contents(cell), names) or contents(cell))
-            for cell in source.__closure__ or ()
-        )
+        bound = self._replacements(variables, names)
+        cells = [contents(cell) for cell in source.__closure__ or ()]
+        closure = [self._replacement(value, names) or value for value in cells]
+        parts = [(name, bound.get(name), value) for name, value in variables.items()]
+        parts += [("", replacement, value) for replacement, value in zip(closure, cells, strict=True)]
         entry = entry or linked
         called = entry or getattr(function, "called", False)
         options = self._options(function, called=called, reduction=reduction)
         if self.checked and not _is_part_of_loop(source):
             options.setdefault("boundscheck", True)
         # Entry or callee is part of the tag: what is stored of a callee cannot be called from Python.
-        tag = self._tag(source, names, bound, closure, {**options, "entry": entry, "linked": linked})
+        tag = self._tag(source, names, parts, {**options, "entry": entry, "linked": linked})
         if linked:
             options["no_cpython_wrapper"] = True
-        kernel: Kernel = _copy(source, bound, closure, tag)
-        if self.jit and not self.digested_alone:
-            kernel = self._compiled(kernel, options, tag, entry)
+        plain = _copy(source, bound, closure, tag)
+        kernel = self._compiled(plain, options, tag, entry) if self.jit and not self.digested_alone else plain
         self._in_progress.discard(id(function))
         self._bound[id(function)] = kernel
         self.tags[id(kernel)] = tag
         self._keep += [function, kernel]
         return kernel
 
-    def _compiled(self, function: Any, options: Entries, tag: str, entry: bool) -> Kernel:
-        kernel = _COMPILED.get(tag) or _compile(function, options, entry=entry, key="" if tag in self._unkept else tag)
-        _COMPILED[tag] = kernel
-        return kernel
+    def _compiled(self, function: types.FunctionType, options: Entries, tag: str, entry: bool) -> Kernel:
+        if tag not in _COMPILED:
+            if isinstance(options.get("fastmath"), tuple):
+                options["fastmath"] = set(options["fastmath"])
+            # The loop allocates nothing, and on small models the counts of references to array slices, two locked
+            # additions for each slice, cost half of the run time. Kernels of plug-ins do without them too, unless one
+            # of them allocates: then all of them count references.
+            inside = numba_inside()
+            if inside is None or not inside.reference_counts_can_be_left_out():
+                options.pop("_nrt", None)
+            key = "" if tag in self._unkept else tag
+            _COMPILED[tag] = compile_function(function, entry=entry, key=key, **options)
+        return _COMPILED[tag]
+
+    def _replacements(self, values: Data, names: frozenset[str]) -> Entries:
+        """Return the replacements among variables or attributes, by name."""
+        found = ((name, self._replacement(value, names)) for name, value in values.items())
+        return {name: replacement for name, replacement in found if replacement is not None}
 
     def _replacement(self, value: Any, names: frozenset[str]) -> Any:
         """Return the replacement for a global variable of a kernel, or None to keep the original.
@@ -219,29 +219,23 @@ class Specialiser:
         if is_foreign(module.__name__) or id(module) in self._modules:
             return None
         self._modules.add(id(module))  # prevents endless recursion where modules import each other
-        bound = {}
-        for name in sorted(names):
+        for name in names:
             self.readings.attribute(module, name)
-            replacement = self._replacement(getattr(module, name, None), names)
-            if replacement is not None:
-                bound[name] = replacement
+        originals = {name: getattr(module, name) for name in sorted(names) if hasattr(module, name)}
+        bound = self._replacements(originals, names)
         self._modules.discard(id(module))
         if not bound:
             return None
         changed = types.ModuleType(module.__name__)
         vars(changed).update({**vars(module), **bound})
         fingerprint = Fingerprint(f"module {module.__name__};")
-        originals = {name: getattr(module, name) for name in names if hasattr(module, name)}
-        self.tags[id(changed)] = self._finish(
-            fingerprint, names, [(name, bound.get(name), originals[name]) for name in sorted(originals)]
-        )
+        parts = [(name, bound.get(name), original) for name, original in originals.items()]
+        self.tags[id(changed)] = self._finish(fingerprint, names, parts)
         self._keep.append(changed)
         return changed
 
-    def _finish(
-        self, fingerprint: Fingerprint, names: frozenset[str], parts: Sequence[tuple[str, object, object]]
-    ) -> str:
-        """Return the tag of code that reads `parts`, each with name, replacement in bound code, and original."""
+    def _finish(self, fingerprint: Fingerprint, names: frozenset[str], parts: Sequence[_Part]) -> str:
+        """Return the tag of code that reads `parts`."""
         for name, replacement, original in parts:
             fingerprint.text(name)
             if id(replacement) in self.tags:
@@ -275,18 +269,11 @@ class Specialiser:
         options["_nrt"] = self.counting and not _is_part_of_loop(function)
         return options
 
-    def _tag(
-        self,
-        source: types.FunctionType,
-        names: frozenset[str],
-        bound: Mapping[str, object],
-        closure: tuple[types.CellType, ...],
-        options: Data,
-    ) -> str:
+    def _tag(self, source: types.FunctionType, names: frozenset[str], parts: Sequence[_Part], options: Data) -> str:
         reaches_slot = not _is_part_of_loop(source) or any(
-            value in self.slots or self.tags.get(id(bound.get(name))) in self._slotted
-            for name, value in source.__globals__.items()
-            if name in bound
+            original in self.slots or self.tags.get(id(replacement)) in self._slotted
+            for name, replacement, original in parts
+            if name and replacement is not None
         )
         # The module name is included because machine code on disk imports the modules of its kernels, and an edited
         # plug-in file becomes a module of another name.
@@ -298,9 +285,6 @@ class Specialiser:
         fingerprint.whole = has_source
         fingerprint.value(source.__defaults__, frozenset())
         fingerprint.value(source.__kwdefaults__, frozenset())
-        parts = [(name, bound.get(name), source.__globals__[name]) for name in sorted(names & set(source.__globals__))]
-        cells = zip(closure, source.__closure__ or (), strict=True)
-        parts += [("", cell.cell_contents, contents(original)) for cell, original in cells]
         tag = self._finish(fingerprint, names, parts)
         if reaches_slot:
             self._slotted.add(tag)
@@ -351,27 +335,11 @@ def _is_part_of_loop(function: types.FunctionType) -> bool:
     return function.__module__.startswith(OWN_MODULES)
 
 
-def _copy(
-    source: types.FunctionType, bound: Mapping[str, object], closure: tuple[types.CellType, ...], tag: str
-) -> types.FunctionType:
+def _copy(source: types.FunctionType, bound: Data, closure: Sequence[object], tag: str) -> types.FunctionType:
     """Return a copy of a function with other globals and closure cells, and with the tag in its name."""
     name = f"{source.__name__}_{tag}"
-    bound_copy = types.FunctionType(
-        source.__code__, {**source.__globals__, **bound}, name, source.__defaults__, closure or None
-    )
+    cells = tuple(map(types.CellType, closure)) or None
+    bound_copy = types.FunctionType(source.__code__, {**source.__globals__, **bound}, name, source.__defaults__, cells)
     bound_copy.__module__, bound_copy.__kwdefaults__ = source.__module__, source.__kwdefaults__
     bound_copy.__qualname__, bound_copy.__doc__ = name, source.__doc__
     return bound_copy
-
-
-def _compile(function: types.FunctionType, options: Data, *, entry: bool, key: str) -> Kernel:
-    options = dict(options)
-    if isinstance(options.get("fastmath"), tuple):
-        options["fastmath"] = set(options["fastmath"])
-    # The loop allocates nothing, and on small models the counts of references to array slices, two locked additions for
-    # each slice, cost half of the run time. Kernels of plug-ins do without them too, unless one of them allocates: then
-    # all of them count references.
-    inside = numba_inside()
-    if inside is None or not inside.reference_counts_can_be_left_out():
-        options.pop("_nrt", None)
-    return compile_function(function, entry=entry, key=key, **options)
