@@ -302,6 +302,7 @@ def percuss_loads():
          "load drag: follow: ValueError: too late (in step 2, at time 0.1)"),
         ("follow(numbers, time, displacement, velocity)", "follow(numbers, velocity)",
          "is called as follow(numbers, time, displacement, velocity)"),
+        ("def numbers(self, end)", "def numbers(self)", "Drag.numbers(self) is called as numbers(self, end)"),
         ("    @staticmethod\n    def follow", "    @staticmethod\n    def folow", "still abstract; it lacks `follow`"),
     ],
 )  # fmt: skip
