@@ -96,6 +96,93 @@ def test_critical_steps_are_those_of_an_independent_program(cells, plane, poisso
     assert found["stable"] == "yes"
 
 
+@pytest.mark.parametrize("cells", ["quad4", "tri3"])
+def test_blocks_between_rollers_are_bars_of_the_modulus_of_longitudinal_waves(cells):
+    """Displacements across are held at both sides: no uniform field without coupling of the directions."""
+    poisson, modulus = 0.3, 0.7 / (1.3 * 0.4)
+    rollers = {"fixed": [{"on": "bottom", "along": "y"}, {"on": "top", "along": "y"}]}
+    pair = {"left": block(0.0, 0.5, [20, 4], poisson, cells, **rollers),
+            "right": block(1.0, -0.5, [20, 4], poisson, cells, **rollers)}  # fmt: skip
+    body = {"bar": {"length": 1.0, "elements": 20}, "area": 0.2, "material": {"young": modulus, "density": 1.0}}
+    ends = {"left": {**body, "velocity": 0.5}, "right": {**body, "at": 1.0, "velocity": -0.5}}
+    found, expected = (impact(bodies, WU, "regularised-lagrange", 0.02) for bodies in (pair, ends))
+    force, of_bar = found.arrays["contact_force"], expected.arrays["contact_force"]
+    if cells == "quad4":
+        assert np.abs(force - of_bar).max() < 1e-10 * of_bar.max()
+        u, along = found.arrays["displacement"], expected.arrays["displacement"][..., 0]
+        assert np.abs(u[..., 0] - along).max() < 1e-12 * np.abs(along).max()
+    else:
+        assert np.abs(force - of_bar).max() < 0.1 * of_bar.max()
+    assert found.summary["momentum"]["balanced"]
+
+
+def pushed(load, cells="quad4", **more):
+    case = {
+        "percuss": 1, "bodies": {"a": block(0.0, 0.0, [20, 4], 0.0, cells, thickness=0.5, **more)},
+        "loads": {"push": load}, "time": {"step": 0.02, "steps": 100}, "record": {"probes": ["a.right", "a.left"]},
+    }  # fmt: skip
+    return percuss.run(percuss.load(case))
+
+
+@pytest.mark.parametrize("cells", ["quad4", "tri3"])
+def test_pressure_traction_and_force_on_an_edge_are_the_same_load(cells):
+    pressure = pushed({"constant": 3.0, "on": "a.right", "as": "pressure"}, cells)
+    traction = pushed({"constant": 3.0, "on": "a.right", "as": "traction", "direction": [-1.0, 0.0]}, cells)
+    force = pushed({"constant": 3.0 * 0.2 * 0.5, "on": "a.right", "direction": [-1.0, 0.0]}, cells)
+    for other in (traction, force):
+        scale = np.abs(other.arrays["displacement"]).max()
+        assert np.abs(pressure.arrays["displacement"] - other.arrays["displacement"]).max() < 1e-13 * scale
+
+
+def test_pressure_on_an_edge_is_that_on_the_end_of_a_bar():
+    found = pushed({"constant": 3.0, "on": "a.right", "as": "pressure"})
+    body = {"bar": {"length": 1.0, "elements": 20}, "area": 0.1, "material": {"young": 1.0, "density": 1.0}}
+    case = {
+        "percuss": 1, "bodies": {"a": body}, "loads": {"push": {"constant": 3.0, "on": "a.right", "as": "pressure"}},
+        "time": {"step": 0.02, "steps": 100}, "record": {"probes": ["a.right", "a.left"]},
+    }  # fmt: skip
+    bar = percuss.run(percuss.load(case))
+    assert bar.exact is not None
+    u, of_bar = found.arrays["displacement"], bar.arrays["displacement"]
+    assert of_bar.min() < -1.0
+    assert np.abs(u[..., 0] - of_bar[..., 0]).max() < 1e-12 * np.abs(of_bar).max()
+
+
+def test_pressure_on_all_sides_moves_nothing_but_the_surface():
+    sides = ["a.left", "a.right", "a.bottom", "a.top"]
+    result = pushed({"constant": 1.0, "on": sides, "as": "pressure"}, "tri3")
+    assert result.summary["momentum"]["balanced"]
+    assert np.abs(result.arrays["displacement"].sum(axis=1)[:, 0]).max() < 1e-13
+
+
+def test_a_wall_has_a_point_and_a_normal():
+    """The three ways to give a wall are the same wall; one that is turned is turned with the body."""
+    forces = []
+    for wall in (1.1, [1.1, 0.0], {"point": [1.1, 7.0], "normal": [-2.0, 0.0]}):
+        case = {
+            "percuss": 1, "bodies": {"a": block(0.0, 0.5, [20, 4], 0.3)},
+            "contacts": {"w": {"body": "a.right", "wall": wall}}, "time": {"courant": 0.5, "end": 2.5},
+        }  # fmt: skip
+        forces.append(percuss.run(percuss.load(case)).arrays["contact_force"])
+    assert forces[0].max() > 0.05
+    assert np.array_equal(forces[0], forces[1])
+    assert np.array_equal(forces[0], forces[2])
+    body = {"bar": {"length": 1.0, "elements": 20}, "area": 0.2, "material": {"young": 1.0, "density": 1.0}}
+    bar = {
+        "percuss": 1, "bodies": {"a": {**body, "at": [0.0, 0.0], "velocity": 0.5}},
+        "time": {"courant": 0.5, "end": 2.5},
+    }  # fmt: skip
+    walls = ([1.1, 0.0], {"point": [1.1, 0.0], "normal": [-3.0, 0.0]})
+    forces = [
+        percuss.run(percuss.load({**bar, "contacts": {"w": {"body": "a.right", "wall": wall}}})).arrays["contact_force"]
+        for wall in walls
+    ]
+    assert np.array_equal(*forces)
+    wrong = {"contacts": {"w": {"body": "a.right", "wall": {"point": [1.1, 0.0], "normal": [1, 1]}}}}
+    with pytest.raises(percuss.InputError, match="expected a wall across the bar, found one of the normal"):
+        Model(percuss.load({**bar, **wrong}))
+
+
 def test_methods_that_a_case_leaves_out_are_those_of_solids():
     pair = {"left": block(0.0, 0.5, [20, 4]), "right": block(1.0, -0.5, [20, 6])}
     data = {"bodies": pair, "contacts": {"tip": {"between": ["left.right", "right.left"]}}}
@@ -158,6 +245,54 @@ REFUSED = {
     "coupled masses": ({"method.mass": "reciprocal"}, "expected elements of two nodes with the mass reciprocal"),
     "ends without mass": ({"method.mass": "redistributed"}, "at ends in contact with the mass redistributed"),
     "a push along no line": ({"loads.p": {"constant": 1, "on": "left.left"}}, "loads.p.direction: missing"),
+    "a direction of a pressure": (
+        {"loads.p": {"constant": 1, "on": "left.left", "as": "pressure", "direction": [1, 0]}},
+        "loads.p.as: a pressure acts along the normal into the body",
+    ),
+    "a pressure on a body": (
+        {"loads.p": {"constant": 1, "on": "left", "as": "pressure"}},
+        "loads.p.on: expected an end, found the whole body 'left'",
+    ),
+    "a traction along no line": (
+        {"loads.p": {"constant": 1, "on": "left.left", "as": "traction"}},
+        "loads.p.direction: missing",
+    ),
+    "rollers along no axis": (
+        {"bodies.left.fixed": [{"on": "bottom", "along": "z"}]},
+        "bodies.left.fixed.0.along: expected x or y, as the case has 2 dimensions, found z",
+    ),
+    "rollers at no region": (
+        {"bodies.left.fixed": [{"on": "botom", "along": "y"}]},
+        "bodies.left.fixed.0.on: the body 'left' has no end 'botom'",
+    ),
+    "rollers without an axis": ({"bodies.left.fixed": [{"on": "bottom"}]}, "bodies.left.fixed.0.along: missing"),
+    "a region fixed twice": (
+        {"bodies.left.fixed": ["bottom", {"on": "bottom", "along": "y"}]},
+        "bodies.left.fixed.1.on: the end 'bottom' is fixed twice",
+    ),
+    "a number that is fixed": (
+        {"bodies.left.fixed": [3]},
+        "bodies.left.fixed.0: expected an end, or a mapping as {on: right, along: x}, found 3",
+    ),
+    "a drive along rollers": (
+        {
+            "bodies.left.fixed": [{"on": "left", "along": "x"}],
+            "loads.p": {"prescribed-velocity": 1, "on": "left.left", "direction": [1, 0]},
+        },
+        "loads.p: expected an end free along the direction of the drive, found a fixed end there",
+    ),
+    "a wall on the other side": (
+        {"contacts.w": {"body": "left.left", "wall": {"point": [-0.1, 0], "normal": [-1, 0]}}},
+        "contacts.w: expected bodies apart or touching, found an overlap of 0.1",
+    ),
+    "a wall without a normal": (
+        {"contacts.w": {"body": "left.left", "wall": {"point": [-0.1, 0]}}},
+        "contacts.w.wall.normal: missing",
+    ),
+    "a wall of a vanishing normal": (
+        {"contacts.w": {"body": "left.left", "wall": {"point": [-0.1, 0], "normal": [0, 0]}}},
+        "contacts.w.wall.normal: expected a vector that is not zero, as [0, 1], found [0, 0]",
+    ),
     "a load that follows": (
         {"loads.p": {"absorbing": {}, "on": "left.left", "direction": [1, 0]}},
         "expected bodies along a line with absorbing, found 'left'",

@@ -11,7 +11,16 @@ from typing import Any
 
 from percuss.case.defaults import DEFAULTS, WITHOUT_BARS
 from percuss.case.source import Source
-from percuss.case.specs import Address, BodySpec, CaseSection, Expectation, MeasureSection, RecordSpec, quantity_named
+from percuss.case.specs import (
+    Address,
+    BodySpec,
+    CaseSection,
+    Expectation,
+    MeasureSection,
+    Plane,
+    RecordSpec,
+    quantity_named,
+)
 from percuss.case.type_words import found
 from percuss.case.validation import Mistake, Reader
 from percuss.case.yaml_text import KeyPath, dotted
@@ -133,7 +142,8 @@ class CrossChecks:
 
     def __init__(self, reader: Reader) -> None:
         self.reader, self.wrong = reader, reader.wrong
-        self.fixed: dict[str, tuple[str, ...]] = {}
+        self.fixed: dict[str, tuple[Any, ...]] = {}
+        self.axes: dict[KeyPath, Any] = {}  # along which regions are held
         self.ends: dict[str, Sequence[str] | None] = {}
         self.vectors: list[tuple[KeyPath, int]] = []
         self._check_bodies()
@@ -142,6 +152,10 @@ class CrossChecks:
         record = reader.part(("record",))
         self._are_ends(("record", "probes"), (record and record.probes) or ())
         self.dimension = self._common_dimension()
+        for at, axis in self.axes.items():
+            if axis in list("xyz"[self.dimension :]):
+                known = " or ".join("xyz"[: self.dimension])
+                self.wrong(at, f"expected {known}, as the case has {self.dimension} dimensions, found {axis}")
         self._check_expectations()
 
     def _parts(self, section: str) -> Iterator[tuple[str, KeyPath, Data, Any]]:
@@ -229,13 +243,16 @@ class CrossChecks:
             self._note_vector((*path, "velocity"), given.get("velocity"))
             fixed = given.get("fixed", ())
             self.fixed[name] = fixed = fixed if isinstance(fixed, tuple) else ()
-            for i, end in enumerate(fixed):
-                at = (*path, "fixed", i)
+            for i, held in enumerate(fixed):
+                at, end = (*path, "fixed", i), held
+                if isinstance(held, Mapping):
+                    at, end = (*at, "on"), held.get("on")
+                    self.axes[*path, "fixed", i, "along"] = held.get("along")
                 if not isinstance(end, str):
                     continue
                 if ends is not None and end not in ends:
                     self.wrong(at, f"the body '{name}' has no end '{end}'", suggestion(end, ends, "end"))
-                elif end in fixed[:i]:
+                elif held in fixed[:i] or end in fixed[:i]:
                     self.wrong(at, f"the end '{end}' is fixed twice", "Keep one.")
 
     def _check_section(self, name: str, path: KeyPath, given: Mapping[str, Any], shape: Shape) -> None:
@@ -287,7 +304,11 @@ class CrossChecks:
         for name, path, _, contact in self._parts("contacts"):
             if contact is None:
                 continue
-            self._note_vector((*path, "wall"), contact.wall)
+            if isinstance(contact.wall, Plane):
+                self._note_vector((*path, "wall", "point"), contact.wall.point)
+                self._note_vector((*path, "wall", "normal"), contact.wall.normal)
+            else:
+                self._note_vector((*path, "wall"), contact.wall)
             between = contact.between is not None
             places = [(*path, "between", 0), (*path, "between", 1)] if between else [(*path, "body")]
             are_ends = [self._is_end(at, side) for at, side in zip(places, contact.sides, strict=True)]
@@ -310,19 +331,22 @@ class CrossChecks:
             if load is None:
                 continue
             key, at = self._component_key("loads", given), (*path, "on")
-            moves = load.acts_as == "velocity"
+            moves, of_ends = load.acts_as == "velocity", load.acts_as not in {"force", "acceleration"}
             if isinstance(load.places, Address):
-                places = {at: load.places} if self._is_end(at, load.places, whole_body=not moves) else {}
+                places = {at: load.places} if self._is_end(at, load.places, whole_body=not of_ends) else {}
             else:
-                places = self._are_ends(at, load.on, whole_body=not moves)
+                places = self._are_ends(at, load.on, whole_body=not of_ends)
             for place, end in places.items():
                 if moves and end.region in self.fixed[end.body]:
                     advice = f"Take it out of bodies.{end.body}.fixed."
                     self.wrong(place, f"{end} is fixed and cannot have a velocity", advice)
-            if not load.on and (not load.load.everywhere or moves):
-                owner = "an end" if moves else "an end or a body"
+            if not load.on and (not load.load.everywhere or of_ends):
+                owner = "an end" if of_ends else "an end or a body"
                 self.wrong(at, "missing (where the load acts)", f"Add `on:` with {owner}.", key=True)
             own = load.load.vector()
+            if load.acts_as == "pressure" and (own is not None or load.along is not None):
+                advice = "Drop the direction, or write `as: traction`, which has one."
+                self.wrong((*path, "as"), "a pressure acts along the normal into the body, and has a direction", advice)
             if own is not None and len(own) > 1:
                 self._note_vector((*path, key), own)
                 if load.along is not None:

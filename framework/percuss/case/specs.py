@@ -39,7 +39,7 @@ from percuss.methods.interfaces import (
 )
 
 Vector = tuple[float, ...]
-ActsAs = Literal["force", "acceleration", "velocity"]
+ActsAs = Literal["force", "acceleration", "velocity", "pressure", "traction"]
 
 # Value of a field that follows from the rest of the case, until the whole case is checked.
 UNSET: Any = None
@@ -183,6 +183,24 @@ class TimeSpec(Section):
 
 
 @dataclass(frozen=True)
+class Roller(Section):
+    """A support in one direction: ``{on: REGION, along: x}``."""
+
+    kind: ClassVar[str] = "the support"
+
+    region: Annotated[str, Key("on"), Doc("region of the boundary")]
+    along: Annotated[Literal["x", "y", "z"], Doc("axis along which it does not move")]
+
+    @property
+    def axis(self) -> int:
+        """Number of the axis along which the region does not move."""
+        return "xyz".index(self.along)
+
+    def __str__(self) -> str:
+        return f"{self.region} along {self.along}"
+
+
+@dataclass(frozen=True)
 class BodySpec(Section):
     """A body; one key is the name of its shape, as ``bar: {length: 10, elements: 100}``.
 
@@ -204,10 +222,19 @@ class BodySpec(Section):
     velocity: Annotated[
         float | Vector, Unit("length/time"), Doc("initial velocity: a number along the body, or a vector")
     ] = 0.0
-    fixed: Annotated[tuple[str, ...], Expects("a list of ends, as [right]"), Doc("ends that do not move")] = ()
+    fixed: Annotated[
+        tuple[Annotated[str | Roller, Expects("an end, or a mapping as {on: right, along: x}")], ...],
+        Expects("a list of ends, as [right]"),
+        Doc("ends that do not move, or do not move along an axis, as {on: right, along: x}"),
+    ] = ()
     plane: Annotated[Literal["strain", "stress"], Doc("plane strain or plane stress, in two dimensions")] | None = None
     name: Annotated[str, Computed()] = UNSET
     at: Annotated[Vector, Computed()] = UNSET
+
+    @property
+    def supports(self) -> tuple[tuple[str, int | None], ...]:
+        """The regions that are held, each with the axis along which it is, None in all directions."""
+        return tuple((one, None) if isinstance(one, str) else (one.region, one.axis) for one in self.fixed)
 
     def plane_of(self, dimension: int) -> str:
         """Return ``"strain"`` or ``"stress"`` of a body in two dimensions that is along no line, else nothing."""
@@ -217,6 +244,22 @@ class BodySpec(Section):
     def section(self) -> float:
         """What a unit of length of a line, or of area in two dimensions, has as volume: `BodyMesh.section`."""
         return self.area or self.thickness or 1.0
+
+
+@dataclass(frozen=True)
+class Plane(Section):
+    """A rigid plane wall: ``{point: [0, 0], normal: [0, 1]}``."""
+
+    kind: ClassVar[str] = "the wall"
+
+    point: Annotated[Vector, Unit("length"), Doc("a point of the wall")]
+    normal: Annotated[
+        Vector,
+        AfterValidator(_nonzero),
+        Expects("a vector that is not zero, as [0, 1]"),
+        Unit("1"),
+        Doc("vector out of the wall, to the side where the body is"),
+    ]
 
 
 @dataclass(frozen=True)
@@ -244,7 +287,13 @@ class ContactSpec(Section):
     ) = None
     body: Annotated[AnAddress, Doc("the end that meets the wall")] | None = None
     wall: (
-        Annotated[float | Vector, Unit("length"), Doc("position of a rigid wall: a number along x, or a point")] | None
+        Annotated[
+            float | Vector | Plane,
+            Expects("a number, a point as [0, 1], or a mapping as {point: [0, 1], normal: [0, 1]}"),
+            Unit("length"),
+            Doc("rigid wall: its place along x, a point of it, or {point: ..., normal: ...}"),
+        ]
+        | None
     ) = None
     name: Annotated[str, Computed()] = UNSET
     law: Annotated[ContactLaw, Computed()] = UNSET

@@ -135,13 +135,20 @@ def _reached(loc: KeyPath, value: Any) -> KeyPath:
     return tuple(reached)
 
 
+def _place(detail: ErrorDetails, value: Any) -> KeyPath:
+    """Return the place of a mistake inside a value; one that is in words may be at a key that is missing there."""
+    if detail["type"] != "worded":
+        return _reached(detail["loc"][1:], value)
+    return tuple(part for part in detail["loc"][1:] if not str(part).startswith("function-"))  # branches of unions
+
+
 def _value_mistakes(option: Option, value: object, details: list[ErrorDetails]) -> Iterator[Mistake]:
     """Yield one mistake for each wrong place of a value: the innermost ones, whichever branch of a union saw them."""
-    places = [_reached(detail["loc"][1:], value) for detail in details]
+    places = [_place(detail, value) for detail in details]
     told = {path[:n] for path in places for n in range(len(path))}  # places that hold a wrong one
     for path, detail in zip(places, details, strict=True):
         if detail["type"] == "worded":
-            yield _worded(detail)
+            yield _worded(detail)._replace(path=(option.key, *path))
         elif path not in told:
             yield _value_mistake(option, value, path, detail)
         told.add(path)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from percuss.case.specs import Plane
+from percuss.case.type_words import found
 from percuss.contact.contact_point import TOUCHING, ContactPoint
 from percuss.contact.paired_surfaces import points_of_surfaces
 from percuss.mesh.bar import Bar
@@ -32,11 +34,11 @@ def contact_points_of(
         point = _ends_that_meet(case, number, spec, bars, problems)
         return [point] if point is not None else []
     points = []
-    for found in points_of_surfaces(case, number, spec, bodies):
-        if isinstance(found, ContactPoint):
-            points.append(found)
+    for made in points_of_surfaces(case, number, spec, bodies):
+        if isinstance(made, ContactPoint):
+            points.append(made)
         else:
-            problems.append(found)
+            problems.append(made)
     return points
 
 
@@ -54,6 +56,12 @@ def _ends_that_meet(
     positions = [body.mesh.nodes[node - body.start] for body, node in zip(sides, nodes, strict=True)]
     position = positions[0]
     if len(nodes) == 1:
+        if isinstance(spec.wall, Plane):
+            out = np.array(spec.wall.normal) / np.linalg.norm(spec.wall.normal)
+            if float(normal @ out) > -1.0 + 1e-9:
+                message = f"expected a wall across the bar, found one of the normal {found(spec.wall.normal)}"
+                add_problem((*path, "wall", "normal"), message, f"Write `normal: {found(tuple((-normal).tolist()))}`.")
+                return None
         gap = _wall_gap(spec, position, normal, sides[0].mesh.direction)
     else:
         opposite = sides[1].mesh.regions[spec.sides[1].region].outward
@@ -118,7 +126,7 @@ def _facing_ends(sides: Sequence[Bar], spec: ContactSpec) -> list[str]:
 
 
 def _wall_gap(spec: ContactSpec, position: Floats, normal: Floats, direction: Floats) -> float:
-    wall = np.asarray(spec.wall, dtype=float)
+    wall = np.asarray(spec.wall.point if isinstance(spec.wall, Plane) else spec.wall, dtype=float)
     if wall.ndim == 1:
         return float(normal @ (wall - position))
     # A wall given as a number is a coordinate along the bar; for a bar on the x axis it is x, whichever way the bar

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from percuss.methods.interfaces import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
 from percuss.methods.plugin_calls import read_only
@@ -65,12 +65,13 @@ def _body(body: Body) -> ProblemBody:
 
 def _load(spec: LoadSpec, vector: Floats, place: BodyEnd | str) -> ProblemLoad:
     end = place if isinstance(place, BodyEnd) else None
+    quantity: Any = spec.acts_as if end is not None else "acceleration"
     return ProblemLoad(
         name=spec.name,
         load=spec.load,
         body=place if isinstance(place, str) else place.body,
         end=end,
-        acts_as="acceleration" if end is None else spec.acts_as,
+        acts_as="force" if quantity in {"pressure", "traction"} else quantity,  # whose vector has the area in it
         vector=read_only(vector),
         start=spec.start,
         stop=spec.stop,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.specs import Plane
 from percuss.contact.contact_point import TOUCHING, ContactPoint
 from percuss.mesh.loads import ROUND_OFF
 from percuss.methods.interfaces import Surface, Wall
@@ -72,6 +73,9 @@ def points_of_surfaces(
 
 def wall_of(spec: ContactSpec, surface: Surface) -> Wall:
     """Return the plane wall that a surface meets: at a number along x, or through a point and across the surface."""
+    if isinstance(spec.wall, Plane):
+        normal = np.array(spec.wall.normal)
+        return Wall(np.array(spec.wall.point), normal / np.linalg.norm(normal))
     place, out = np.atleast_1d(np.asarray(spec.wall, dtype=float)), surface.areas @ surface.normals
     if isinstance(spec.wall, tuple):
         return Wall(place, -out / np.linalg.norm(out))

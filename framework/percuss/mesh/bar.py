@@ -49,6 +49,14 @@ class Bar(Body):
         """Return the node of the model at an end, with its share in the area."""
         return [(self.node(region), 1.0)]
 
+    def outward(self, region: str) -> list[tuple[int, Floats]]:
+        """Return the node of the model at an end, with the cross-section along the axis out of the bar."""
+        return [(self.node(region), self.spec.section * self.mesh.regions[region].outward)]
+
+    def area_of(self, region: str) -> float:  # noqa: ARG002
+        """Return the cross-section."""
+        return self.spec.section
+
     def stiffness_matrix(self) -> Any:
         """Return the stiffness with a linear material as a sparse array, (nodes * dim, nodes * dim) [force/length]."""
         from scipy.sparse import kron

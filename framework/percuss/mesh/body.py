@@ -85,6 +85,15 @@ class Body:
         found = self.surface(region)
         return list(zip(found.surface.nodes.tolist(), found.shares.tolist(), strict=True))
 
+    def outward(self, region: str) -> list[tuple[int, Floats]]:
+        """Return the nodes of the model in a region, each with the area that belongs to it along its normal."""
+        found = self.surface(region)
+        return list(zip(found.surface.nodes.tolist(), found.outward, strict=True))
+
+    def area_of(self, region: str) -> float:
+        """Return the area of a region of the boundary [length^2]."""
+        return float(self.surface(region).surface.areas.sum())
+
     def middle(self, region: str) -> Floats:
         """Return the middle of a region of the boundary at the start, (dim,)."""
         places = [node - self.start for node, _ in self.places(region)]

@@ -123,8 +123,13 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
     nodal_forces: list[NodalForce] = []
     body_forces: list[BodyForce] = []
     for body in bodies.values():
-        held = dict.fromkeys(node for region in body.spec.fixed for node, _ in body.places(region))
-        constraints += [Constraint(node, axis, None, 0) for node in held for axis in np.eye(case.dimension)]
+        held = dict.fromkeys(
+            (node, axis)
+            for region, along in body.spec.supports
+            for node, _ in body.places(region)
+            for axis in (range(case.dimension) if along is None else (along,))
+        )
+        constraints += [Constraint(node, np.eye(case.dimension)[axis], None, 0) for node, axis in held]
     for column, spec in enumerate(case.loads.values(), start=1):
         for body, region in _targets(spec, bodies):
             direction = _direction(spec, body)
@@ -143,9 +148,9 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
             elif isinstance(spec.load, FollowingLoad):
                 continue
             elif region:
-                for node, share in body.places(region):
-                    size = body.mass[node - body.start] if spec.acts_as == "acceleration" else share
-                    nodal_forces.append(NodalForce(node, size * direction, spec, column))
+                nodal_forces += [
+                    NodalForce(node, vector, spec, column) for node, vector in _on_region(spec, body, region, direction)
+                ]
             else:
                 share = 1.0 if spec.acts_as == "acceleration" else 1.0 / float(body.mass.sum())
                 body_forces.append(BodyForce(body.number, share * direction, spec))
@@ -155,6 +160,17 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
         tuple(_followers(case, bodies, constraints, problems)),
         tuple(body_forces),
     )
+
+
+def _on_region(spec: LoadSpec, body: Body, region: str, direction: Floats) -> Iterator[tuple[int, Floats]]:
+    """Yield the nodes of a region of the boundary, each with its part of a load there at amplitude 1."""
+    if spec.acts_as == "pressure":
+        for node, outward in body.outward(region):
+            yield node, -outward
+        return
+    area = body.area_of(region) if spec.acts_as == "traction" else 1.0
+    for node, share in body.places(region):
+        yield node, (body.mass[node - body.start] if spec.acts_as == "acceleration" else share * area) * direction
 
 
 def _followers(
@@ -205,7 +221,12 @@ def _targets(spec: LoadSpec, bodies: Mapping[str, Body]) -> list[tuple[Body, str
 
 
 def _direction(spec: LoadSpec, body: Body) -> Floats | None:
-    """Return the unit vector along which a load acts on a body; None if neither says it."""
+    """Return the unit vector along which a load acts on a body; None if neither says it.
+
+    That of a pressure differs from place to place, and is no vector here.
+    """
+    if spec.acts_as == "pressure":
+        return np.zeros(body.mesh.nodes.shape[1])
     vector = spec.direction if spec.direction is not None else spec.load.vector()
     if vector is None:
         return body.mesh.direction if body.mesh.line is not None else None

@@ -38,7 +38,7 @@ def ends_at_contacts(case: Case) -> dict[str, set[str]]:
         for side in contact.sides:
             ends.setdefault(side.body, set()).add(side.region)
     for name, spec in case.bodies.items():
-        ends.get(name, set()).difference_update(spec.fixed)
+        ends.get(name, set()).difference_update(region for region, _ in spec.supports)
     for load in case.loads.values():
         for address in load.on or ():
             ends.get(address.body, set()).discard(address.region)

@@ -26,11 +26,14 @@ class BodySurface(NamedTuple):
         Height of the cell behind each facet over it [length].
     shares : (n,) array
         Share of each of its nodes in the area.
+    outward : (n, dim) array
+        Sum of the areas that belong to each node, along their normals out of the body [length^2].
     """
 
     surface: Surface
     heights: Floats
     shares: Floats
+    outward: Floats
 
 
 def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> BodySurface:
@@ -55,8 +58,10 @@ def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> Body
     ((kind, cells),) = mesh.cells.items()
     behind = volumes[_cells_behind(cells, facets, len(mesh.nodes))]
     heights = PARTS_OF_HEIGHT.get(kind, 1.0) * behind / areas
+    outward = np.zeros((nodes.size, normals.shape[1]))
+    np.add.at(outward, places, of_nodes[..., None] * normals[:, None])
     surface = Surface(nodes + start, mesh.nodes[nodes], places, normals, areas)
-    return BodySurface(surface, heights, shares)
+    return BodySurface(surface, heights, shares, outward)
 
 
 def _areas(corners: Floats, thickness: float) -> tuple[Floats, Floats]:
