@@ -20,7 +20,7 @@ from percuss.methods.first_run import asked_again
 from percuss.methods.interfaces import Component, ContactState, LeapFrog
 from percuss.methods.registry import Registry
 from percuss.testing.report import OTHERS, Outcome, Report
-from percuss.testing.subject import DRAWS, PARTNERS, Check, CheckFailed, NotApplicable, Subject, named
+from percuss.testing.subject import DRAWS, PARTNERS, Check, CheckFailed, NotApplicable, Status, Subject, named
 
 
 def known_checks() -> list[Check]:
@@ -88,39 +88,36 @@ def _shown_states(subject: Subject, integrator: str) -> tuple[ContactState, Cont
 
 def perform(kit_check: Check, subject: Subject, partner: str = "") -> Outcome:
     """Run a check on a subject and return its outcome."""
-    counts = not partner or partner in subject.partners
-    fails_with = _fails_elsewhere(kit_check, subject, partner)
-    if fails_with and not expected(kit_check, subject, partner):
+    counts, reason = not partner or partner in subject.partners, expected(kit_check, subject, partner)
+    if not reason and (fails_with := _fails_elsewhere(kit_check, subject, partner)):
         law, integrator = (subject.name, partner) if subject.family == "contacts" else (partner, subject.name)
         message = f"{law} fails it with {fails_with} too: nothing follows for {integrator}"
         return Outcome(kit_check, partner, "not applicable", message, counts=counts)
     checks = list(checks_of(subject))
     declarable = dict.fromkeys([*(one.name for one, _ in checks), *(named(*pair) for pair in checks)])
     subject = dataclasses.replace(subject, check=kit_check.name, loaded=[], declarable=tuple(declarable))
-    outcome = _performed(kit_check, subject, partner)
-    case = subject.last_case() if outcome.status == "failed" else ""
-    return dataclasses.replace(outcome, case=case, counts=counts)
+    status, message = _performed(kit_check, subject, partner, declared=bool(reason))
+    if status == "failed":
+        return Outcome(kit_check, partner, status, message, case=subject.last_case(), counts=counts)
+    return Outcome(kit_check, partner, status, message, reason, counts=counts)
 
 
-def _performed(kit_check: Check, subject: Subject, partner: str) -> Outcome:
-    """Return the outcome of a check, without the text of the case that it read last."""
-    reason = expected(kit_check, subject, partner)
+def _performed(kit_check: Check, subject: Subject, partner: str, *, declared: bool) -> tuple[Status, str]:
+    """Return status and message of a check, which may be declared to fail."""
     try:
         with asked_again(subject.component, subject.answers):
             kit_check(subject, partner) if partner else kit_check(subject)
     except NotApplicable as exemption:
-        return Outcome(kit_check, partner, "not applicable", str(exemption), reason)
+        return "not applicable", str(exemption)
     except (CheckFailed, PercussError) as error:
         message = str(error) if isinstance(error, CheckFailed) else _error_with_line(error, subject)
-        return Outcome(kit_check, partner, "expected failure" if reason else "failed", message, reason)
+        return "expected failure" if declared else "failed", message
     except BaseException as error:  # the kit reports any error that a plug-in raises
         if not isinstance(error, Exception) and (is_ctrl_c(error) or not line_in_plugin(error)):
             raise
         # an expected failure excuses a broken demand, never an error of the program
-        return Outcome(kit_check, partner, "failed", _error_with_line(error, subject))
-    if reason:
-        return Outcome(kit_check, partner, "passes unexpectedly", reason=reason)
-    return Outcome(kit_check, partner, "passed")
+        return "failed", _error_with_line(error, subject)
+    return "passes unexpectedly" if declared else "passed", ""
 
 
 def examine(subject: Subject, tell: Callable[[Outcome, int, int], None] = lambda *_: None) -> Report:
