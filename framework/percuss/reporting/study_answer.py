@@ -42,19 +42,18 @@ def _best_sentences(table: pd.DataFrame, roles: ColumnRoles, name: str) -> list[
     what = roles.measures[name].removesuffix(" [%]")
     if not of_cases:
         return [f"No run has a value of the {what}."]
-    best = {case: rows[is_same(values[rows], values[rows].min())] for case, rows in of_cases.items()}
-    medians = {case: float(np.median(values[rows])) for case, rows in of_cases.items()}
     if len(of_cases) <= MOST_CASES:
         keys = ["case", "integrator", "contact", *roles.varied, "status", name]
         plain = table[keys].astype(object).where(table[keys].notna(), None)
-        records = {case: plain.iloc[rows].to_dict("records") for case, rows in best.items()}
-        return [best_words(case, records[case], name, of_cases[case].size, medians[case]) for case in of_cases]
+        return [best_words(case, plain.iloc[rows].to_dict("records"), name) for case, rows in of_cases.items()]
+    best = {case: rows[is_same(values[rows], values[rows].min())] for case, rows in of_cases.items()}
     wins = Counter(pair for rows in best.values() for pair in dict.fromkeys(pairs[rows].tolist()))
     (first, most), *rest = wins.most_common(3)
     others = "".join(f", {pair} in {count}" for pair, count in rest)
     sentence = f"{first} has the smallest {what} in {most} of {len(of_cases)} cases{others}."
     with np.errstate(divide="ignore", invalid="ignore"):
-        factor = float(np.median(np.divide(list(medians.values()), [values[rows[0]] for rows in best.values()])))
+        medians = [np.median(values[rows]) for rows in of_cases.values()]
+        factor = float(np.median(np.divide(medians, [values[rows[0]] for rows in best.values()])))
     if not factor < LARGEST_FACTOR:
         return [sentence]
     than = f"{number(factor, 2)} times smaller than the median of all its runs (median over the cases)"

@@ -133,7 +133,7 @@ def columns(study: Study) -> ColumnRoles:
     values = {name: numbers(study.table[name]) for name in named if name in others}
     measured = [name for name, column in values.items() if column is not None and np.isfinite(column).any()]
     labels = {
-        name: (MEASURES.get(name) or of_column(name).label.replace("_", " ")) + " [%]" * is_share(name)
+        name: (MEASURES.get(name) or of_column(name).label.replace("_", " ")) + " [%]" * of_column(name).is_fraction
         for name in measured
     }
     if {"seconds", "seconds.march"} <= set(labels):
@@ -141,14 +141,10 @@ def columns(study: Study) -> ColumnRoles:
     return ColumnRoles(tuple(varied), labels, tuple(name for name in COSTS if name in labels))
 
 
-def is_share(name: str) -> bool:
-    """Return whether a measure is a share: a fraction in the table of a study, per cent wherever it is shown."""
-    return of_column(name).is_fraction
-
-
 def in_per_cent(table: pd.DataFrame, roles: ColumnRoles) -> pd.DataFrame:
     """Return a table with its shares in per cent, as reports show them."""
-    return table.assign(**{name: 100.0 * numbers(table[name]) for name in roles.measures if is_share(name)})
+    shares = [name for name in roles.measures if of_column(name).is_fraction]
+    return table.assign(**{name: 100.0 * numbers(table[name]) for name in shares})
 
 
 def references(table: pd.DataFrame) -> list[str]:

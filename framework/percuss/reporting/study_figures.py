@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from percuss.case.quantities import STUDY_PANELS
+from percuss.case.quantities import STUDY_PANELS, of_column
 from percuss.errors import InputError, Problem
 from percuss.files import is_file
 from percuss.jsonable import Entries
@@ -21,7 +21,6 @@ from percuss.reporting import page_rows, study_charts, study_data
 from percuss.reporting.figures import SOFT, legend_below, log_axis, new_figure, one_line, tick_text, write, write_reason
 from percuss.reporting.study_charts import Axis, Charts, LineStyle, ProfileChart
 from percuss.reporting.study_data import Cell
-from percuss.reporting.verdict import value_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -147,14 +146,15 @@ class _Drawn(NamedTuple):
         """Draw the best and the median of each pair of one case, and write their values beside them."""
         ranked = sorted(of_case, key=lambda pair: (not of_case[pair].measured, of_case[pair].best))[:MOST_RANKED]
         edge = self.charts.axes[name].edge
-        unit = 0.01 if study_data.is_share(name) else 1.0  # the table has shares in per cent
+        quantity = of_column(name)
+        unit = 0.01 if quantity.is_fraction else 1.0  # the table has shares in per cent
         for place, pair in enumerate(ranked):
             style, cell = self.charts.styles[pair], of_case[pair]
             best, median = max(cell.best, edge), max(cell.median, edge)
             axes.plot([best, median], [place, place], color=style.colour, linewidth=1.5, alpha=0.6)
             axes.plot(median, place, color=style.colour, marker="|", markersize=12, markeredgewidth=2)
             axes.plot(best, place, color=style.colour, markersize=7, **_mark(style))
-            best_text, median_text = (value_text(name, unit * value) for value in (cell.best, cell.median))
+            best_text, median_text = (quantity.text(unit * value) for value in (cell.best, cell.median))
             values = f"{best_text}, median {median_text}" if cell.measured else ""
             words = "; ".join(filter(None, (values, cell.lost_words)))
             axes.text(1.01, place, words, transform=axes.get_yaxis_transform(), size=7.5, va="center", color=SOFT)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from percuss.case.quantities import of_column
 from percuss.files import PACKAGE, expect_no_input, replacing
 from percuss.jsonable import Entries, plain
 from percuss.reporting import page_rows, study_charts, study_data
@@ -154,7 +155,7 @@ def _packed_column(table: pd.DataFrame, kept: pd.DataFrame, name: str, roles: Co
     if name in charts.axes:
         axis = charts.axes[name]
         column |= {"ticks": axis.ticks, "log": axis.log, "edge": axis.edge if axis.log else None}
-    if role == "measure" and study_data.is_share(name):
+    if role == "measure" and of_column(name).is_fraction:
         column["scale"] = 100.0
     if role == "varied" and values is not None:
         places, bin_of = study_data.binned(values)

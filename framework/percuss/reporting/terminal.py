@@ -13,13 +13,14 @@ from percuss.case.quantities import (
     QUANTITIES,
     STUDY_TABLE,
     TRUE_ERRORS,
+    of_column,
     percent,
     ranking,
     with_unit,
 )
 from percuss.jsonable import Data, Entries
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
-from percuss.reporting.verdict import is_number, value_text
+from percuss.reporting.verdict import is_number
 from percuss.results.ledger import ledger_words
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import Run
@@ -194,7 +195,7 @@ def _best_runs(done: Sequence[Data], measured: list[str], keys: list[str]) -> Ta
         if len({str(row[head]) for row in done}) > 1
     ]
     columns += [
-        Column(head, [value_text(head, row[head]) for row in best], drop=None if head == error else rank)
+        Column(head, [of_column(head).text(row[head]) for row in best], drop=None if head == error else rank)
         for rank, head in enumerate(shown)
     ]
     return Table(columns, f"smallest {error}" if error else "first runs")
@@ -206,7 +207,7 @@ def _cases(done: Sequence[Data], error: str) -> Table:
     cases = list(dict.fromkeys(case for case, *_ in value_of))
     columns = [words("case", cases)]
     for pair in dict.fromkeys((integrator, contact) for _, integrator, contact in value_of):
-        cells = [value_text(error, value_of.get((case, *pair))) for case in cases]
+        cells = [of_column(error).text(value_of.get((case, *pair))) for case in cases]
         columns.append(Column(" ".join(pair), cells))
     return Table(columns, error, continued=1)
 

@@ -150,9 +150,7 @@ def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
         if not done:
             yield f"{case}: no run has a value of {error}."
             continue
-        least = min(row[error] for row in done)
-        best = [row for row in done if is_same(row[error], least)]
-        yield best_words(case, best, error, len(done), statistics.median(row[error] for row in done))
+        yield best_words(case, done, error)
     if fragile := sum(row["fragile"] is True for row in rows):
         yield f"{fragile} of {len(rows)} runs depend on round-off."
     sources = (f"{row['said_by']} says: " if row["said_by"] else "" for row in rows)
@@ -167,26 +165,26 @@ def is_same(error: Any, least: float) -> Any:
     return error - least <= SAME * abs(least)
 
 
-def best_words(case: str, best: Sequence[Data], error: str, count: int, median: float) -> str:
+def best_words(case: str, rows: Sequence[Data], error: str) -> str:
     """Return the sentence on the smallest error of a case.
 
     Parameters
     ----------
     case
         Name of the case.
-    best
-        The runs that have this error, with the keys of the table of a study.
+    rows
+        The runs that are compared, with the keys of the table of a study.
     error
         Name of the error.
-    count, median
-        Number of the runs that are compared, and the median of their errors.
     """
+    least, quantity = min(row[error] for row in rows), of_column(error)
+    best = [row for row in rows if is_same(row[error], least)]
     first_of_pair = {(row["integrator"], row["contact"]): row for row in reversed(best)}
     names = [run_words(row) for row in reversed(first_of_pair.values())]
     pairs = f"{', '.join(names[:-1])} and {names[-1]} have" if names[1:] else f"{names[0]} has"
-    label = of_column(error).label
-    among = f"; the median of {count:,} runs is {value_text(error, median)}" if count > 1 else ""
-    return f"{case}: {pairs} the smallest {label} ({value_text(error, best[0][error])}){among}."
+    median = quantity.text(statistics.median(row[error] for row in rows))
+    among = f"; the median of {len(rows):,} runs is {median}" if len(rows) > 1 else ""
+    return f"{case}: {pairs} the smallest {quantity.label} ({quantity.text(best[0][error])}){among}."
 
 
 def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:
@@ -216,11 +214,6 @@ def run_words(row: Data) -> str:
     keys = list(row)
     varied = {path: row[path] for path in keys[3 : keys.index("status")]}
     return label_of(row["integrator"], row["contact"], varied)
-
-
-def value_text(name: str, value: object) -> str:
-    """Return the value of a column of a study for readers."""
-    return of_column(name).text(value)
 
 
 def is_number(value: object) -> bool:
