@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -83,26 +82,21 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
     predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
     doubts: list[str] = []
-
-    def add_doubt(reason: str, energy: tuple[str, str] | None = None) -> None:
-        doubts.append(reason)
-        if energy or not model.facts.of_all_laws:
-            guarantees.append(energy or (UNKNOWN, reason))
-
     stages, (*_, table) = unchecked_scheme(model.case.method.integrator, dt)
     guarantees = _guarantees_without_laws(model, stages)
     by_scheme = _why_no_springs(model, stages)
     for bound_law in model.laws_at(dt):
-        law, linear, indices = bound_law.law, bound_law.linear, list(bound_law.where)
-        if linear is None:
-            add_doubt(f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
-            continue
-        if reason := _reason_unknown(linear, law.name, multistage=stages is not None) or by_scheme:
-            add_doubt(reason, _energy_beyond_gap(model, bound_law))
-            continue
-        if linear.at == "explicit" and not _determined(table.explicit, linear):
+        linear: Any = bound_law.linear
+        indices = list(bound_law.where)
+        reason = _reason_unknown(linear, bound_law.law.name, multistage=stages is not None) or by_scheme
+        if not reason and linear.at == "explicit" and not _determined(table.explicit, linear):
             name = model.case.method.integrator.name
-            add_doubt(f"{name} shows {law.name} its gap and acceleration of different times")
+            reason = f"{name} shows {bound_law.law.name} its gap and acceleration of different times"
+        if reason:
+            doubts.append(reason)
+            energy = _energy_beyond_gap(model, bound_law)
+            if energy or not model.facts.of_all_laws:
+                guarantees.append(energy or (UNKNOWN, reason))
             continue
         if linear.at == "explicit":
             stiffness[indices] = linear.gap / linear.sigma
@@ -118,10 +112,17 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
     inactive = list(model.inactive_points(0.5 * model.dt))
     stiffness[inactive], inertia[inactive], surplus[inactive] = 0.0, 0.0, np.nan
+    if (balanced := model.balanced).any():
+        # A closed contact of an end without mass is a spring between nodes with mass, which is the law in series with
+        # the end elements and follows from the current state.
+        compliance[balanced] += model.rows.at(0.5 * model.dt).diagonal[balanced] * model.dt**2
+        stiffness[balanced], inertia[balanced], surplus[balanced], predicted[balanced] = 0.0, 0.0, np.nan, False
+        acting = [int(p) for p in np.flatnonzero(balanced) if p not in inactive]
+        stiffness[acting] = 1.0 / compliance[acting]
+        guarantees.append((BETWEEN, BALANCED))
     weakest, why = _weakest(guarantees, multistage=stages is not None)
     reasons = tuple(filter(None, (*dict.fromkeys(doubts), model.facts.beyond_pencil())))
-    closed = ClosedContacts(stiffness, inertia, predicted, surplus, compliance, reasons, weakest, why)
-    return _behind_end_elements(model, closed) if model.balanced.any() else closed
+    return ClosedContacts(stiffness, inertia, predicted, surplus, compliance, reasons, weakest, why)
 
 
 def _weakest(guarantees: Sequence[tuple[str, str]], *, multistage: bool) -> tuple[str, str]:
@@ -130,32 +131,6 @@ def _weakest(guarantees: Sequence[tuple[str, str]], *, multistage: bool) -> tupl
     if weakest == UNKNOWN and not multistage:
         why = f"nothing is known: {'; '.join(dict.fromkeys(why for energy, why in guarantees if energy == UNKNOWN))}"
     return weakest, why
-
-
-def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
-    """Return the closed contacts of a model with ends without mass.
-
-    A closed contact of such an end is a spring between nodes with mass, which is the law in series with the end
-    elements and follows from the current state.
-    """
-    balanced = model.balanced
-    delassus = model.rows.at(0.5 * model.dt).diagonal
-    compliance = laws.compliance + np.where(balanced, delassus * model.dt**2, 0.0)
-    acting = balanced.copy()
-    acting[list(model.inactive_points(0.5 * model.dt))] = False
-    weaker = WEAKEST_LAST.index(laws.energy) < WEAKEST_LAST.index(BETWEEN)
-    return dataclasses.replace(
-        laws,
-        stiffness=np.where(
-            balanced, np.divide(1.0, compliance, out=np.zeros_like(compliance), where=acting), laws.stiffness
-        ),
-        inertia=np.where(balanced, 0.0, laws.inertia),
-        predicted=laws.predicted & ~balanced,
-        surplus=np.where(balanced, np.nan, laws.surplus),
-        compliance=compliance,
-        energy=BETWEEN if weaker else laws.energy,
-        why=BALANCED if weaker else laws.why,
-    )
 
 
 def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[str, str]]:
@@ -177,18 +152,20 @@ def _why_no_springs(model: Model, stages: Stages | None) -> str:
     return model.facts.no_springs or (f"{integrator.name} {ALONE}" if alone else "")
 
 
-def _reason_unknown(linear: LinearLaw, law: str, *, multistage: bool) -> str:
-    """Return why neither stiffness and inertia nor a constraint follow from a linear law; empty if either does.
+def _reason_unknown(linear: LinearLaw | None, law: str, *, multistage: bool) -> str:
+    """Return why neither stiffness and inertia nor a constraint follow from a law; empty if either does.
 
     Parameters
     ----------
     linear
-        The linear law.
+        The linear law; None for one with a kernel.
     law
         Name of the law.
     multistage
         Whether the integrator is a multi-stage scheme.
     """
+    if linear is None:
+        return f"{law} has a kernel of its own, and is no line in gap and acceleration"
     end = linear.at == "end"
     sigma, gap, rate = np.asarray(linear.sigma), np.asarray(linear.gap), np.asarray(linear.rate)
     weighs_rate = bool(rate.any())

@@ -43,7 +43,7 @@ def operator_criterion(model: Model) -> OperatorCriterion:
         limit_ratio=limit_ratio(model),
         tied=model.tied_points,
         apart=lambda: operator_of(model, tied=False),
-        beyond=(lambda: StepCriterion(model)) if asked else None,
+        beyond=StepCriterion(model) if asked else None,
         why_open=model.facts.unknown_above_theta_of_one if short else "",
     )
 

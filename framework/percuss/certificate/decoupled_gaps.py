@@ -17,7 +17,7 @@ energy never grows, whatever is closed, so that the step is stable where that of
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -34,13 +34,6 @@ if TYPE_CHECKING:
 SAME = 1e-12  # relative difference of two numbers of a law that count as equal
 LIMIT = 4.0  # of (omega dt)^2 with central difference
 MOST_POINTS = 2000  # contacts up to which the dense matrix of their end forces is made
-
-
-class _Oscillators(NamedTuple):
-    """Closed gaps and open end elements at a time step; (P,) arrays."""
-
-    frequency_squared: Floats  # s (gamma - theta kappa)
-    softens: Floats  # theta / gamma
 
 
 def closed_form(model: Model) -> type[DecoupledGapsCriterion] | None:
@@ -121,14 +114,17 @@ class DecoupledGapsCriterion:
             out[p] = -sum(float(side.response @ sigma[side.node]) for side in sides if mass[side.node] > 0.0)
         return out / self._delassus
 
-    def _oscillators(self, dt: float) -> _Oscillators:
-        """Return the closed gaps and open end elements; none has stiffness at a frequency of 0 or less."""
+    def _oscillators(self, dt: float) -> tuple[Floats, Floats]:
+        """Return ``s (gamma - theta kappa)`` of the closed gaps and theta / gamma of the open end elements, (P,) each.
+
+        The first is the square of a frequency; a gap has no stiffness where it is 0 or less.
+        """
         gamma, softens = np.zeros(self._delassus.size), np.zeros(self._delassus.size)
         for bound_law in self.model.laws_at(dt):
             linear: Any = bound_law.linear
             gamma[list(bound_law.where)] = linear.gap / linear.sigma
             softens[list(bound_law.where)] = linear.softens
-        return _Oscillators(self._delassus * gamma * (1.0 - softens * self._kappa), softens)
+        return self._delassus * gamma * (1.0 - softens * self._kappa), softens
 
     def _stiffening(self, dt: float, softens: Floats) -> float:
         """Return the share of ``(4/dt^2) M - K`` that stiffer end elements of open contacts take; inf without any."""
@@ -183,6 +179,6 @@ class EnergyAtEndCriterion(DecoupledGapsCriterion):
 
     by: ClassVar[str] = "energy-at-end"
 
-    def _oscillators(self, dt: float) -> _Oscillators:
+    def _oscillators(self, dt: float) -> tuple[Floats, Floats]:
         frequency_squared, softens = super()._oscillators(dt)
-        return _Oscillators(np.where(frequency_squared > 0.0, np.finfo(float).tiny, frequency_squared), softens)
+        return np.where(frequency_squared > 0.0, np.finfo(float).tiny, frequency_squared), softens

@@ -49,6 +49,9 @@ class Rows(NamedTuple):
     value: Floats
 
 
+NO_ROWS = Rows(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+
+
 class BandFactor(NamedTuple):
     """Factor of a positive definite banded matrix by LAPACK: two arrays of a tridiagonal one, else one."""
 
@@ -156,12 +159,11 @@ class LineOperator(Operator):
 
     def blocks(self) -> Iterator[tuple[slice, LineOperator]]:
         """Yield the rows of each block, and its matrices without contacts."""
-        nothing = np.zeros(0, dtype=np.int64)
         for start, stop in itertools.pairwise([*self.starts.tolist(), self.size]):
             rows = slice(start, stop)
             bands = min(self.stiffness.shape[0], stop - start)
             stiffness, mass = self.stiffness[:bands, rows], self.mass[:bands, rows]
-            yield rows, LineOperator(stiffness, mass, Rows(nothing, nothing, np.zeros(0)), 0, nothing, np.zeros(0))
+            yield rows, LineOperator(stiffness, mass, NO_ROWS, 0, NO_ROWS.row, NO_ROWS.value)
 
     def highest_eigenvalue(self) -> float:
         """Return the largest eigenvalue of ``M^-1 K`` [1/time^2]."""
@@ -322,9 +324,7 @@ def line_operator(model: Model, *, tied: bool = True) -> LineOperator:
     mass = mass[None]
     if inverse.size:
         mass, stiffness = banded_matrices.pencil_bands(inverse, stiffness)
-    nothing = np.zeros(0, dtype=np.int64)
-    operator = LineOperator(stiffness, mass, Rows(nothing, nothing, np.zeros(0)), len(gradients), place, signs)
-    return with_rows(operator, model, gradients)
+    return with_rows(LineOperator(stiffness, mass, NO_ROWS, len(gradients), place, signs), model, gradients)
 
 
 # ----------------------------------------------------------------------------------------------------- tied bodies

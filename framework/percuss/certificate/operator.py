@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from percuss.blas import one_blas_thread
+from percuss.mesh.banded_matrices import bands
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -185,18 +186,12 @@ def largest_eigenvalue(matrix: Any) -> float:
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
     last = (size - 1, size - 1)
-    entries = coo_array(matrix)
-    place = np.empty(size, dtype=np.int64)
-    place[reverse_cuthill_mckee(csr_array(matrix), symmetric_mode=True)] = np.arange(size)
-    rows, columns = place[entries.row], place[entries.col]
-    width = int(np.abs(rows - columns).max(initial=0))
-    if width > size // 8:
+    order = reverse_cuthill_mckee(csr_array(matrix), symmetric_mode=True)
+    ordered = coo_array(submatrix(csr_array(matrix), order))
+    if int(np.abs(ordered.row - ordered.col).max(initial=0)) > size // 8:
         with one_blas_thread():  # once more, of the library that this import may have brought
             return float(eigh(_full(matrix), eigvals_only=True, subset_by_index=last)[0])
-    lower = rows >= columns
-    band = np.zeros((width + 1, size))
-    band[(rows - columns)[lower], columns[lower]] = entries.data[lower]
-    return float(eigvals_banded(band, lower=True, select="i", select_range=last)[0])
+    return float(eigvals_banded(bands(ordered), lower=True, select="i", select_range=last)[0])
 
 
 def deflated(matrix: Floats, motions: Floats) -> Floats:

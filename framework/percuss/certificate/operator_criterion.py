@@ -80,8 +80,8 @@ class OperatorCriterion:
     apart
         Bodies and contact rows, with ties among the contacts; None without ties.
     beyond
-        Makes the criterion of steps above theta = 1, where contact may damp all of a short body: such a step may be
-        stable. None where they all grow.
+        The criterion of steps above theta = 1, where contact may damp all of a short body: such a step may be stable.
+        None where they all grow.
     why_open
         Why a step above theta = 1 that the operator finds stable is not known to grow; empty if it is known.
     """
@@ -94,7 +94,7 @@ class OperatorCriterion:
     limit_ratio: float = 1.0
     tied: Sequence[int] = ()
     apart: Callable[[], Operator] | None = None
-    beyond: Callable[[], Criterion] | None = None
+    beyond: Criterion | None = None
     why_open: str = ""
 
     # ------------------------------------------------------------------------------------------------------- theta
@@ -167,10 +167,6 @@ class OperatorCriterion:
 
     # ---------------------------------------------------------------------------------------------------- one step
 
-    @cached_property
-    def _beyond(self) -> Criterion | None:
-        return self.beyond() if self.beyond else None
-
     def assess_step(self, dt: float) -> Assessment:
         """Return the assessment of a step."""
         laws = self.laws_at(dt)
@@ -186,8 +182,8 @@ class OperatorCriterion:
         theta, group = self.theta(dt, laws)
         if theta is None or theta <= 1.0:
             return Assessment("stable" if definite else "grows", limiting, theta)
-        if self._beyond is not None:
-            return dataclasses.replace(self._beyond.assess_step(dt), theta=theta)
+        if self.beyond is not None:
+            return dataclasses.replace(self.beyond.assess_step(dt), theta=theta)
         if definite and self.why_open:
             return Assessment("unknown", group, theta, self.why_open)
         return Assessment("grows", group, theta, NOT_EXCLUDED if len(group) > 1 else "")
@@ -223,9 +219,8 @@ class OperatorCriterion:
         if self.free in {0.0, np.inf}:  # No step is stable, or every step is because all nodes are held.
             return self.free
         bound = self.bound
-        beyond = self._beyond
-        if beyond is not None and self._longer_steps_may_be_stable(beyond, bound):
-            bound = largest_step_below(beyond.excess, self.free)
+        if self.beyond is not None and self._longer_steps_may_be_stable(self.beyond, bound):
+            bound = largest_step_below(self.beyond.excess, self.free)
         some = any(self.coupling[1]) and 0.0 < bound < np.inf
         if not some or not self._unequal_groups(self.laws_at(bound), bound):
             return bound

@@ -82,10 +82,5 @@ def _limit_ratio(integrator: Integrator, stages: Stages, dt: float) -> float:
     lo, hi = grid[unstable[0] - 1], grid[unstable[0]]
     while hi - lo > 1e-13 * hi:
         middle = 0.5 * (lo + hi)
-        if middle in (lo, hi):
-            break
-        if radius(np.array([middle]))[0] > 1.0 + GROWTH_TOLERANCE:
-            hi = middle
-        else:
-            lo = middle
+        lo, hi = (lo, middle) if radius(np.array([middle]))[0] > 1.0 + GROWTH_TOLERANCE else (middle, hi)
     return 0.5 * float(np.sqrt(lo))

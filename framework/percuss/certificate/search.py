@@ -66,16 +66,8 @@ def largest_step(
         if hi > 1e3 * start:
             return math.inf
     distance = 0.25 * tolerance * lo
-    root, _ = brentq(
-        tried,
-        lo,
-        hi,
-        xtol=distance,
-        rtol=SMALLEST_RELATIVE_TOLERANCE,
-        maxiter=MOST_TRIALS,
-        full_output=True,
-        disp=False,
-    )
+    tolerances = {"xtol": distance, "rtol": SMALLEST_RELATIVE_TOLERANCE}
+    root, _ = brentq(tried, lo, hi, **tolerances, maxiter=MOST_TRIALS, full_output=True, disp=False)
     # The limit may have been approached from one side only.
     near = [root - 2.0 * distance, root + 2.0 * distance]
     while True:

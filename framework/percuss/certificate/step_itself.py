@@ -189,8 +189,7 @@ def _stability(step: ClosedStep) -> ClosedStepStability:
     size = step.parts * step.size
     if size > LARGEST_DENSE_STATE and theta is not None and not step.model.facts.forces:
         # Up to theta = 1 the closed step is bounded wherever the free step is.
-        zeros = np.zeros(len(motions.model.contact_points))
-        return ClosedStepStability(1.0 if motions.operator.definite(dt, zeros, zeros)[0] else np.inf, theta)
+        return ClosedStepStability(1.0 if motions.operator.factor(4.0 / dt**2) is not None else np.inf, theta)
     idle: Floats = np.kron(np.eye(step.parts), motions.idle(dt, step.acting)).astype(np.float64)
     if size > LARGEST_DENSE_STATE:
         closed = f" with {NONE_AND_ALL} of its contacts closed" if len(motions.not_tied) > MOST_ALONE else ""
@@ -298,11 +297,15 @@ class StepCriterion:
 
     def __init__(self, model: Model, guess: Callable[[], float | None] = lambda: None) -> None:
         self.model = model
-        self.motions = Motions(model)
         self._guess = guess
         # Combination that limited the last step of a search, and may limit the next one too.
         self._limiting_combination: tuple[int, ...] | None = None
         self._examined: dict[tuple[float, tuple[int, ...]], ClosedStepStability] = {}
+
+    @cached_property
+    def motions(self) -> Motions:
+        """The motions in which the step is examined."""
+        return Motions(self.model)
 
     @cached_property
     def free(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -140,13 +140,9 @@ def _with_step(case: Case) -> SettledRun:
     while True:
         criterion = criterion_of(model, criterion)
         critical = criterion.critical_step
-        chosen = (
-            criterion.assess_step(SHARE_OF_CRITICAL_STEP * critical)
-            if 0.0 < critical < np.inf
-            else Assessment("unknown")
-        )
         # A tiny critical step is no stability: growth may be too slow to show in a single step of that length.
-        if not SMALLEST_SHARE_OF_FREE_STEP * criterion.free < critical < np.inf or chosen.answer == "unknown":
+        known = SMALLEST_SHARE_OF_FREE_STEP * criterion.free < critical < np.inf
+        if not known or criterion.assess_step(SHARE_OF_CRITICAL_STEP * critical).answer == "unknown":
             message = "expected methods of which some step is known to be stable"
             advice = f"{capitalised(no_step(model, criterion.free, critical))}." if critical == 0.0 else "Give a step."
             raise InputError([case.problem(("time", "courant"), message, advice)])
@@ -357,16 +353,14 @@ def _stiffened_contacts(model: Model, laws: ClosedContacts) -> str:
     where it is above. The energy stored in a closed contact rises with kappa, without any work being done.
     """
     pressing = laws.predicted & (laws.stiffness > 0)
-    before: Any = None
-    for first, _ in model.segments():
-        delassus = model.rows.at((first + 0.5) * model.dt).diagonal
-        after = laws.compliance + np.where(pressing, laws.surplus, 0.0) * delassus
-        stiffer = [] if before is None else [int(p) for p in np.flatnonzero(after < before * (1.0 - 1e-12))]
-        if stiffer:
+    weight = np.where(pressing, laws.surplus, 0.0)
+    starts = [first for first, _ in model.segments()]
+    softness = [laws.compliance + weight * model.rows.at((first + 0.5) * model.dt).diagonal for first in starts]
+    for first, before, after in zip(starts[1:], softness, softness[1:], strict=False):
+        if stiffer := [int(p) for p in np.flatnonzero(after < before * (1.0 - 1e-12))]:
             return (
                 f"at {first * model.dt:.6g} a drive starts or ends at contact "
                 f"{quoted(contact_names(model), stiffer)}: what it stores while closed rises there, and no work goes "
                 "with that"
             )
-        before = after
     return ""

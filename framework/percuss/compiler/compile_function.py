@@ -111,9 +111,8 @@ class StoredFunction:
             return None
         try:
             of, payload = pickle.loads(content)  # noqa: S301 - its digest was checked
-            if of != signature:
-                return None
-            return restored_entry(target_context, payload) if self.entry else restored_callee(target_context, payload)
+            restored = restored_entry if self.entry else restored_callee
+            return restored(target_context, payload) if of == signature else None
         except (ImportError, AttributeError):
             return None
 

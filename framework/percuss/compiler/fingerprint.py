@@ -23,7 +23,6 @@ FOREIGN = ("numpy", "math", "numba", "builtins", "scipy", "cmath")
 
 _BY_REPR = (bool, int, float, complex, str, bytes, type(None), type(...), range, slice, np.dtype)
 _FIXED = (*_BY_REPR, np.generic, np.ufunc, types.FunctionType, types.BuiltinFunctionType)
-_NOTHING = object()
 # Objects that a fingerprint identifies by their address: kept alive, so that no other object can take that address.
 _KEPT_ALIVE: dict[int, object] = {}
 
@@ -133,12 +132,10 @@ class Fingerprint:
         self.text(f"module {value.__name__} {getattr(value, '__version__', '')}")
         if is_foreign(value.__name__):
             return
-        for name in sorted(names):
-            # Not from the dictionary of the module, which may create attributes on request (`__getattr__`).
-            attribute = getattr(value, name, _NOTHING)
-            if attribute is not _NOTHING:
-                self.text(name)
-                self.value(attribute, names)
+        # Not from the dictionary of the module, which may create attributes on request (`__getattr__`).
+        for name in sorted(name for name in names if hasattr(value, name)):
+            self.text(name)
+            self.value(getattr(value, name), names)
 
     def _class(self, value: type, names: frozenset[str]) -> None:
         self.text(f"{value.__module__}.{value.__qualname__}{getattr(value, '_fields', '')}")
