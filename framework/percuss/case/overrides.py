@@ -96,8 +96,7 @@ def _apply_override(
     """Return the source with one value replaced, and notes on the options of a component that was exchanged."""
     parts: KeyPath = tuple(path.split("."))
     if not all(parts):
-        label = override_label(path, value)
-        raise wrong_input(label, "expected a path, as time.end")
+        raise wrong_input(override_label(path, value), "expected a path, as time.end")
     _refuse_missing_entry(source, path, value)
     at = next((parts[:n] for n in range(1, len(parts) + 1) if _component_at(parts[:n]) is not None), None)
     if at is None:

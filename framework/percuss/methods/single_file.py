@@ -84,21 +84,15 @@ class SingleFile:
     @property
     def digest(self) -> str:
         """SHA-256 of the file and its data files, in hexadecimal digits."""
-        return content_digest(self._all_content)
-
-    @property
-    def _all_content(self) -> bytes:
-        return b"\0".join([self.content, *(text for _, text in self.data)])
+        return content_digest(b"\0".join([self.content, *(text for _, text in self.data)]))
 
     @property
     def source(self) -> Provenance:
         """Provenance of the plug-in, with a module name of its own for each path and content."""
-        content = self._all_content
-        version = self.digest[:12]
         # The name depends on the content too, so that an edited file is a new module and the old one stays intact.
-        unique = content_digest(str(self.path).encode() + b"\0" + content)[:12]
+        unique = content_digest(f"{self.path}\0{self.digest}".encode())[:12]
         stem = re.sub(r"[^A-Za-z0-9_]", "_", self.path.stem)
-        return Provenance("", version, f"percuss_file_{stem}_{unique}", str(self.path))
+        return Provenance("", self.digest[:12], f"percuss_file_{stem}_{unique}", str(self.path))
 
     @property
     def files(self) -> dict[str, bytes]:
