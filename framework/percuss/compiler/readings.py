@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from percuss.compiler.fingerprint import Fingerprint, contents, is_fixed, is_overloaded, refresh_overloads
@@ -23,16 +23,14 @@ class Readings:
         self._values: list[tuple[object, frozenset[str], str]] = []
         self._overloads: list[tuple[object, bool]] = []
 
-    def function(self, function: types.FunctionType) -> None:
-        """Add the code of a function, its defaults and the content of its closure."""
+    def function(self, function: types.FunctionType, variables: Iterable[str]) -> None:
+        """Add the code of a function, its defaults, the content of its closure, and some of its global variables."""
         for name in ("__code__", "__defaults__", "__kwdefaults__"):
             self.attribute(function, name)
         for cell in function.__closure__ or ():
             self._object(contents, cell)
-
-    def variable(self, namespace: Mapping[str, object], name: str) -> None:
-        """Add the variable `name` of the globals of a function."""
-        self._object(namespace.get, name, _MISSING)
+        for name in variables:
+            self._object(function.__globals__.get, name, _MISSING)
 
     def attribute(self, owner: types.ModuleType | types.FunctionType, name: str) -> None:
         """Add an attribute of a module or a function, or that it has none of this name."""
@@ -46,9 +44,10 @@ class Readings:
         if not is_fixed(value):
             self._values.append((value, names, _tag(value, names)))
 
-    def overload(self, function: object, *, overloaded: bool) -> None:
-        """Add whether numba compiles other code in place of a function."""
-        self._overloads.append((function, overloaded))
+    def overload(self, function: object) -> bool:
+        """Return whether numba compiles other code in place of a function, and add that."""
+        self._overloads.append((function, is_overloaded(function)))
+        return self._overloads[-1][1]
 
     def unchanged(self, *, jit: bool) -> bool:
         """Return whether everything that was read is as it was; `jit` asks for overloads, too."""

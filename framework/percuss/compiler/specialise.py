@@ -20,15 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
 from percuss.compiler.compile_function import compile_function
-from percuss.compiler.fingerprint import (
-    Fingerprint,
-    contents,
-    is_foreign,
-    is_overloaded,
-    named_in,
-    plain_function,
-    refresh_overloads,
-)
+from percuss.compiler.fingerprint import Fingerprint, contents, is_foreign, named_in, plain_function, refresh_overloads
 from percuss.compiler.machine_code import jit_disabled
 from percuss.compiler.readings import Readings
 from percuss.compiling import Kernel, compiler, numba_inside
@@ -144,10 +136,8 @@ class Specialiser:
             return function  # a recursive call keeps the original function, plain or compiled by its author
         self._in_progress.add(id(function))
         names = named_in(source.__code__)
-        self.readings.function(source)
         variables = {name: source.__globals__[name] for name in sorted(names & set(source.__globals__))}
-        for name in variables:
-            self.readings.variable(source.__globals__, name)
+        self.readings.function(source, variables)
         bound = self._replacements(variables, names)
         cells = [contents(cell) for cell in source.__closure__ or ()]
         closure = [self._replacement(value, names) or value for value in cells]
@@ -207,11 +197,8 @@ class Specialiser:
             return self._module(value, names)
         if plain_function(value) is None:
             return None
-        if self.jit:
-            overloaded = is_overloaded(value)
-            self.readings.overload(value, overloaded=overloaded)
-            if overloaded:
-                return None
+        if self.jit and self.readings.overload(value):
+            return None
         return self._bind(value)
 
     def _module(self, module: types.ModuleType, names: frozenset[str]) -> types.ModuleType | None:
