@@ -18,8 +18,13 @@ if TYPE_CHECKING:
 SAME_DIRECTION = 1e-9  # length below which what supports leave of a direction is round-off
 
 
-def assembled_operator(model: Model, *, tied: bool) -> Operator:
-    """Return the operator of all motions that the supports of a stretch leave free, and the ties too if `tied`."""
+def operator_of(model: Model, *, tied: bool = True) -> Operator:
+    """Return the operator of a stretch of a run: of all motions that supports leave free, and the ties too if `tied`.
+
+    It is banded for bars, and sparse for any other bodies.
+    """
+    if model.bodies.of_lines:
+        return line_operator(model, tied=tied)
     from scipy.sparse import block_diag, csr_array, diags_array
 
     basis = free_motions(model)
@@ -28,17 +33,7 @@ def assembled_operator(model: Model, *, tied: bool) -> Operator:
     if tied and model.tied_points:
         basis = basis @ _without(rows[:, list(model.tied_points)].T @ basis)
     mass = diags_array(model.bodies.mass_of_dofs)
-    return Operator(
-        csr_array(basis.T @ stiffness @ basis), csr_array(basis.T @ mass @ basis), csr_array(basis.T @ rows)
-    )
-
-
-def operator_of(model: Model, *, tied: bool = True) -> Operator:
-    """Return the operator of a stretch of a run, bodies as one that are tied throughout it if `tied`.
-
-    It is banded for bars, and sparse for any other bodies.
-    """
-    return line_operator(model, tied=tied) if model.bodies.of_lines else assembled_operator(model, tied=tied)
+    return Operator(*map(csr_array, (basis.T @ stiffness @ basis, basis.T @ mass @ basis, basis.T @ rows)))
 
 
 def rigid_motions(model: Model) -> Floats:

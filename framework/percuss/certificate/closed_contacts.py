@@ -82,16 +82,17 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
     predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
     doubts: list[str] = []
-    stages, (*_, table) = unchecked_scheme(model.case.method.integrator, dt)
+    integrator = model.case.method.integrator
+    stages, (*_, table) = unchecked_scheme(integrator, dt)
     guarantees = _guarantees_without_laws(model, stages)
-    by_scheme = _why_no_springs(model, stages)
+    alone = stages is not None and uses_internal(kernel_of(integrator))
+    by_scheme = model.facts.no_springs or (f"{integrator.name} {ALONE}" if alone else "")
     for bound_law in model.laws_at(dt):
         linear: Any = bound_law.linear
         indices = list(bound_law.where)
         reason = _reason_unknown(linear, bound_law.law.name, multistage=stages is not None) or by_scheme
         if not reason and linear.at == "explicit" and not _determined(table.explicit, linear):
-            name = model.case.method.integrator.name
-            reason = f"{name} shows {bound_law.law.name} its gap and acceleration of different times"
+            reason = f"{integrator.name} shows {bound_law.law.name} its gap and acceleration of different times"
         if reason:
             doubts.append(reason)
             energy = _energy_beyond_gap(model, bound_law)
@@ -143,13 +144,6 @@ def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[
     if stages is not None:
         guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     return guarantees
-
-
-def _why_no_springs(model: Model, stages: Stages | None) -> str:
-    """Return why closed contacts do not act in the step as the springs of a mesh do; empty where they do."""
-    integrator = model.case.method.integrator
-    alone = stages is not None and uses_internal(kernel_of(integrator))
-    return model.facts.no_springs or (f"{integrator.name} {ALONE}" if alone else "")
 
 
 def _reason_unknown(linear: LinearLaw | None, law: str, *, multistage: bool) -> str:

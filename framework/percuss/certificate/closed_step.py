@@ -129,12 +129,11 @@ class ClosedStep:
         # Over several stages or steps the loop holds contacts closed whose law is linear and acts at that time.
         several = self.model.multistage or self.model.period > 1
         linear = self._held_by_loop = (points.source == FROM_LINE) & (points.always != NEVER) & several
-        if several:
-            closed = signs[order] < 0
-            points.initial_gap[linear & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
-            points.initial_gap[linear & (points.initial_gap > 0)] = unit * OPEN_GAP
-            points.always[linear & closed], points.never_pulls[linear & closed] = 1, 0
-            signs[np.array(order, dtype=np.int64)[linear]] = 0.0
+        closed = signs[order] < 0
+        points.initial_gap[linear & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
+        points.initial_gap[linear & (points.initial_gap > 0)] = unit * OPEN_GAP
+        points.always[linear & closed], points.never_pulls[linear & closed] = 1, 0
+        signs[np.array(order, dtype=np.int64)[linear]] = 0.0
         gaps = self.motions.gaps * np.sqrt(lightest)
         # By half of the gap in a step, so that the gap one step before lies on the same side, for laws that weigh it.
         # End elements are not strained, for laws that see their force.

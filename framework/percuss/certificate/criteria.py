@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -86,16 +86,12 @@ class RunCriterion:
         self.names = contact_names(model)
         self.kind = kind
         self.stretches = model.stretches()
-        self.criteria: list[Criterion]
-        if other_step is not None and other_step.kind is kind and other_step._actions() == self._actions():
-            self.criteria = other_step.criteria
-        else:
-            self.criteria = [kind(stretch.model) for stretch in self.stretches]
+        # What acts in each stretch: the active constraints, and all contact points but the inactive ones.
+        self._actions = [(stretch.constraints, stretch.inactive) for stretch in self.stretches]
+        same = other_step is not None and other_step.kind is kind and other_step._actions == self._actions
+        known = other_step.criteria if other_step and same else None
+        self.criteria: list[Criterion] = known or [kind(stretch.model) for stretch in self.stretches]
         self.by = self.criteria[0].by
-
-    def _actions(self) -> list[Any]:
-        """Return the numbers of the active constraints and of the inactive contact points in each stretch."""
-        return [(stretch.constraints, stretch.inactive) for stretch in self.stretches]
 
     @property
     def free(self) -> float:

@@ -24,6 +24,8 @@ from percuss.blas import one_blas_thread
 from percuss.mesh.banded_matrices import bands
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from percuss.methods.interfaces import Floats, Integers
 
 SMALL_MATRIX = 32  # rows up to which a matrix is taken as full
@@ -194,6 +196,15 @@ def largest_eigenvalue(matrix: Any) -> float:
     return float(eigvals_banded(bands(ordered), lower=True, select="i", select_range=last)[0])
 
 
+def none_to_spare(members: Sequence[int], unstable: Callable[[list[int]], bool]) -> list[int]:
+    """Return what is left of an unstable set once each member is left out, in turn, that it can spare."""
+    kept = list(members)
+    for member in members:
+        rest = [other for other in kept if other != member]
+        kept = rest if unstable(rest) else kept
+    return kept
+
+
 def deflated(matrix: Floats, motions: Floats) -> Floats:
     """Return a matrix with zero in place of some motions, orthonormal columns, and of what it makes of these."""
     matrix = matrix - motions @ (motions.T @ matrix)
@@ -257,9 +268,4 @@ def _limiting_rows(matrix: object) -> list[int]:
     while hi - lo > 1:
         middle = (lo + hi) // 2
         lo, hi = (lo, middle) if unstable(order[:middle]) else (middle, hi)
-    kept = order[:hi]
-    for row in kept[::-1] if hi <= MOST_TRIED_CONTACTS else ():
-        rest = [other for other in kept if other != row]
-        if unstable(rest):
-            kept = rest
-    return sorted(kept)
+    return sorted(order[:hi] if hi > MOST_TRIED_CONTACTS else none_to_spare(order[:hi][::-1], unstable))

@@ -22,7 +22,7 @@ import numpy as np
 
 from percuss.certificate.assessment import Assessment, quoted
 from percuss.certificate.closed_step import LINEARITY_TOLERANCE, ClosedStep, Motions
-from percuss.certificate.operator import MOST_TRIED_CONTACTS, deflated, without_chance
+from percuss.certificate.operator import MOST_TRIED_CONTACTS, deflated, none_to_spare, without_chance
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
 from percuss.errors import PercussError
@@ -375,12 +375,12 @@ class StepCriterion:
         kept = [p for p in unstable if p in self.motions.not_tied]
         if len(self.motions.not_tied) <= MOST_TOGETHER or len(kept) > MOST_TRIED_CONTACTS:
             return kept  # All smaller combinations were stable, or there are too many to try.
-        for contact in list(kept):
-            fewer = [other for other in kept if other != contact]
+
+        def grows(fewer: list[int]) -> bool:
             found = self._examine(dt, (*self.model.tied_points, *fewer))
-            if found.linear and not found.stable:
-                kept = fewer
-        return kept
+            return found.linear and not found.stable
+
+        return none_to_spare(kept, grows)
 
     @cached_property
     def _time_dependent_laws(self) -> list[str]:
