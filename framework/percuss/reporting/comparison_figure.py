@@ -111,7 +111,7 @@ def _end_time(runs: Sequence[tuple[str, Result]]) -> float:
 
 def _run_with_exact(runs: Sequence[tuple[str, Result]]) -> Result:
     """Return the first run that has exact histories, or the first run if none has."""
-    with_exact = [result for _, result in runs if getattr(result, "exact_histories", None)]
+    with_exact = [result for _, result in runs if result.exact_histories]
     return (with_exact or [runs[0][1]])[0]
 
 

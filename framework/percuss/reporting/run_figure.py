@@ -111,7 +111,7 @@ def forces(panels: Sequence[Axes], result: Result) -> None:
 def draw_references(axes: Axes, result: Result, names: Sequence[str]) -> Entries:
     """Draw the exact histories and the expected values of contacts, and return their legend entries."""
     entries: Entries = {}
-    exact = getattr(result, "exact_histories", None) or {}
+    exact = result.exact_histories or {}
     for name in names:
         if name in exact:
             time, force = (np.asarray(part, dtype=float) for part in exact[name])

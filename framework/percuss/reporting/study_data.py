@@ -235,17 +235,14 @@ class Cell:
     ----------
     best, median
         Smallest value and median over the runs that have the measure; nan where none has.
-    row
-        Row number of the run with the smallest value; -1 where none has the measure.
     measured, made
         Number of runs that have the measure, and number of runs made.
     lost
-        Number of the other runs by status; ``no number`` for a run that is done without the measure.
+        Number of the other runs by status; ``without a number`` for a run that is done without the measure.
     """
 
     best: float
     median: float
-    row: int
     measured: int
     made: int
     lost: dict[str, int]
@@ -259,19 +256,15 @@ class Cell:
 
 def cells(table: pd.DataFrame, name: str) -> dict[str, dict[str, Cell]]:
     """Return the cells of one measure: for each case a mapping from the pair of methods to its cell."""
-    status, values = np.array(texts(table["status"]), dtype=object), numbers(table[name])
+    made = table[table["status"] != WAITING]
+    values, done = numbers(made[name]), (made["status"] == "done").to_numpy()
+    ends = np.where(done, "without a number", texts(made["status"]))
+    has_value = done & np.isfinite(values)
     out: dict[str, dict[str, Cell]] = {}
-    for (case, pair), rows in groups(texts(table["case"]), methods(table)).items():
-        own = rows[status[rows] != WAITING]
-        has_value = (status[own] == "done") & np.isfinite(values[own])
-        measured, lost = own[has_value], Counter(status[own[~has_value]].tolist())
-        lost = Counter({"without a number" if end == "done" else end: count for end, count in lost.items()})
-        best, median, row = np.nan, np.nan, -1
-        if measured.size:
-            row = int(measured[np.argmin(values[measured])])
-            best, median = float(values[row]), float(np.median(values[measured]))
-        if own.size:
-            out.setdefault(case, {})[pair] = Cell(best, median, row, measured.size, own.size, dict(lost))
+    for (case, pair), rows in groups(texts(made["case"]), methods(made)).items():
+        measured, lost = values[rows[has_value[rows]]], Counter(ends[rows[~has_value[rows]]].tolist())
+        best, median = (float(of(measured)) if measured.size else np.nan for of in STATISTICS.values())
+        out.setdefault(case, {})[pair] = Cell(best, median, measured.size, rows.size, dict(lost))
     return out
 
 

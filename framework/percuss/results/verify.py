@@ -53,9 +53,8 @@ def measure(result: Result, wanted: Expectation | MeasureSection) -> float:
         return float(np.interp(at if at is not None else time[-1], time, values))
     if statistic == "final":
         return float(values[-1])
-    inside = np.ones(time.size, dtype=bool)
-    if during is not None:
-        inside = (time >= during[0] - 1e-9 * dt) & (time <= during[1] + 1e-9 * dt)
+    start, stop = during or (-math.inf, math.inf)
+    inside = (time >= start - 1e-9 * dt) & (time <= stop + 1e-9 * dt)
     if not inside.any():
         raise CannotMeasure(f"{wanted.quantity} has no record between {during}")
     if statistic == "integral":
