@@ -400,7 +400,7 @@ def test_no_file_knows_a_place_on_somebodys_machine():
 ABOUT_LINES = {
     "certificate/closed_form.py", "certificate/lines.py", "certificate/waves.py",
     "contact/contact_problem.py", "contact/stiffness_limits.py", "contact/trace_stiffness.py", "mesh/bar.py",
-    "results/encounters.py", "results/exact.py", "results/exact_only.py", "results/true_error.py",
+    "results/encounters.py",
     "step/parts/end_forces.py", "step/parts/ends_without_mass.py", "step/parts/followers.py", "step/uniform_rows.py",
     "testing/checks/bulk.py",
 }  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from percuss.contact.prisms import prism_problem
 from percuss.methods.interfaces import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
 from percuss.methods.plugin_calls import read_only
 
@@ -15,8 +16,13 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
 
 
-def contact_problem(model: ModelArrays) -> ContactProblem:
-    """Return the mechanical problem of a case: the model without its mesh, its time step and its methods."""
+def contact_problem(model: ModelArrays) -> ContactProblem | str:
+    """Return the mechanical problem of a case, without its mesh, its step and its methods; or why it is none of bars.
+
+    Bodies that are no bars are in it where they are prisms that move along their axis.
+    """
+    if not model.bodies.of_lines:
+        return prism_problem(model)
     bodies = list(model.bodies.values())
     loads = []
     for nodal_force in model.loads.on_nodes:

@@ -13,6 +13,7 @@ import numpy as np
 from percuss.contact.binding import Binding
 from percuss.contact.bound_law import BoundLaw
 from percuss.contact.contact_points import contact_points_of
+from percuss.contact.contact_problem import contact_problem
 from percuss.contact.contact_rows import Side, law_records
 from percuss.contact.model_arrays import ModelArrays
 from percuss.contact.points import LAW, NOTHING
@@ -30,6 +31,7 @@ from percuss.step.parts.end_forces import end_forces
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.contact.features import Feature
+    from percuss.methods.interfaces import ContactProblem
 
 
 class Stretch(NamedTuple):
@@ -187,6 +189,11 @@ class Model(ModelArrays):
                 start, stop = first * self.dt, min(last, self.steps) * self.dt
                 listed[constraints, inactive] = Stretch(start, max(stop, start), constraints, inactive, model)
         return list(listed.values())
+
+    @cached_property
+    def problem(self) -> ContactProblem | str:
+        """The mechanical problem that the case states, as exact solutions receive it; or why it is none of bars."""
+        return contact_problem(self)
 
     @cached_property
     def features(self) -> tuple[Feature, ...]:

@@ -49,6 +49,16 @@ class Bar(Body):
         """Return the node of the model at an end, with its share in the area."""
         return [(self.node(region), 1.0)]
 
+    def along(self, axis: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002 - its own
+        """Return the distances of the nodes from the first one, and half of the lengths beside each."""
+        spacing = self.mesh.lengths
+        if self.of_cells:
+            spacing = np.diff((self.mesh.nodes - self.mesh.nodes[0]) @ self.mesh.direction)
+        places, lengths = np.concatenate([[0.0], np.cumsum(spacing)]), np.zeros(spacing.size + 1)
+        lengths[:-1] += 0.5 * spacing
+        lengths[1:] += 0.5 * spacing
+        return places, lengths
+
     def outward(self, region: str) -> list[tuple[int, Floats]]:
         """Return the node of the model at an end, with the cross-section along the axis out of the bar."""
         return [(self.node(region), self.spec.section * self.mesh.regions[region].outward)]

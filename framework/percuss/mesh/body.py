@@ -101,6 +101,11 @@ class Body:
         middle: Floats = shares @ self.mesh.nodes[places]
         return middle
 
+    def along(self, axis: Floats) -> tuple[Floats, Floats]:
+        """Return the distances of the nodes from the start of the body along an axis, and the length of each, (n,)."""
+        place = self.mesh.nodes @ axis
+        return place - place.min(), self.mass * float(np.ptp(place)) / float(self.mass.sum())
+
     @property
     def extent(self) -> Floats:
         """The corners of least and of largest coordinates, of a bar its first and last node, (2, dim)."""

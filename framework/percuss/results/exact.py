@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from percuss.blas import one_blas_thread
-from percuss.contact.contact_problem import contact_problem
 from percuss.heartbeat import progress
 from percuss.march.model import Model
 from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
@@ -64,15 +63,19 @@ def engine_for(model: Model, end: float) -> tuple[Solution | None, ContactProble
 
     If none covers it, both are None, and the text has the reasons.
     """
-    if not model.bodies.of_lines:
-        return None, None, "no exact solution is known of bodies that are no bars"
-    problem = contact_problem(model)
+    problem = model.problem
+    if isinstance(problem, str):
+        return None, None, f"no exact solution is known of bodies that are no bars in all but their cells: {problem}"
+    prisms = any(body.modulus is not None for body in problem.bodies.values())
     registry, chosen = model.case.registry, model.case.method.solution
     engines: Any = [chosen] if chosen else (registry.get("solutions", name)() for name in registry.names("solutions"))
     reasons = []
     for engine in engines:
         linear_only = model.bodies.why_not_linear if engine.linear_bodies_only else ""
-        reason = linear_only or answer(engine, "covers", problem) or answer(engine, "too_costly", problem, end)
+        unaware = "it knows no prisms" if prisms and not engine.of_prisms else ""
+        reason = (
+            linear_only or unaware or answer(engine, "covers", problem) or answer(engine, "too_costly", problem, end)
+        )
         if reason is None:
             return engine, problem, ""
         reasons.append(f"{engine.name}: {reason}")

@@ -17,7 +17,7 @@ from percuss.heartbeat import progress
 from percuss.jsonable import Data, Entries, plain
 from percuss.march.model import Model
 from percuss.march.recording import refuse_large
-from percuss.methods.interfaces import Exact
+from percuss.methods.interfaces import Exact, ProblemBody
 from percuss.results.exact import exact_solution
 from percuss.results.provenance import components_used, provenance_of
 from percuss.results.result import Result
@@ -90,6 +90,13 @@ def run_exact(case: Case) -> Result:
     return Result(arrays, coordinates, _field(model, solution), plain(summary), provenance, solution)
 
 
+def _bars(model: Model) -> Mapping[str, ProblemBody]:
+    """Return the bodies as bars, of a case that an exact solution covers."""
+    problem: Any = model.problem
+    bodies: Mapping[str, ProblemBody] = problem.bodies
+    return bodies
+
+
 def _sample_count(model: Model, solution: Exact) -> int:
     """Return the number of samples: fewer where the energies of all fronts and bars at as many times take too long."""
     affordable = ENERGY_SECONDS / (SECONDS_PER_FRONT * solution.fronts + SECONDS_PER_BAR * len(model.bodies))
@@ -101,15 +108,18 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> Entries:
 
     Names are those of the histories of a run, so that both are drawn and compared alike.
     """
-    t = np.linspace(0.0, solution.reached, _sample_count(model, solution))
+    t, bodies = np.linspace(0.0, solution.reached, _sample_count(model, solution)), _bars(model)
     ends = model.case.recorded_ends
     motion = {quantity: np.zeros((t.size, len(ends), model.dim)) for quantity in ("displacement", "velocity")}
     for k, address in enumerate(ends):
-        body = model.bodies.bars[address.body]
-        x = 0.0 if body.node(address.region) == body.start else float(body.mesh.lengths.sum())
+        body = bodies[address.body]
+        outward = sum(
+            float(vector @ body.direction) for _, vector in model.bodies[address.body].outward(address.region)
+        )
+        x = np.nan if abs(outward) < 1e-9 * body.area else body.length if outward > 0.0 else 0.0  # nan: a side
         for quantity, values in motion.items():
             along = getattr(solution, quantity)(body.name, np.full(t.shape, x), t)
-            values[:, k] = along[:, None] * body.mesh.direction
+            values[:, k] = along[:, None] * body.direction
     energies = np.zeros((t.size, 2))
     for k, instant in enumerate(t):
         energies[k] = solution.energy(float(instant))
@@ -158,7 +168,7 @@ def _energy(solution: Exact, arrays: Entries) -> Entries:
 
 def _momentum(model: Model, solution: Exact) -> Entries:
     """Return the momentum along the axis of the first body, the impulse of external forces, and the balance error."""
-    axis = next(iter(model.bodies.values())).mesh.direction
+    axis = next(iter(_bars(model).values())).direction
     before, after = solution.momentum(0.0), solution.momentum(solution.reached)
     impulse = solution.impulse(solution.reached)
     scale = max(abs(before), abs(after), abs(impulse), _momentum_scale(model, solution))
@@ -177,11 +187,11 @@ def _momentum_scale(model: Model, solution: Exact) -> float:
     """
     t = np.linspace(0.0, solution.reached, SAMPLES)
     moving = pressing = 0.0
-    for name, body in model.bodies.items():
-        length = float(body.mesh.lengths.sum())
-        for x in (np.zeros(t.shape), np.full(t.shape, length)):
-            moving += 0.5 * float(body.mass.sum()) * float(np.abs(solution.velocity(name, x, t)).max())
-            pressing += body.spec.section * float(np.trapezoid(np.abs(solution.stress(name, x, t)), t))
+    for name, body in _bars(model).items():
+        for x in (np.zeros(t.shape), np.full(t.shape, body.length)):
+            mass = float(model.bodies[name].mass.sum())
+            moving += 0.5 * mass * float(np.abs(solution.velocity(name, x, t)).max())
+            pressing += body.area * float(np.trapezoid(np.abs(solution.stress(name, x, t)), t))
     return max(moving, pressing)
 
 
@@ -193,10 +203,10 @@ def _field(model: Model, solution: Exact) -> Entries:
     t = np.linspace(0.0, solution.reached, snapshots)
     bodies: list[str] = []
     positions, stresses = [], []
-    for name, body in model.bodies.items():
-        x = (np.arange(FIELD_POINTS) + 0.5) / FIELD_POINTS * float(body.mesh.lengths.sum())
+    for name, body in _bars(model).items():
+        x = (np.arange(FIELD_POINTS) + 0.5) / FIELD_POINTS * body.length
         bodies += [name] * x.size
-        positions.append(body.mesh.nodes[0] + x[:, None] * body.mesh.direction)
+        positions.append(model.bodies[name].mesh.nodes[0] + x[:, None] * body.direction)
         stresses.append(solution.stress(name, *np.broadcast_arrays(x[None, :], t[:, None])))
     return {
         "time": t,

@@ -127,7 +127,7 @@ def _opening_error(
 
 
 def displacement_error(model: Model, solution: Exact, displacement: Floats, time: float) -> float | None:
-    """Return the relative error of the displacement along the bars at `time`, in L2 over all bars, or None.
+    """Return the relative error of the displacement at `time`, in L2 over all bodies, or None.
 
     Parameters
     ----------
@@ -141,17 +141,14 @@ def displacement_error(model: Model, solution: Exact, displacement: Floats, time
     if time > solution.reached * (1.0 + 1e-12):
         return None
     error = size = 0.0
+    problem: Any = model.problem
     for body in model.bodies.values():
-        spacing = body.mesh.lengths
-        if body.of_cells:
-            spacing = np.diff((body.mesh.nodes - body.mesh.nodes[0]) @ body.mesh.direction)
-        along = np.concatenate([[0.0], np.cumsum(spacing)])
-        weight = np.zeros(along.size)
-        weight[:-1] += 0.5 * spacing
-        weight[1:] += 0.5 * spacing
+        axis = problem.bodies[body.name].direction
+        along, weight = body.along(axis)
         true = displacement_at(solution, body.name, along, time)
-        computed = displacement[body.start : body.stop] @ body.mesh.direction
-        error += float(weight @ (computed - true) ** 2)
+        computed = displacement[body.start : body.stop] @ axis
+        sideways = displacement[body.start : body.stop] - np.outer(computed, axis)
+        error += float(weight @ (computed - true) ** 2) + float(weight @ (sideways**2).sum(axis=1))
         size += float(weight @ true**2)
     if size < NEGLIGIBLE * error:  # bars back at their start: an error relative to round-off means nothing
         return None

@@ -73,7 +73,7 @@ def least_memory(problem: ContactProblem, end: float) -> float:
 
     A junction is computed by at most two transits of its bars at a time, and each time has a piece of the force.
     """
-    shortest = min(body.length / (body.material.modulus / body.material.rho) ** 0.5 for body in problem.bodies.values())
+    shortest = min(body.length / (body.wave_modulus / body.material.rho) ** 0.5 for body in problem.bodies.values())
     pieces = end / (2.0 * shortest)
     return memory_of(len(problem.bodies), len(problem.bodies) + 1, pieces, 2, 2.0 * pieces)
 

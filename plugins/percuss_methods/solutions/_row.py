@@ -40,13 +40,12 @@ class BarChain:
         self._number = {name: b for b, name in enumerate(problem.bodies)}
         line = self.bodies[0].direction
         self.flip = np.array([1.0 if body.direction @ line > 0 else -1.0 for body in self.bodies])
-        materials = [body.material for body in self.bodies]
+        moduli = np.array([body.wave_modulus for body in self.bodies])
+        densities = np.array([body.material.rho for body in self.bodies])
         self.length = np.array([body.length for body in self.bodies])
-        self.speed = np.array([np.sqrt(m.modulus / m.rho) for m in materials])
+        self.speed = np.sqrt(moduli / densities)
         self.transit = self.length / self.speed
-        self.impedance = np.array(
-            [b.area * np.sqrt(m.modulus * m.rho) for b, m in zip(self.bodies, materials, strict=True)]
-        )
+        self.impedance = np.array([body.area for body in self.bodies]) * np.sqrt(moduli * densities)
         self.gravity = np.zeros(len(self.bodies))
         for load in problem.loads:
             if load.end is None:

@@ -42,8 +42,8 @@ class BarsInARow(Solution):
     is zero and opens when the force would pull. The solution of piecewise-constant and piecewise-linear data is exact;
     smooth loads are approximated by polynomials with an error of at most 1e-12 of their largest value.
 
-    Covers uniform linear-elastic bars along one line: free, fixed and driven ends, walls, gaps or touching, initial
-    velocities, loads on ends, steady acceleration.
+    Covers uniform linear-elastic bars on one line, and prisms that move along their axis alone: free, fixed and driven
+    ends, walls, gaps or touching, initial velocities, loads on ends, steady acceleration.
 
     A solution with too many fronts, or one that would need too much memory, ends early, or does not begin if this is
     known beforehand; both follow from the case alone. If it takes too much processor time, there is no solution at all:
@@ -57,6 +57,8 @@ class BarsInARow(Solution):
         "Doyen, Ern, Piperno: Time-integration schemes for the finite element dynamic Signorini problem, SIAM J. Sci. "
         "Comput. 33 (2011), doi 10.1137/100791440",
     )
+
+    of_prisms = True
 
     most_fronts: Annotated[int, Ge(1), Unit("1"), Doc("fronts after which it stops and states the time reached")] = (
         2_000_000
@@ -112,7 +114,7 @@ def _reasons_of_bodies(problem: ContactProblem) -> Iterator[str]:
     for name, body in problem.bodies.items():
         if _has_transverse_part(body.direction, line):
             yield f"body '{name}' lies across the first one"
-        if body.shape.name != "bar":
+        if body.shape.name != "bar" and body.modulus is None:
             yield f"body '{name}' is a {body.shape.name}, not a bar"
         if body.velocity.any() and _has_transverse_part(body.velocity, body.direction):
             yield f"body '{name}' moves across its axis"

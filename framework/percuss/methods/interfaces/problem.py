@@ -38,6 +38,9 @@ class ProblemBody:
         Unit vector along its axis, from its start.
     velocity : (dim,) array
         Velocity of all its points at t = 0 [length/time].
+    modulus
+        Of a prism that is no bar, the modulus of its waves along the axis; None of a bar, whose material has it
+        [force/length^2]. Solutions that declare `of_prisms` receive such bodies.
     """
 
     name: str
@@ -47,6 +50,12 @@ class ProblemBody:
     length: float
     direction: Floats
     velocity: Floats
+    modulus: float | None = None
+
+    @property
+    def wave_modulus(self) -> float:
+        """Modulus of the waves along the axis [force/length^2]."""
+        return self.material.modulus if self.modulus is None else self.modulus
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,9 +105,13 @@ class Solution(Component, contract="solutions"):
     linear_bodies_only
         Whether the solution holds only for linear bodies (`Material.linear`, `Element.linear`). It is then not used for
         any other case: no run with a nonlinear body is compared with it.
+    of_prisms
+        Whether it knows that a body may be a prism, whose modulus is `ProblemBody.wave_modulus`, not that of its
+        material.
     """
 
     linear_bodies_only: ClassVar[bool] = True
+    of_prisms: ClassVar[bool] = False
 
     @abstractmethod
     def covers(self, problem: ContactProblem) -> str | None:

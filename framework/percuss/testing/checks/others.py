@@ -7,7 +7,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from percuss.contact.contact_problem import contact_problem
 from percuss.jsonable import Entries
 from percuss.march.model import Model
 from percuss.methods.plugin_calls import answer
@@ -28,7 +27,7 @@ def _solved(subject: Subject, case: Entries) -> tuple[Any, float]:
         If it gives no reason for not covering the case, or for ending early.
     """
     model = Model(subject.load(case))
-    problem = contact_problem(model)
+    problem: Any = model.problem
     engine = subject.make(subject.options)
     reason = engine.covers(problem)
     if reason is not None:

@@ -1,0 +1,159 @@
+"""Prisms that move along their axis alone are bars: the exact solution of bars judges them unasked."""
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.contact.prisms import prism_problem
+from percuss.march.model import Model
+
+MODULUS = 0.7 / (1.3 * 0.4)  # of longitudinal waves, Young's modulus 1 and Poisson's ratio .3
+ROLLERS = [{"on": "bottom", "along": "y"}, {"on": "top", "along": "y"}]
+
+
+def block(at, speed, elements=(10, 2), size=(1.0, 0.2), poisson=0.0, **more):
+    return {
+        "block": {"size": list(size), "elements": list(elements), **more.pop("cells", {})}, "at": list(at),
+        "velocity": list(speed), "material": {"young": 1.0, "density": 1.0, "poisson": poisson}, **more,
+    }  # fmt: skip
+
+
+def bar(at, speed, length=1.0, young=1.0, area=0.2, **more):
+    return {
+        "bar": {"length": length, "elements": 20}, "at": at, "velocity": speed, "area": area,
+        "material": {"young": young, "density": 1.0}, **more,
+    }  # fmt: skip
+
+
+def case(bodies, contacts=None, loads=None, end=3.0):
+    return percuss.load({
+        "percuss": 1, "bodies": bodies, "contacts": contacts or {}, "loads": loads or {},
+        "time": {"courant": 0.5, "end": end},
+    })  # fmt: skip
+
+
+SEAM = {"seam": {"between": ["left.right", "right.left"]}}
+UP = {"seam": {"between": ["left.top", "right.bottom"]}}
+EQUAL = {
+    "two strips of unlike meshes": (
+        {"left": block((0, 0), (0.5, 0)), "right": block((1, 0), (-0.5, 0), (10, 3))},
+        {"left": bar(0, 0.5), "right": bar(1, -0.5)},
+        SEAM, {},
+    ),
+    "with a gap, unlike in stiffness and length, one held": (
+        {"left": block((0, 0), (0.5, 0)), "right": block((1.1, 0), (0, 0), size=(2, 0.2), fixed=["right"],
+                                                        cells={"cells": "tri3"})},
+        {"left": bar(0, 0.5), "right": bar(1.1, 0, 2.0, fixed=["right"])},
+        SEAM, {},
+    ),
+    "between rollers": (
+        {"left": block((0, 0), (0.5, 0), poisson=0.3, fixed=ROLLERS),
+         "right": block((1, 0), (-0.5, 0), poisson=0.3, fixed=[*ROLLERS, {"on": "right", "along": "x"}])},
+        {"left": bar(0, 0.5, young=MODULUS), "right": bar(1, -0.5, young=MODULUS, fixed=["right"])},
+        SEAM, {},
+    ),
+    "at a wall, under pressure and gravity": (
+        {"left": block((0, 0), (0.5, 0), thickness=2.0)},
+        {"left": bar(0, 0.5, area=0.4)},
+        {"w": {"body": "left.right", "wall": 1.05}},
+        {"p": {"constant": 0.3, "on": "left.left", "as": "pressure"}, "g": {"gravity": [0.1, 0.0]}},
+    ),
+    "driven": (
+        {"left": block((0, 0), (0, 0)), "right": block((1, 0), (0, 0))},
+        {"left": bar(0, 0.0), "right": bar(1, 0.0)},
+        SEAM, {"d": {"prescribed-velocity": 0.2, "on": "left.left", "direction": [1, 0]}},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", EQUAL)
+def test_the_exact_solution_of_a_row_of_prisms_is_that_of_its_bars(name):
+    prisms, bars, contacts, loads = EQUAL[name]
+    found = percuss.run(case(prisms, contacts, loads))
+    lines = {body: {**data, "at": [data["at"], 0.0]} for body, data in bars.items()}
+    expected = percuss.run(case(lines, contacts, loads))
+    assert found.solution is not None, found.summary["exact_reason"]
+    time = np.linspace(0.0, 2.9, 57)
+    for contact in contacts:
+        of_prisms, of_bars = found.solution.contacts[contact], expected.solution.contacts[contact]
+        assert of_prisms.force(time) == pytest.approx(of_bars.force(time), abs=1e-12)
+        assert of_prisms.gap(time) == pytest.approx(of_bars.gap(time), abs=1e-12)
+        assert found.summary["exact"]["contacts"][contact]["force_error_l1"] < 0.4
+
+
+def test_a_strip_along_any_axis_is_a_bar():
+    up = {"left": block((0, 0), (0, 0.5), (2, 10), (0.2, 1)), "right": block((0, 1), (0, -0.5), (2, 10), (0.2, 1))}
+    across = {"left": block((0, 0), (0.5, 0)), "right": block((1, 0), (-0.5, 0))}
+    results = [percuss.run(case(up, UP)), percuss.run(case(across, SEAM))]
+    errors = [result.summary["exact"]["contacts"]["seam"]["force_error_l2"] for result in results]
+    assert errors[0] == pytest.approx(errors[1], rel=1e-9)
+
+
+def test_true_errors_of_quadrilaterals_are_those_of_bars():
+    """Of a strip and of bars with as many elements, force and displacement are equal, and so are their errors."""
+    law = {"method": {"contact": "regularised-lagrange"}, "time": {"courant": 0.5, "end": 1.5}, "contacts": SEAM}
+    strips = {"left": block((0, 0), (0.5, 0), (20, 4)), "right": block((1, 0), (-0.5, 0), (20, 4))}
+    bars = {"left": bar(0, 0.5), "right": bar(1, -0.5)}
+    found, expected = (
+        percuss.run(percuss.load({"percuss": 1, "bodies": bodies, **law})).summary["exact"] for bodies in (strips, bars)
+    )
+    assert found["displacement_error"] == pytest.approx(expected["displacement_error"], rel=1e-9)
+    of_contact, of_bars = (summary["contacts"]["seam"] for summary in (found, expected))
+    for name in ("force_error_l1", "force_error_l2", "impulse_error", "noise", "overshoot"):
+        assert of_contact[name] == pytest.approx(of_bars[name], rel=1e-9), name
+
+
+def test_true_errors_of_triangles_fall_with_the_mesh():
+    errors = []
+    for count in (10, 20, 40):
+        mesh = {"elements": (count, 2), "cells": {"cells": "tri3"}}
+        bodies = {"left": block((0, 0), (0.5, 0), **mesh), "right": block((1, 0), (-0.5, 0), **mesh)}
+        errors.append(percuss.run(case(bodies, SEAM, end=1.5)).summary["exact"]["displacement_error"])
+    assert np.array(errors[1:]) / errors[:-1] == pytest.approx(0.5, abs=0.06)
+
+
+def with_left(**changes):
+    return {"left": block((0, 0), (0.5, 0), **changes), "right": block((1, 0), (-0.5, 0))}
+
+
+NONE = {
+    "the body 'left' contracts": (with_left(poisson=0.3), SEAM, {}, "contracts, and no rollers hold its side"),
+    "rollers at one side": (
+        with_left(poisson=0.3, fixed=ROLLERS[:1]), SEAM, {}, "no rollers hold its side 'top'",
+    ),
+    "a side is held": (with_left(fixed=["bottom"]), SEAM, {}, "the side 'left.bottom' is held along the axis"),
+    "faces of unlike size": (
+        {"left": block((0, 0), (0.5, 0)), "right": block((1, 0), (0, 0), size=(1, 0.3))}, SEAM, {},
+        "the faces of contact 'seam' do not cover each other",
+    ),
+    "faces beside each other": (
+        {"left": block((0, 0), (0.5, 0)), "right": block((1, 0.1), (0, 0))}, SEAM, {},
+        "the faces of contact 'seam' do not cover each other",
+    ),
+    "a velocity across": (
+        {"left": block((0, 0), (0.5, 0.1)), "right": block((1, 0), (0, 0))}, SEAM, {},
+        "body 'left' moves across the axis",
+    ),
+    "gravity across": (with_left(), SEAM, {"g": {"gravity": [0, -1]}}, "load 'g' acts across the axis"),
+    "pressure on a side": (
+        with_left(), SEAM, {"p": {"constant": 1, "on": "left.top", "as": "pressure"}},
+        "'left.top' is a side of its body",
+    ),
+    "a push across": (
+        with_left(), SEAM, {"p": {"constant": 1, "on": "left.left", "direction": [1, 1]}},
+        "load 'p' acts across the axis",
+    ),
+    "contacts along two lines": (
+        with_left(), {**SEAM, "w": {"body": "left.bottom", "wall": [0.0, -0.1]}}, {},
+        "the case has a contact along more than one line",
+    ),
+    "nothing moves": ({"left": block((0, 0), (0, 0))}, {}, {}, "nothing moves"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NONE)
+def test_what_is_no_row_of_prisms_is_not_judged_by_bars(name):
+    bodies, contacts, loads, said = NONE[name]
+    reason = prism_problem(Model(case(bodies, contacts, loads)))
+    assert isinstance(reason, str)
+    assert said in reason
