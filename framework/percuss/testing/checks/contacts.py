@@ -268,7 +268,7 @@ def check_as_a_strict_host_has_it(subject: Subject, case: Entries) -> None:
             marched = strict.march()
             return {"contact_force": marched.contact_force, "gap": marched.gap}
 
-        must_agree(subject, case, {"a strict host": histories})
+        must_agree(subject, case, {"a march by the strict host": histories})
     except ValueError as error:
         raise (CheckFailed if "read-only" in str(error) else NotApplicable)(str(error)) from None
 
