@@ -8,7 +8,7 @@ import scipy.linalg
 import scipy.sparse
 
 from percuss.certificate.closed_contacts import ClosedContacts
-from percuss.certificate.operator import Operator
+from percuss.certificate.operator import Operator, none_to_spare
 from percuss.certificate.operator_criterion import OperatorCriterion
 
 NX, NY, H = 4, 3, 0.25
@@ -156,3 +156,11 @@ def test_a_factor_proves_what_it_says():
     assert operator.factor(squared * (1.0 + 1e-9)) is not None
     assert operator.factor(squared * (1.0 - 1e-9)) is None
     assert operator.factor(0.5 * squared) is None
+
+
+def test_an_unstable_set_keeps_what_it_cannot_spare():
+    def unstable(members):
+        return {2, 5} <= {*members} or {1, 3, 8} <= {*members}
+
+    assert none_to_spare([1, 2, 3, 5, 8], unstable) == [2, 5]
+    assert none_to_spare([5, 8, 3, 2, 1], unstable) == [8, 3, 1]

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.lines import held_directions, line_operator
+from percuss.certificate.lines import held_throughout, line_operator
 from percuss.certificate.operator import Operator
 from percuss.contact.contact_point import gap_rows
+from percuss.mesh.loads import directions_at_nodes
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -44,7 +45,7 @@ def rigid_motions(model: Model) -> Floats:
     """
     from scipy.linalg import null_space
 
-    dim, held, columns = model.dim, held_directions(model), []
+    dim, held, columns = model.dim, directions_at_nodes(held_throughout(model)), []
     for body in model.bodies.values():
         inside = slice(body.start, body.stop)
         arm = model.bodies.nodes[inside] - model.bodies.nodes[inside].mean(axis=0)
@@ -71,7 +72,7 @@ def free_motions(model: Model) -> Any:
     """
     from scipy.sparse import csr_array
 
-    held, dim = held_directions(model), model.dim
+    held, dim = directions_at_nodes(held_throughout(model)), model.dim
     touched = {node for contact_point in model.contact_points for node in contact_point.nodes}
     columns: list[tuple[int, Floats]] = []
     for body in model.bodies.values():

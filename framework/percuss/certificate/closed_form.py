@@ -36,6 +36,11 @@ def end_elements(model: Model, contact_point: ContactPoint) -> list[tuple[float,
     return [(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends]
 
 
+def _stiffness_of_long_bar(end_stiffness: float, courant: float) -> float:
+    """Return the stiffness with which a harmonic that decays into an infinitely long bar holds its end."""
+    return float(end_stiffness * 2.0 / courant * np.sqrt(max(1.0 / courant**2 - 1.0, 0.0)))
+
+
 def step_of_long_bars(model: Model) -> float:
     """Return the critical step of uniform bars, which are taken as infinitely long: no mesh, no matrix.
 
@@ -77,11 +82,7 @@ def step_of_long_bars(model: Model) -> float:
                 s = sum(frequency**2 / (2.0 * end_stiffness) for end_stiffness, frequency in sides)
                 shares.append(dt**2 * laws.stiffness[p] * s / (1.0 + laws.inertia[p] * s))
             elif stiffness > 0:
-                courant = [0.5 * dt * frequency for _, frequency in sides]
-                held = [
-                    end_stiffness * 2.0 / c * np.sqrt(max(1.0 / c**2 - 1.0, 0.0))
-                    for (end_stiffness, _), c in zip(sides, courant, strict=True)
-                ]
+                held = [_stiffness_of_long_bar(one, 0.5 * dt * frequency) for one, frequency in sides]
                 shares.append(sum(stiffness / k if k > 0 else np.inf for k in held))
         return signed_distance(*shares)
 

@@ -50,14 +50,9 @@ def operator_criterion(model: Model) -> OperatorCriterion:
 
 def step_criterion(model: Model) -> StepCriterion:
     """Return the criterion of the step itself of a stretch; its search begins at the critical step by the operator."""
-
-    def guess() -> float | None:
-        if closed_contacts(model, model.dt).doubts:
-            return None
-        bound = operator_criterion(model).bound
-        return bound if 0.0 < bound < np.inf else None
-
-    return StepCriterion(model, guess)
+    return StepCriterion(
+        model, lambda: 0.0 if closed_contacts(model, model.dt).doubts else operator_criterion(model).bound
+    )
 
 
 def contact_names(model: Model) -> list[str]:

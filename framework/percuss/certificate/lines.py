@@ -28,6 +28,7 @@ from percuss.certificate.operator import SMALL_MATRIX, Factor, Operator, submatr
 from percuss.lapack import lapack
 from percuss.mesh import banded_matrices
 from percuss.mesh.banded_matrices import with_ends_held
+from percuss.mesh.loads import directions_at_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -229,14 +230,6 @@ def held_throughout(model: Model) -> list[Constraint]:
     return [support for support in model.loads.constraints if support.active(first) and support.active(last)]
 
 
-def held_directions(model: Model) -> dict[int, list[Floats]]:
-    """Return the directions in which nodes are held throughout, by node."""
-    held: dict[int, list[Floats]] = {}
-    for constraint in held_throughout(model):
-        held.setdefault(constraint.node, []).append(constraint.direction)
-    return held
-
-
 class _Bars(NamedTuple):
     """The nodes that move along all bodies, and their axial matrices; `inverse` has no rows with diagonal masses."""
 
@@ -248,7 +241,7 @@ class _Bars(NamedTuple):
 
 def _bars(model: Model) -> _Bars:
     moving = model.bodies.mass > 0.0
-    for node, directions in held_directions(model).items():
+    for node, directions in directions_at_nodes(held_throughout(model)).items():
         axis = model.bodies.at(node).mesh.direction
         moving[node] &= all(abs(float(direction @ axis)) < 1e-9 for direction in directions)
     # m-fold forces in every m-th step are stable where m^2 K is in every step

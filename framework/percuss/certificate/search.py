@@ -25,7 +25,7 @@ def largest_step_below(excess: Callable[[float], float], free: float) -> float:
 
 
 def largest_step(
-    excess: Callable[[float], float], start: float, tolerance: float = 1e-11, *, guess: float | None = None
+    excess: Callable[[float], float], start: float, tolerance: float = 1e-11, *, guess: float = 0.0
 ) -> float:
     """Return the largest step, within a relative `tolerance`, up to which steps are stable, searching from `start`.
 
@@ -40,6 +40,7 @@ def largest_step(
         Relative distance from the limit within which the returned step lies. It is stable itself.
     guess
         A step that may be the limit: if the steps just below and above it show that it is, two trials are enough.
+        None where it is 0 or inf.
     """
     from scipy.optimize import brentq
 
@@ -52,7 +53,7 @@ def largest_step(
             trials[dt] = 1.0 if math.isnan(value) else value if value > 0.0 else min(value, -SMALLEST_NUMBER)
         return trials[dt]
 
-    if guess is not None:
+    if 0.0 < guess < math.inf:
         below, above = guess * (1.0 - 0.4 * tolerance), guess * (1.0 + 0.4 * tolerance)
         if tried(below) <= 0.0 < tried(above):
             return below

@@ -135,15 +135,13 @@ def examine(motions: Motions, dt: float, closed: Sequence[int]) -> ClosedStepSta
     which = quoted(names, closed) or "none"
     try:
         step = ClosedStep(motions, dt, closed)
-        linear = step.linear()
+        why_not = "" if step.linear() else f"the step is not linear with contacts {which} closed"
     except (PercussError, MemoryError):
         raise
     except Exception as error:  # noqa: BLE001  A kernel need not be made for overlaps this deep.
-        return ClosedStepStability(
-            np.nan, None, f"with contacts {which} held closed a kernel fails ({described(error)})"
-        )
-    if not linear:
-        return ClosedStepStability(np.nan, None, f"the step is not linear with contacts {which} closed")
+        why_not = f"with contacts {which} held closed a kernel fails ({described(error)})"
+    if why_not:
+        return ClosedStepStability(np.nan, None, why_not)
     found = _stability(step)
     for other in _other_lines(step):
         if not found.stable:
@@ -290,12 +288,13 @@ class StepCriterion:
     model
         A stretch of a run, `percuss.march.model.Model.stretches`.
     guess
-        Function that returns a step that may be the critical one, about which the step itself is asked, or None.
+        Function that returns a step that may be the critical one, about which the step itself is asked; 0 or inf for
+        none.
     """
 
     by: ClassVar[str] = "black-box"
 
-    def __init__(self, model: Model, guess: Callable[[], float | None] = lambda: None) -> None:
+    def __init__(self, model: Model, guess: Callable[[], float] = lambda: 0.0) -> None:
         self.model = model
         self._guess = guess
         # Combination that limited the last step of a search, and may limit the next one too.

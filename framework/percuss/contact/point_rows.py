@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from percuss.contact.contact_rows import Side, delassus_rows
+from percuss.mesh.loads import directions_at_nodes
 
 if TYPE_CHECKING:
     from percuss.contact.contact_point import ContactPoint
@@ -67,9 +68,7 @@ class PointRows:
         return normals.reshape(bodies.n_nodes * bodies.dim, -1)
 
     def _sides(self, active: Sequence[Constraint]) -> list[list[Side]]:
-        directions: dict[int, list[Floats]] = {}
-        for constraint in active:
-            directions.setdefault(constraint.node, []).append(constraint.direction)
+        directions = directions_at_nodes(active)
         sides = []
         for contact_point in self._contact_points:
             pair_sides = []

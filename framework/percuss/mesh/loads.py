@@ -15,7 +15,7 @@ from percuss.methods.interfaces import FollowingLoad
 from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from percuss.case.case import Case
     from percuss.case.specs import LoadSpec
@@ -54,6 +54,14 @@ class Constraint:
     def active(self, midpoint: float) -> bool:
         """Return whether the constraint is active in the step around `midpoint`."""
         return self.load is None or bool(acts_at(midpoint, self.load.start, self.load.stop))
+
+
+def directions_at_nodes(constraints: Iterable[Constraint]) -> dict[int, list[Floats]]:
+    """Return the directions in which constraints hold nodes, by node."""
+    directions: dict[int, list[Floats]] = {}
+    for constraint in constraints:
+        directions.setdefault(constraint.node, []).append(constraint.direction)
+    return directions
 
 
 @dataclass(frozen=True)
