@@ -155,6 +155,39 @@ def test_pressure_on_all_sides_moves_nothing_but_the_surface():
     assert np.abs(result.arrays["displacement"].sum(axis=1)[:, 0]).max() < 1e-13
 
 
+def test_a_block_that_is_turned_is_the_block_in_that_direction():
+    """A quarter of a turn about the middle, with speed, support and contact turned as well."""
+    forces = []
+    turned = {"angle": 90.0, "at": [-0.4, 0.4], "velocity": [0.0, 0.5]}
+    for body, region, wall in (({}, "right", [1.1, 0.0]), (turned, "right", [0.0, 1.1])):
+        case = {
+            "percuss": 1, "bodies": {"a": {**block(0.0, 0.5, [20, 4], 0.3, "tri3"), **body}},
+            "contacts": {"w": {"body": f"a.{region}", "wall": wall}}, "time": {"courant": 0.5, "end": 2.5},
+        }  # fmt: skip
+        forces.append(percuss.run(percuss.load(case)).arrays["contact_force"])
+    assert forces[0].max() > 0.05
+    assert np.abs(forces[0] - forces[1]).max() < 1e-10 * forces[0].max()
+
+
+@pytest.mark.parametrize("cells", ["quad4", "tri3"])
+def test_spin_turns_a_body_about_its_centre_of_mass(cells):
+    body = {**block(0.0, 0.0, [20, 4], 0.3, cells), "spin": 0.01, "angle": 30.0, "velocity": [0.2, -0.1]}
+    case = {"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 20}}
+    model = Model(percuss.load(case))
+    result = percuss.run(percuss.load(case))
+    mass, nodes = model.bodies.mass, model.bodies["a"].mesh.nodes
+    arm = nodes - mass @ nodes / mass.sum()
+    turning = 0.5 * 0.01**2 * float(mass @ (arm**2).sum(axis=1))
+    if cells == "quad4":  # of lumped masses each cell has that of its corners: h^2/4 more a direction than a rectangle
+        assert float(mass @ (arm**2).sum(axis=1)) == pytest.approx(
+            0.2 / 12.0 * (1.0 + 0.04) + 0.2 * 2 * (0.05**2 / 4 - 0.05**2 / 12), rel=1e-12
+        )
+    energy = result.summary["energy"]
+    assert energy["initial"] == pytest.approx(0.5 * 0.2 * (0.2**2 + 0.1**2) + turning, rel=1e-12)
+    assert result.summary["momentum"]["initial"] == pytest.approx([0.2 * 0.2, -0.1 * 0.2], abs=1e-15)
+    assert energy["ledger_closed"]
+
+
 def test_a_wall_has_a_point_and_a_normal():
     """The three ways to give a wall are the same wall; one that is turned is turned with the body."""
     forces = []
@@ -280,6 +313,17 @@ REFUSED = {
             "loads.p": {"prescribed-velocity": 1, "on": "left.left", "direction": [1, 0]},
         },
         "loads.p: expected an end free along the direction of the drive, found a fixed end there",
+    ),
+    "a bar that turns": (
+        {
+            "bodies.left": {
+                "bar": {"length": 1.0, "elements": 2},
+                "area": 1.0,
+                "spin": 1.0,
+                "material": {"young": 1.0, "density": 1.0},
+            }
+        },
+        "bodies.left.spin: bar is along a line, and has no spin",
     ),
     "a wall on the other side": (
         {"contacts.w": {"body": "left.left", "wall": {"point": [-0.1, 0], "normal": [-1, 0]}}},

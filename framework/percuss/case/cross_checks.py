@@ -263,6 +263,10 @@ class CrossChecks:
                 self.wrong((*path, "area"), message, advice, key=True)
             if "thickness" in given:
                 self.wrong((*path, "thickness"), f"{shape.name} has an `area`, and no thickness", "Drop it.", key=True)
+            for key in ("angle", "spin"):
+                if key in given:
+                    message = f"{shape.name} is along a line, and has no {key}"
+                    self.wrong((*path, key), message, "Drop it.", key=True)
             return
         if "area" in given:
             advice = "Drop it, or give a `thickness` in two dimensions."

@@ -222,6 +222,12 @@ class BodySpec(Section):
     velocity: Annotated[
         float | Vector, Unit("length/time"), Doc("initial velocity: a number along the body, or a vector")
     ] = 0.0
+    angle: Annotated[float, Unit("degrees"), Doc("by which the mesh is turned about its middle, in two dimensions")] = (
+        0.0
+    )
+    spin: Annotated[
+        float, Unit("1/time"), Doc("initial angular velocity about the centre of mass, in two dimensions")
+    ] = 0.0
     fixed: Annotated[
         tuple[Annotated[str | Roller, Expects("an end, or a mapping as {on: right, along: x}")], ...],
         Expects("a list of ends, as [right]"),

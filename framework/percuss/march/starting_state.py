@@ -18,7 +18,7 @@ def initial_velocity(model: Model) -> Floats:
     """Return the velocity at t = 0, (nodes, dim): that of the bodies, subject to the active supports and drives."""
     velocity = np.empty((model.bodies.n_nodes, model.dim))
     for body in model.bodies.values():
-        velocity[body.start : body.stop] = body.velocity
+        velocity[body.start : body.stop] = body.nodal_velocity
     _impose_velocities(model, velocity, 0.0)
     return velocity
 

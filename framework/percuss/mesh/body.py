@@ -44,6 +44,15 @@ class Body:
         return f"body '{self.name}' is not linear: its {' and its '.join(nonlinear)} {verb} not declare `linear = True`"
 
     @property
+    def nodal_velocity(self) -> Floats:
+        """Velocity of its nodes at t = 0, (nodes, dim)."""
+        velocity = np.tile(self.velocity, (self.mass.size, 1))
+        if self.spec.spin:
+            arm = self.mesh.nodes - self.mass @ self.mesh.nodes / self.mass.sum()
+            velocity += self.spec.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        return velocity
+
+    @property
     def count(self) -> int:
         """Number of its elements."""
         return self.frequency.size

@@ -82,7 +82,8 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
         size = float(BYTES_PER_NODE) * count * nodes * start.size
         path = path if fits_in_memory(size / case.refine) else body
         if fits_in_memory(size):
-            return mesh_of_element(spec.element, answer(spec.shape, "mesh", start, case.refine))
+            mesh = mesh_of_element(spec.element, answer(spec.shape, "mesh", start, case.refine))
+            return mesh.turned(math.radians(spec.angle)) if spec.angle else mesh
         amount = f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}"
     except MemoryError:
         pass

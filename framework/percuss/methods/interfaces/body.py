@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -92,6 +93,13 @@ class Mesh(NamedTuple):
         """
         first = np.arange(np.size(lengths), dtype=np.int64)
         return cls(nodes, {"line": np.stack([first, first + 1], axis=1)}, regions, Line(lengths, direction))
+
+    def turned(self, angle: float) -> Mesh:
+        """Return the mesh in two dimensions turned about the middle of its extent, anticlockwise by an angle [rad]."""
+        matrix = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+        middle = 0.5 * (self.nodes.min(axis=0) + self.nodes.max(axis=0))
+        regions = {name: region._replace(outward=matrix @ region.outward) for name, region in self.regions.items()}
+        return self._replace(nodes=middle + (self.nodes - middle) @ matrix.T, regions=regions)
 
     @property
     def lengths(self) -> Floats:
