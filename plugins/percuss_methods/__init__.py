@@ -58,6 +58,8 @@ from percuss_methods.pairings.mortar import Mortar
 from percuss_methods.pairings.node_to_segment import NodeToSegment
 from percuss_methods.shapes.bar import Bar
 from percuss_methods.shapes.block import Block
+from percuss_methods.shapes.disk import Disk
+from percuss_methods.shapes.ring import Ring
 from percuss_methods.solutions.bars_in_a_row import BarsInARow
 
 
@@ -129,7 +131,7 @@ def percuss_loads() -> list[type]:
 @hookimpl
 def percuss_shapes() -> list[type]:
     """Return the built-in shapes."""
-    return [Bar, Block]
+    return [Bar, Block, Disk, Ring]
 
 
 @hookimpl

@@ -36,6 +36,11 @@ def points_of_surfaces(
         return
     surfaces = [body.surface(side.region) for body, side in zip(sides, spec.sides, strict=True)]
     first = surfaces[0].surface
+    if isinstance(spec.wall, tuple) and _is_closed(first):
+        advice = "Write `wall: {point: ..., normal: ...}`."
+        message = f"expected a wall with a normal, as {spec.sides[0]} looks to all sides, found a point"
+        yield case.problem((*path, "wall"), message, advice)
+        return
     second = surfaces[1].surface if len(surfaces) > 1 else wall_of(spec, first)
     pairing: Any = spec.pairing
     found: PairedPoints = answer(pairing, "points", first, second)
@@ -80,8 +85,14 @@ def wall_of(spec: ContactSpec, surface: Surface) -> Wall:
     if isinstance(spec.wall, tuple):
         return Wall(place, -out / np.linalg.norm(out))
     normal = np.zeros(surface.positions.shape[1])
-    normal[0] = -math.copysign(1.0, out[0])
+    into = surface.positions[:, 0].mean() - place[0] if _is_closed(surface) else -out[0]
+    normal[0] = math.copysign(1.0, into)
     return Wall(np.concatenate([place, np.zeros(normal.size - 1)]), normal)
+
+
+def _is_closed(surface: Surface) -> bool:
+    """Return whether a surface looks to all sides alike."""
+    return bool(np.linalg.norm(surface.areas @ surface.normals) < ROUND_OFF * surface.areas.sum())
 
 
 def _scales(
