@@ -188,6 +188,18 @@ def test_spin_turns_a_body_about_its_centre_of_mass(cells):
     assert energy["ledger_closed"]
 
 
+@pytest.mark.parametrize(("pairing", "points"), [("mortar", 2), ("node-to-segment", 2), ("gauss-points", 2)])
+def test_a_check_says_how_much_of_a_surface_meets_the_other(pairing, points):
+    pair = {"left": block(0.0, 0.5, [10, 4]), "right": {**block(1.0, -0.5, [10, 4]), "at": [1.0, 0.15]}}
+    case = percuss.load({
+        "percuss": 1, "bodies": pair, "contacts": {"tip": {"between": ["left.right", "right.left"]}},
+        "method": {"pairing": pairing}, "time": {"courant": 0.5, "steps": 1},
+    })  # fmt: skip
+    said = str(percuss.check(case))
+    area = 0.05 if pairing != "node-to-segment" else 0.075  # a node at the corner counts with half of its edges
+    assert f"{points} points on {area:g} of the area 0.2 of left.right, gaps from 0 to 0" in said
+
+
 def test_a_wall_has_a_point_and_a_normal():
     """The three ways to give a wall are the same wall; one that is turned is turned with the body."""
     forces = []
@@ -273,7 +285,15 @@ REFUSED = {
     ),
     "an element of triangles": ({"bodies.left.element": "tri3"}, "found tri3, which is for triangle cells"),
     "no ratio": ({"bodies.left.material.poisson": None}, "bodies.left.material.poisson: missing"),
-    "overlap": ({"bodies.right.at": [0.5, 0.0]}, "found an overlap of 0.5"),
+    "overlap": ({"bodies.right.at": [0.5, 0.0]}, "found an overlap of 0.5 at [1.0, 0.0] (by node-to-segment)"),
+    "overlap of a corner": (
+        {"bodies.right.angle": 5, "method.pairing": "mortar"},
+        "found an overlap of 0.0106588 at [1.0, 0.2] (by mortar)",
+    ),
+    "faces that look the same way": (
+        {"contacts.tip.between": ["left.left", "right.right"], "method.pairing": "mortar"},
+        "found no point of one that meets the other",
+    ),
     "apart": ({"bodies.right.at": [3.0, 5.0]}, "found no point of one that meets the other"),
     "coupled masses": ({"method.mass": "reciprocal"}, "expected elements of two nodes with the mass reciprocal"),
     "ends without mass": ({"method.mass": "redistributed"}, "at ends in contact with the mass redistributed"),

@@ -186,9 +186,13 @@ def test_a_snippet_runs_where_it_is_pasted(family, name, tmp_path, monkeypatch):
         study = {"percuss-study": 1, "cases": [str(CASES[0])], "set": {"time.end": 1e-4}, **parsed(lines)}
         assert name in percuss.study(study, workers=1).table.columns
         return
-    if name in {"quad4", "tri3", "block"}:  # no bars, beside which they are refused
+    if name in {"quad4", "tri3", "block", "disk", "ring"}:  # no bars, beside which they are refused
         shape = {"block": {"size": [1, 0.5], "elements": [4, 2], "cells": name if family == "elements" else "quad4"}}
-        body = shape | {"material": {"young": 1, "density": 1, "poisson": 0.3}} | parsed(lines)["bodies"]["short"]
+        body = (
+            (shape if family == "elements" else {})
+            | {"material": {"young": 1, "density": 1, "poisson": 0.3}}
+            | parsed(lines)["bodies"]["short"]
+        )
         case = {"percuss": 1, "bodies": {"short": body}, "time": {"courant": 0.5, "steps": 2}}
     else:
         case = pasted(REGISTRY, family, name)

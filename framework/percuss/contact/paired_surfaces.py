@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.case.specs import Plane
+from percuss.case.type_words import found as words
 from percuss.contact.contact_point import TOUCHING, ContactPoint
 from percuss.mesh.loads import ROUND_OFF
 from percuss.methods.interfaces import Surface, Wall
@@ -50,7 +51,10 @@ def points_of_surfaces(
     size = min(float(surface.heights.min()) for surface in surfaces)
     deepest = float(found.gap.min())
     if deepest < -TOUCHING * size:
-        message = f"expected bodies apart or touching, found an overlap of {-deepest:.6g}"
+        place = words(np.round(_place_of(found, int(found.gap.argmin()), first), 9).tolist())
+        message = (
+            f"expected bodies apart or touching, found an overlap of {-deepest:.6g} at {place} (by {pairing.name})"
+        )
         yield case.problem(path, message, f"Move them apart by {-deepest:.12g}, or drop the contact.")
         return
     for p in range(found.gap.size):
@@ -74,6 +78,15 @@ def points_of_surfaces(
             equal_sides=equal,
             weight=weight,
         )
+
+
+def _place_of(found: PairedPoints, point: int, first: Surface) -> Floats:
+    """Return where a contact point lies on the first surface, (dim,)."""
+    entries = slice(found.start[point], found.start[point + 1])
+    node, share = found.node[entries], -found.value[entries] @ found.normal[point]
+    on_first = np.isin(node, first.nodes)
+    place: Floats = share[on_first] @ first.positions[np.searchsorted(first.nodes, node[on_first])]
+    return place
 
 
 def wall_of(spec: ContactSpec, surface: Surface) -> Wall:

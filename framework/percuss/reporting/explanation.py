@@ -252,6 +252,12 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     )
     if frequency == "omega":
         details.append("m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2")
+    points = [point for point in model.contact_points if point.name == contact_point.name]
+    if len(points) > 1:
+        area, covered = model.bodies[spec.sides[0].body].area_of(spec.sides[0].region), sum(p.weight for p in points)
+        gaps = f"gaps from {min(p.gap for p in points):.6g} to {max(p.gap for p in points):.6g}"
+        details.append(f"{len(points)} points on {covered:.6g} of the area {area:.6g} of {spec.sides[0]}, {gaps}")
+        value |= {"points": len(points), "area": area, "covered": covered}
     details += filter(None, [_assignments(_numbers_as_text(value["resolved"]))])
     if solved := model.facts.solves_contact:
         details.append(solved)

@@ -65,7 +65,7 @@ def engine_for(model: Model, end: float) -> tuple[Solution | None, ContactProble
     """
     problem = model.problem
     if isinstance(problem, str):
-        return None, None, f"no exact solution is known of bodies that are no bars in all but their cells: {problem}"
+        return None, None, f"the bodies do not move as a row of bars: {problem}"
     prisms = any(body.modulus is not None for body in problem.bodies.values())
     registry, chosen = model.case.registry, model.case.method.solution
     engines: Any = [chosen] if chosen else (registry.get("solutions", name)() for name in registry.names("solutions"))

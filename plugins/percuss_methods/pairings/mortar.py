@@ -68,7 +68,7 @@ class Mortar(Pairing):
         facets = np.zeros((count, 2), dtype=np.int64)
         facets[nodes] = np.stack([at.edge, at.other], axis=1)[:, None]  # any two that a node sees serve
         (found,) = np.nonzero(weight > 0.0)
-        start, node, value = [0], [], []
+        start, node, value = [0], [first.nodes[:0]], [normal[:0]]
         for j in found:
             (sees,) = np.nonzero(seen[j])
             node += [first.nodes[[j]], second.nodes[sees]]
