@@ -27,7 +27,8 @@ class Mortar(Pairing):
     to 0 for two nodes.
 
     A uniform pressure between any two meshes is transmitted exactly: each edge is cut where nodes of the second surface
-    project onto it. The nodes of the second surface may have negative shares in a gap. At a wall the points are nodes.
+    project onto it. The nodes of the second surface may have negative shares in a gap. A mean that is negative at the
+    start, though the surfaces are apart, counts as 0. At a wall the points are nodes.
     """
 
     name = "mortar"
@@ -74,7 +75,13 @@ class Mortar(Pairing):
             node += [first.nodes[[j]], second.nodes[sees]]
             value += [-normal[[j]], seen[j, sees, None] / weight[j] * normal[j]]
             start.append(start[-1] + 1 + sees.size)
-        gap = np.einsum("jd,jd->j", apart, normal)[found] / weight[found]
+        # The dual functions are negative in places: a mean may be so where the surfaces are apart. It counts as 0, as
+        # contacts that begin with an overlap would add energy. Where the surfaces overlap, the depth is theirs.
+        deepest = np.full(count, np.inf)
+        np.minimum.at(deepest, nodes, np.einsum("pd,pd->p", between, first.normals[at.edge])[:, None])
+        overlap = deepest[found] < -AT_AN_END * float(np.ptp(first.positions, axis=0).max())
+        mean = np.einsum("jd,jd->j", apart, normal)[found] / weight[found]
+        gap = np.where(overlap, deepest[found], np.maximum(mean, 0.0))
         return PairedPoints(
             gap, weight[found], normal[found], facets[found], np.array(start), np.concatenate(node),
             np.concatenate(value),
