@@ -11,7 +11,7 @@ from percuss.case import overrides as overriding
 from percuss.case.arguments import expect_files, expect_mapping_or_path, expect_paths, wrong_argument
 from percuss.case.cross_checks import CrossChecks, completed
 from percuss.case.source import Source
-from percuss.case.specs import Address, CaseSection
+from percuss.case.specs import Address, CaseSection, Spot
 from percuss.case.type_words import found
 from percuss.case.validation import Reader
 from percuss.case.yaml_text import KeyPath
@@ -89,8 +89,8 @@ class Case(CaseSection):
         return all(body.shape.cell == "line" for body in self.bodies.values())
 
     @property
-    def recorded_ends(self) -> list[Address]:
-        """Ends whose motion a run records: those in contact where the case names none."""
+    def recorded_ends(self) -> list[Address | Spot]:
+        """Ends and points whose motion a run records: the ends in contact where the case names none."""
         in_contact = (side for contact in self.contacts.values() for side in contact.sides)
         return list(dict.fromkeys(in_contact) if self.record.probes is None else self.record.probes)
 

@@ -19,6 +19,7 @@ from percuss.case.specs import (
     MeasureSection,
     Plane,
     RecordSpec,
+    Spot,
     quantity_named,
 )
 from percuss.case.type_words import found
@@ -194,7 +195,7 @@ class CrossChecks:
 
     # ----------------------------------------------------------------------------------------- addresses
 
-    def _is_end(self, path: KeyPath, address: Address, *, whole_body: bool = False) -> bool:
+    def _is_end(self, path: KeyPath, address: Address | Spot, *, whole_body: bool = False) -> bool:
         """Return whether an address is an end of the case, or, if allowed, a whole body."""
         body, region = address.body, address.region
         if body not in self.ends:
@@ -211,12 +212,14 @@ class CrossChecks:
         return True
 
     def _are_ends(
-        self, path: KeyPath, addresses: Sequence[Address], *, whole_body: bool = False
-    ) -> dict[KeyPath, Address]:
+        self, path: KeyPath, addresses: Sequence[Address | Spot], *, whole_body: bool = False
+    ) -> dict[KeyPath, Any]:
         """Return those addresses of a list that are ends of the case; an address that occurs twice is wrong."""
-        good: dict[KeyPath, Address] = {}
+        good: dict[KeyPath, Any] = {}
         for i, address in enumerate(addresses):
-            if self._is_end((*path, i), address, whole_body=whole_body):
+            if isinstance(address, Spot):
+                self._note_vector((*path, i, "at"), address.at)
+            if self._is_end((*path, i), address, whole_body=whole_body or isinstance(address, Spot)):
                 if address in addresses[:i]:
                     self.wrong((*path, i), f"{address} is named twice", "Keep one.")
                 else:

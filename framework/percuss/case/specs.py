@@ -382,6 +382,24 @@ class LoadSpec(Section):
 
 
 @dataclass(frozen=True)
+class Spot(Section):
+    """A point of a body: ``{body: left, at: [0.5, 0.1]}``."""
+
+    kind: ClassVar[str] = "the probe"
+
+    body: Annotated[str, Doc("name of the body")]
+    at: Annotated[Vector, Unit("length"), Doc("the point, where it is at the start")]
+
+    @property
+    def region(self) -> str:
+        """No region of the boundary."""
+        return ""
+
+    def __str__(self) -> str:
+        return f"{self.body}@{','.join(f'{x:g}' for x in self.at)}"
+
+
+@dataclass(frozen=True)
 class RecordSpec(Section):
     """Quantities that a run records; by default the probes are all ends in contact."""
 
@@ -390,7 +408,9 @@ class RecordSpec(Section):
     every: Annotated[int, Ge(1), Unit("1"), Doc("number of steps from one record to the next")] = 1
     probes: (
         Annotated[
-            tuple[AnAddress, ...], Expects("a list of ends, as [short.right]"), Doc("ends whose motion is recorded")
+            tuple[Annotated[AnAddress | Spot, Expects("an end, or a mapping as {body: short, at: [0.5, 0]}")], ...],
+            Expects("a list of ends, as [short.right]"),
+            Doc("ends whose motion is recorded, or points, as {body: short, at: [0.5, 0]}"),
         ]
         | None
     ) = None

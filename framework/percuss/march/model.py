@@ -20,7 +20,7 @@ from percuss.contact.points import LAW, NOTHING
 from percuss.errors import Problem, refuse_if_any
 from percuss.march.features import features_of
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
-from percuss.mesh import size_limits
+from percuss.mesh import size_limits, spots
 from percuss.mesh.bodies import bodies_of
 from percuss.mesh.loads import Constraint, acts_at, supports_and_loads
 from percuss.methods.interfaces import ContactLaw, Floats, LeapFrog
@@ -90,6 +90,7 @@ class Model(ModelArrays):
             for point in contact_points_of(case, number, spec, bodies, problems)
         ]
         loads = supports_and_loads(case, bodies, problems)
+        problems += spots.outside(case, bodies)
         refuse_if_any(problems)
         self._set(contact_points=tuple(points), loads=loads)
         self._bind()

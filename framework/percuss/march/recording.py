@@ -10,6 +10,7 @@ import numpy as np
 from percuss.compiler.record_arrays import empty_records
 from percuss.errors import Problem, TooLargeError
 from percuss.mesh import size_limits
+from percuss.mesh.spots import shares_at
 from percuss.step.record import ENERGIES, OF_CONTACTS, OF_PROBES, Record
 
 if TYPE_CHECKING:
@@ -48,7 +49,10 @@ class Shapes(NamedTuple):
 
 def probe_nodes(model: Model) -> list[list[tuple[int, float]]]:
     """Return the nodes of each probe, with their shares in its displacement and velocity."""
-    return [model.bodies[address.body].places(address.region) for address in model.case.recorded_ends]
+    return [
+        model.bodies[one.body].places(one.region) if one.region else shares_at(model.bodies[one.body], one)
+        for one in model.case.recorded_ends
+    ]
 
 
 def record_shapes(model: Model) -> Shapes:

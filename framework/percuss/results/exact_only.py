@@ -17,6 +17,8 @@ from percuss.heartbeat import progress
 from percuss.jsonable import Data, Entries, plain
 from percuss.march.model import Model
 from percuss.march.recording import refuse_large
+from percuss.mesh.body import Body
+from percuss.mesh.spots import shares_at
 from percuss.methods.interfaces import Exact, ProblemBody
 from percuss.results.exact import exact_solution
 from percuss.results.provenance import components_used, provenance_of
@@ -97,6 +99,15 @@ def _bars(model: Model) -> Mapping[str, ProblemBody]:
     return bodies
 
 
+def _place(body: Body, probe: Any, bar: ProblemBody) -> float:
+    """Return the place of a probe along a body; nan of a side, which is at no one place."""
+    if not probe.region:
+        along, _ = body.along(bar.direction)
+        return sum(share * float(along[node - body.start]) for node, share in shares_at(body, probe))
+    outward = sum(float(vector @ bar.direction) for _, vector in body.outward(probe.region))
+    return np.nan if abs(outward) < 1e-9 * bar.area else bar.length if outward > 0.0 else 0.0
+
+
 def _sample_count(model: Model, solution: Exact) -> int:
     """Return the number of samples: fewer where the energies of all fronts and bars at as many times take too long."""
     affordable = ENERGY_SECONDS / (SECONDS_PER_FRONT * solution.fronts + SECONDS_PER_BAR * len(model.bodies))
@@ -113,10 +124,7 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> Entries:
     motion = {quantity: np.zeros((t.size, len(ends), model.dim)) for quantity in ("displacement", "velocity")}
     for k, address in enumerate(ends):
         body = bodies[address.body]
-        outward = sum(
-            float(vector @ body.direction) for _, vector in model.bodies[address.body].outward(address.region)
-        )
-        x = np.nan if abs(outward) < 1e-9 * body.area else body.length if outward > 0.0 else 0.0  # nan: a side
+        x = _place(model.bodies[address.body], address, body)
         for quantity, values in motion.items():
             along = getattr(solution, quantity)(body.name, np.full(t.shape, x), t)
             values[:, k] = along[:, None] * body.direction

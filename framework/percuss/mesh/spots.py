@@ -1,0 +1,80 @@
+"""A point of a body: the nodes of the cell in which it lies, each with its share in the motion there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.case.specs import Spot
+from percuss.case.type_words import found
+from percuss.mesh.cells import cells_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from percuss.case.case import Case
+    from percuss.errors import Problem
+    from percuss.mesh.body import Body
+    from percuss.methods.interfaces import Floats, Mesh
+
+OUTSIDE = 1e-9  # of a cell; a point that lies so far outside is on its boundary
+NEWTON = 20  # steps of the search for the place of a point in a quadrilateral
+
+
+def outside(case: Case, bodies: Mapping[str, Body]) -> Iterator[Problem]:
+    """Yield the recorded points that lie outside of their bodies."""
+    for i, one in enumerate(case.record.probes or ()):
+        if isinstance(one, Spot) and not shares_at(bodies[one.body], one):
+            least, largest = (corner.tolist() for corner in bodies[one.body].extent)
+            message, path = (
+                f"expected a point of body '{one.body}', found {found(one.at)}",
+                ("record", "probes", i, "at"),
+            )
+            yield case.problem(path, message, f"The body lies between {least} and {largest}.")
+
+
+def shares_at(body: Body, spot: Any) -> list[tuple[int, float]]:
+    """Return nodes of the model, each with its share in the motion at a point of a body; nothing if it lies outside.
+
+    In a line of nodes the motion is linear between neighbours, in a triangle linear and in a quadrilateral bilinear.
+    """
+    point = np.zeros(body.mesh.nodes.shape[1])
+    point[: len(spot.at)] = spot.at
+    return [(body.start + node, share) for node, share in _shares_in(body.mesh, point)]
+
+
+def _shares_in(mesh: Mesh, point: Floats) -> list[tuple[int, float]]:
+    if mesh.line is not None:
+        place, along = mesh.nodes @ mesh.direction, float(point @ mesh.direction)
+        across = point - mesh.nodes[0] - (along - place[0]) * mesh.direction
+        slack = OUTSIDE * float(np.ptp(place))
+        if np.linalg.norm(across) > slack or not place[0] - slack <= along <= place[-1] + slack:
+            return []
+        k = int(np.clip(np.searchsorted(place, along) - 1, 0, len(place) - 2))
+        part = float((along - place[k]) / (place[k + 1] - place[k]))
+        return [(k, 1.0 - part), (k + 1, part)]
+    cells = cells_of(mesh)
+    corners = mesh.nodes[cells]
+    slack = OUTSIDE * np.ptp(corners, axis=1).max(axis=1)[:, None]
+    near = (corners.min(axis=1) <= point + slack) & (corners.max(axis=1) >= point - slack)
+    for cell in np.flatnonzero(near.all(axis=1)):
+        shares = _shares(corners[cell], point)
+        if shares.min() >= -OUTSIDE:
+            return list(zip(cells[cell].tolist(), shares.tolist(), strict=True))
+    return []
+
+
+def _shares(corners: Floats, point: Floats) -> Floats:
+    """Return the shape functions of a triangle or a quadrilateral at a point; negative ones if it lies outside."""
+    if len(corners) == 3:
+        shares: Floats = np.linalg.solve(np.vstack([corners.T, np.ones(3)]), np.append(point, 1.0))
+        return shares
+    at = np.zeros(2)
+    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    for _ in range(NEWTON):
+        factors = 1.0 + signs * at
+        slopes = 0.25 * signs * factors[:, ::-1]
+        at = at - np.linalg.solve(corners.T @ slopes, corners.T @ (0.25 * factors.prod(axis=1)) - point)
+    outside = float(np.abs(at).max()) - 1.0
+    return np.array([-outside]) if outside > OUTSIDE else 0.25 * (1.0 + signs * at).prod(axis=1)
