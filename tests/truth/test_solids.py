@@ -241,6 +241,17 @@ def test_a_probe_of_a_bar_is_between_its_nodes():
     assert not np.array_equal(others[1], left)
 
 
+@pytest.mark.parametrize(
+    ("poisson", "plane", "warned"), [(0.44, "strain", False), (0.46, "strain", True), (0.49, "stress", False)]
+)
+def test_a_run_warns_where_cells_lock(poisson, plane, warned):
+    body = {**block(0.0, 0.1, [4, 2], poisson), "plane": plane}
+    case = percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}})
+    said = "body 'a' is almost incompressible, where quad4 locks: it is too stiff"
+    assert (said in percuss.run(case).summary["notes"]) is warned
+    assert (said in str(percuss.check(case))) is warned
+
+
 def test_a_wall_has_a_point_and_a_normal():
     """The three ways to give a wall are the same wall; one that is turned is turned with the body."""
     forces = []

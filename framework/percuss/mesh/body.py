@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from percuss.case.specs import BodySpec
 
 
+NEARLY_INCOMPRESSIBLE = 3.79  # modulus of longitudinal waves over Young's at a Poisson's ratio of .45
+
+
 @dataclass(frozen=True)
 class Body:
     """One body: its mesh, masses and element properties, and its range of nodes in the model."""
@@ -51,6 +54,14 @@ class Body:
             arm = self.mesh.nodes - self.mass @ self.mesh.nodes / self.mass.sum()
             velocity += self.spec.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
         return velocity
+
+    @property
+    def why_too_stiff(self) -> str:
+        """Why its cells are stiffer than the body that they stand for; empty if no reason is known."""
+        element, young = self.spec.element, self.spec.material.modulus
+        if not getattr(element, "locks", False) or self.modulus <= NEARLY_INCOMPRESSIBLE * young:
+            return ""
+        return f"body '{self.name}' is almost incompressible, where {element.name} locks: it is too stiff"
 
     @property
     def count(self) -> int:

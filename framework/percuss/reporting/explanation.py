@@ -140,7 +140,7 @@ def _body(body: Body) -> Fact:
         f"{body.name}: {spec.shape.name} of {mesh}, {material.name} "
         f"({_assignments(_options(material, with_defaults=False))}), {section}{moves}{fixed}"
     )
-    details = [f"c = {c:.6g}{waves}"]
+    details = [f"c = {c:.6g}{waves}", *([body.why_too_stiff] if body.why_too_stiff else [])]
     if body.why_not_linear:
         follows = "c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"
         details += [body.why_not_linear, follows]

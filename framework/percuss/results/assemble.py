@@ -124,7 +124,8 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
             f"{AGAINST_CERTIFICATE}, and the case asks to run all the same (on_unstable: warn): {certificate['why']}"
         )
     if certificate["stable"] == "marginal":
-        warnings.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
+        warnings.append("at the critical step the highest frequency of a body may grow with time, with no bound")
+    warnings += filter(None, (body.why_too_stiff for body in march.model.bodies.values()))
     warnings += march.model.ignored_couplings()
     name, facts = march.model.case.method.integrator.name, march.model.facts
     if march.arrays.record.every > 1 and march.model.contact_points:

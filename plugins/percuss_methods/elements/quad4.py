@@ -33,6 +33,7 @@ class Quad4(SolidElement):
     linear = True
     cell = "quad"
     dimension = 2
+    locks = True
     references = ("Hughes: The Finite Element Method, Dover 2000, ch. 3",)
     force = staticmethod(plane_forces)
 

@@ -29,6 +29,7 @@ class Tri3(SolidElement):
     linear = True
     cell = "triangle"
     dimension = 2
+    locks = True
     references = ("Hughes: The Finite Element Method, Dover 2000, ch. 3",)
     force = staticmethod(plane_forces)
 

@@ -460,9 +460,12 @@ class SolidElement(CellElement, contract="elements"):
     ----------
     dimension
         Number of dimensions, 2 or 3.
+    locks
+        Whether it is too stiff where the material is almost incompressible; percuss then warns.
     """
 
     dimension: ClassVar[int]
+    locks: ClassVar[bool] = False
 
     def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:
         """Raise NotImplementedError: percuss finds the frequency of each cell from its stiffness and mass."""
