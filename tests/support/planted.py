@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -32,21 +33,24 @@ from percuss import (
     SolidElement,
     SolidMaterial,
     Stages,
+    Surface,
     Unit,
     accelerations,
     coupled_rate,
     end_of_step,
     energy_density,
     stress,
+    stress_2d,
 )
-from percuss_methods.elements._plane_cell import plane_forces
 from percuss_methods.elements.quad4 import Quad4
+from percuss_methods.pairings.gauss_points import GaussPoints
+from percuss_methods.pairings.mortar import Mortar
 from percuss_methods.pairings.node_to_segment import NodeToSegment
 from percuss_methods.solutions.bars_in_a_row import BarsInARow
 
 SWITCHING = {"energy-never-grows with central-difference": "a contact that opens or closes between two steps"}
 RIGHT = []
-WRONG = []  # (class, check)
+WRONG = []  # (class, check, words of what it must say)
 
 
 def right(cls):
@@ -54,9 +58,9 @@ def right(cls):
     return cls
 
 
-def caught_by(check):
+def caught_by(check, said=""):
     def keep(cls):
-        WRONG.append((cls, check))
+        WRONG.append((cls, check, said))
         return cls
 
     return keep
@@ -1408,81 +1412,270 @@ class NeverFiner(Shape):
         return Mesh.of_line(nodes, np.full(4, self.length / 4), direction, ends)
 
 
-@caught_by("solid-stress")
-@dataclass(frozen=True)
-class TwiceTheShear(SolidMaterial):
-    """Has twice the shear stress in one of its two places."""
+def solid_material(name, check, said, *, linear=True, modulus=3.0, **wrong):
+    @dataclass(frozen=True)
+    class Wrong(SolidMaterial):
+        """Hooke's law of small strains, rightly or wrongly.
 
-    name = "twice-the-shear"
-    summary = "a material"
-    linear = True
+        Formula: ``P = tr(strain) I + 2 strain``.
+        """
 
-    @property
-    def rho(self):
-        return 1.0
+        summary = "a material"
+        rho = 1.0
 
-    def wave_modulus(self, plane):
-        return 2.0
+        def wave_modulus(self, plane):
+            return modulus
 
-    def solid_parameters(self, plane):
-        return (1.0,)
+        def solid_parameters(self, plane):
+            return tuple(wrong.get(key, usual) for key, usual in USUAL.items())
 
-    @staticmethod
-    def stress_2d(parameters, gradient):
-        shear = gradient[1] + gradient[2]
-        return 2.0 * gradient[0], 2.0 * shear, shear, 2.0 * gradient[3]
+        @staticmethod
+        def stress_2d(parameters, gradient):
+            twice, spinning, rest, curve, sheared = parameters
+            xx, xy, yx, yy = gradient
+            shear, spin = sheared * (xy + yx), spinning * (xy - yx)
+            mean = xx + yy + rest + curve * (xx + yy) ** 3
+            return mean + 2.0 * xx, twice * shear + spin, shear - spin, mean + 2.0 * yy
 
+        @staticmethod
+        def stored_2d(parameters, gradient):
+            xx, xy, yx, yy = gradient
+            sum_of_both, of_spin = xx + yy, parameters[1] * (xy - yx) ** 2
+            squares = xx**2 + yy**2 + 0.5 * (parameters[4] * (xy + yx) ** 2 + of_spin)
+            return 0.5 * sum_of_both**2 + 0.25 * parameters[3] * sum_of_both**4 + squares
 
-@caught_by("solid-mesh")
-@dataclass(frozen=True)
-class TurnedInwards(Shape):
-    """A square whose edges run the wrong way round."""
+        if linear:
+            stored_2d = None
+        vars()["name"] = name
+        vars()["linear"] = linear
 
-    name = "turned-inwards"
-    summary = "a shape"
-    regions = ("skin",)
-    cell = "quad"
-
-    def dimension(self):
-        return 2
-
-    def mesh(self, at, refine):
-        nodes = at + np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-        edges = np.array([[1, 0], [2, 1], [3, 2], [0, 3]])
-        skin = Region((0, 1, 2, 3), np.array([1.0, 0.0]), {"line": edges})
-        return Mesh(nodes, {"quad": np.array([[0, 1, 2, 3]])}, {"skin": skin})
+    return (caught_by(check, said) if check else right)(at_the_top(Wrong))
 
 
-@caught_by("solid-forces")
-@dataclass(frozen=True)
-class WithoutHalf(SolidElement):
-    """Has half of the forces across, so that moments are left."""
-
-    name = "without-half"
-    summary = "an element"
-    linear = True
-    cell = "quad"
-    dimension = 2
-    rule, geometry, volumes, mass_shares = Quad4.rule, Quad4.geometry, Quad4.volumes, Quad4.mass_shares
-
-    @staticmethod
-    def force(rule, material, first, section, geometry, displacement, force):
-        plane_forces(rule, material, first, section, geometry, displacement, force)
-        for a in range(4):
-            force[a, 1] *= 0.5
+USUAL = {"twice": 1.0, "spinning": 0.0, "rest": 0.0, "curve": 0.0, "sheared": 1.0}
+solid_material("hooke-in-two-dimensions", "", "")
+solid_material("stiffens", "", "", linear=False, curve=5.0)
+solid_material("twice-the-shear", "solid-stress", "the slope of the energy", twice=2.0)
+solid_material("holds-its-direction", "solid-stress", "does not turn with the body", spinning=0.5)
+solid_material("strained-at-rest", "solid-stress", "a body at rest has stress", rest=1e-3)
+solid_material("waves-too-fast", "solid-stress", "`wave_modulus` is 2", modulus=2.0)
+solid_material("waves-too-slow", "solid-stress", "`wave_modulus` is 4", modulus=4.0)
+solid_material("fast-across", "solid-stress", "`wave_modulus` is 3", sheared=3.0)
+solid_material("curved-in-two-dimensions", "linear", "not proportional", curve=3.0)
 
 
-@caught_by("pairing")
-@dataclass(frozen=True)
-class HalfOfTheArea(Pairing):
-    """Nodes with the area of one of their edges alone."""
+def square(name, said="", *, way=1, shift=0.0, count=1, finer=True, follows=True, above=True, cells_run=1, grows=0.0):
+    @dataclass(frozen=True)
+    class Square(Shape):
+        """A square of squares."""
 
-    name = "half-of-the-area"
-    summary = "a pairing"
+        summary = "a shape"
+        regions = ("skin", "top")
+        cell = "quad"
 
-    def points(self, first, second):
-        found = NodeToSegment().points(first, second)
-        return found._replace(weight=0.5 * found.weight)
+        def dimension(self):
+            return 2
+
+        def element_count(self, refine):
+            return count and count * (2 * self.refined(1, refine)) ** 2
+
+        def mesh(self, at, refine):
+            n = 2 * (refine if finer else 1)
+            x, y = np.meshgrid(np.arange(n + 1) / n, np.arange(n + 1) / n, indexing="ij")
+            x += shift * y * (1.0 - y) + grows * refine * x
+            nodes = np.stack([x, y], axis=-1).reshape(-1, 2) + (at if follows else 0.0)
+            number = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+            cells = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
+            run = np.concatenate([number[0, :0:-1], number[:-1, 0], number[-1]])
+            skin, top = (np.stack([line[:-1], line[1:]], axis=1)[:, ::way] for line in (run, number[::-1, -1]))
+            regions = {
+                "skin": Region(tuple(run.tolist()), np.zeros(2), {"line": skin if above else np.vstack([skin, top])}),
+                "top": Region((), np.array([0.0, 1.0]), {"line": top if above else top[:0]}),
+            }
+            return Mesh(nodes, {"quad": cells.reshape(-1, 4)[:, ::cells_run]}, regions)
+
+        vars()["name"] = name
+
+    return (caught_by("solid-mesh", said) if said else right)(at_the_top(Square))
+
+
+square("square-of-squares")
+square("turned-inwards", "do not enclose its volume", way=-1)
+square("slivers", "has an angle of", shift=40.0)
+square("counts-twice", "`element_count` is 8", count=2)
+square("never-finer-squares", "the largest cell is 0.5 long, and 0.5 with", count=None, finer=False)
+square("clockwise", "a cell has the volume -0.3", cells_run=-1)
+square("wider-if-refined", "`refine` moves a region", grows=0.1)
+square("stays-at-the-origin", "does not start where the case places it", follows=False)
+square("nothing-on-top", "the region 'top' has no facets", above=False)
+
+
+class Knobs(NamedTuple):
+    numbers: np.ndarray
+
+
+def solid(name, check="", said="", *, volume=1.0, mean=False, share=1.0, **wrong):
+    @dataclass(frozen=True)
+    class Plane(SolidElement):
+        """A quadrilateral, whose gradients are right or not.
+
+        Formula: ``f_a = -sum over points of V P grad N_a``.
+        """
+
+        summary = "an element"
+        references = ("nobody, nowhere",)
+        linear = True
+        cell = "quad"
+        dimension = 2
+
+        def rule(self):
+            return Knobs(np.array([wrong.get(key, usual) for key, usual in KNOBS.items()]))
+
+        def geometry(self, body):
+            geometry = Quad4.geometry(Quad4(), body)
+            if mean:
+                geometry[..., -1] = geometry[..., -1].mean(axis=1, keepdims=True)
+            return geometry
+
+        def volumes(self, body):
+            return self.geometry(body)[..., -1]
+
+        def volumes_of_cells(self, body):
+            return volume * self.volumes(body).sum(axis=1)
+
+        def mass_shares(self, body):
+            return np.array([share, 2.0 - share, share, 2.0 - share]) / 4.0
+
+        @staticmethod
+        def force(rule, material, first, section, geometry, displacement, force):
+            symmetric, across, lost, slack = rule.numbers
+            force[:] = 0.0
+            for q in range(4):
+                xx = xy = yx = yy = 0.0
+                for a in range(4):
+                    by_x, by_y = geometry[q, 2 * a], geometry[q, 2 * a + 1]
+                    xx += displacement[a, 0] * by_x
+                    xy += displacement[a, 0] * by_y
+                    yx += displacement[a, 1] * by_x
+                    yy += displacement[a, 1] * by_y
+                xy, yx = xy - symmetric * (xy - yx), yx + symmetric * (xy - yx)
+                stress = stress_2d(material, first + q, (xx, xy, (1.0 - lost) * yx, yy))
+                if abs(xx) + abs(xy) + abs(yx) + abs(yy) < slack:
+                    continue
+                for a in range(4):
+                    by_x, by_y = geometry[q, 2 * a] * geometry[q, 8], geometry[q, 2 * a + 1] * geometry[q, 8]
+                    force[a, 0] -= stress[0] * by_x + stress[1] * by_y
+                    force[a, 1] -= across * ((1.0 - lost) * stress[2] * by_x + stress[3] * by_y)
+
+        vars()["name"] = name
+
+    return (caught_by(check, said) if check else right)(at_the_top(Plane))
+
+
+KNOBS = {"symmetric": 0.0, "across": 1.0, "lost": 0.0, "slack": 0.0}
+solid("plain-quadrilateral")
+solid("half-across", "solid-forces", "minus the slope of the energy", across=0.5)
+solid("symmetric-gradient", "solid-forces", "the forces do not turn with the body", symmetric=0.5)
+solid("lost-slope", "solid-forces", "a rotation of the body gives a force", lost=0.2)
+solid("mean-volumes", "solid-forces", "it fails the patch test", mean=True)
+solid("twice-the-mass", "solid-masses", "of a body of", volume=2.0)
+solid("nodes-of-no-mass", "solid-masses", "the nodes have the masses", share=0.0)
+solid("dead-when-small", "solid-masses", "no cell at rest one above", slack=1e-5)
+
+
+def pairing(name, check, said, **facts):
+    """Plant a pairing whose points are those of a function, by default of `NodeToSegment`."""
+
+    def plant(points):
+        @dataclass(frozen=True)
+        class Wrong(Pairing):
+            """The nodes of a surface, wrongly."""
+
+            summary = "a pairing"
+
+            def points(self, first, second):
+                return points(first, second)
+
+            vars()["name"] = name
+            vars().update(facts)
+
+        caught_by(check, said)(at_the_top(Wrong))
+        return points
+
+    return plant
+
+
+def nodes_of(first, second):
+    return NodeToSegment().points(first, second)
+
+
+pairing("promises-too-much", "patch-test", "pressures at nodes are wrong by 1.4", passes_patch_test=True)(nodes_of)
+pairing("negative-shares", "shares", "has the share -0.")(lambda first, second: Mortar().points(first, second))
+pairing("points-on-edges", "shares", "6 nodes have 10 points")(lambda *surfaces: GaussPoints(2).points(*surfaces))
+
+
+@pairing("half-of-the-area", "pairing", "0.4 in all, not 0.8")
+def half_of_the_area(first, second):
+    found = nodes_of(first, second)
+    return found._replace(weight=0.5 * found.weight)
+
+
+@pairing("pulls-one-side", "pairing", "does not change by the distance")
+def pulls_one_side(first, second):
+    found = nodes_of(first, second)
+    return found._replace(value=np.where(np.isin(found.node, first.nodes)[:, None], found.value, 0.5 * found.value))
+
+
+@pairing("along-x", "pairing", "gaps are")
+def along_x(first, second):
+    found = nodes_of(first, second)
+    return found._replace(gap=found.gap / np.abs(found.normal[:, 0]))
+
+
+@pairing("shares-swapped", "pairing", "turn as one")
+def shares_swapped(first, second):
+    found = nodes_of(first, second)
+    value = found.value.copy()
+    for start, stop in pairwise(found.start):
+        value[start + 1 : stop] = value[start + 1 : stop][::-1]
+    return found._replace(value=value)
+
+
+@pairing("beside-the-point", "pairing", "the slope of a gap")
+def beside_the_point(first, second):
+    """Give the force of the second node to its neighbours, as a lever would."""
+    found = nodes_of(first, second)
+    shares = np.eye(len(first.nodes))
+    length = first.areas[:2]
+    shares[1, :3] = [length[1] / length.sum(), 0.0, length[0] / length.sum()]
+    start, node, value = [0], [], []
+    for p, (begin, stop) in enumerate(pairwise(found.start)):
+        of_first = np.flatnonzero(np.isin(found.node[begin:stop], first.nodes)) + begin
+        others = np.setdiff1d(np.arange(begin, stop), of_first)
+        own = shares[found.node[of_first[0]] - first.nodes[0]]
+        node += [*first.nodes, *found.node[others]]
+        value += [*(-own[:, None] * found.normal[p]), *found.value[others]]
+        start.append(len(node))
+    return found._replace(start=np.array(start), node=np.array(node), value=np.array(value))
+
+
+@pairing("leans-to-one-side", "pairing", "seen in a mirror")
+def leans_to_one_side(first, second):
+    found = nodes_of(first, second)
+    weight = np.zeros(len(first.nodes))
+    np.add.at(weight, first.facets, first.areas[:, None] * [0.3, 0.7])
+    covered = np.isin(first.nodes, found.node)
+    return found._replace(weight=weight[covered] if covered.sum() == found.gap.size else found.weight)
+
+
+@pairing("beyond-the-end", "pairing", "of a surface covered by 0.48")
+def beyond_the_end(first, second):
+    """Stretch the second surface far beyond its ends, if it is the narrower one."""
+    if not isinstance(second, Surface) or second.areas.sum() > 0.9 * first.areas.sum():
+        return nodes_of(first, second)
+    positions = second.positions.copy()
+    positions[[0, -1]] += 9.0 * (positions[[0, -1]] - positions.mean(axis=0))
+    return nodes_of(first, second._replace(positions=positions))
 
 
 @caught_by("mesh")

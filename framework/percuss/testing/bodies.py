@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.cells import cell_arrays, cells_of, element_slots, has_cells, is_solid, mesh_of_element
 from percuss.mesh.element_probe import ElementProbe
 from percuss.mesh.material_points import plain_slots, points_at_rest
-from percuss.methods.interfaces import BodyMesh, Floats, Mesh, Region
+from percuss.methods.interfaces import BodyMesh, Floats, Mesh, Region, SolidMaterial
+from percuss.methods.plugin_calls import answer
 from percuss.testing.subject import CheckFailed, NotApplicable
 
 SECTION = 1.3
@@ -54,6 +56,86 @@ def slopes(function: Callable[[Floats], Any], at: Floats, step: float) -> Floats
     steps = step * np.eye(at.size).reshape(-1, *at.shape)
     found = np.array([function(at + one) - function(at - one) for one in steps]) / (2.0 * step)
     return found.reshape(*at.shape, *found.shape[1:])
+
+
+class SolidKernels(NamedTuple):
+    """A material of bodies that are no bars, in one plane or in space.
+
+    Attributes
+    ----------
+    dim
+        Number of dimensions.
+    modulus
+        What `wave_modulus` says.
+    stress, energy
+        Stress, (dim, dim), and stored energy per volume as functions of the displacement gradient, (dim, dim).
+    """
+
+    dim: int
+    modulus: float
+    stress: Callable[[Floats], Floats]
+    energy: Callable[[Floats], float]
+
+
+def solid_kernels(material: Any) -> Iterator[SolidKernels]:
+    """Yield the kernels of a material in each plane, and in space, in which it works."""
+    for dim, plane in ((2, "strain"), (2, "stress"), (3, "")):
+        kernel, stored = (getattr(material, f"{what}_{dim}d", None) for what in ("stress", "stored"))
+        if kernel is None:
+            continue
+        try:
+            parameters = np.array(answer(material, "solid_parameters", plane))
+        except ValueError:  # of a bar alone, or not in this plane
+            continue
+        stress = partial(_stress_of, kernel, parameters)
+        energy = partial(_half_the_product, stress) if stored is None else partial(_stored, stored, parameters)
+        yield SolidKernels(dim, float(answer(material, "wave_modulus", plane)), stress, energy)
+
+
+def _stress_of(kernel: Any, parameters: Floats, gradient: Floats) -> Floats:
+    return np.array(kernel(parameters, tuple(gradient.ravel().tolist()))).reshape(gradient.shape)
+
+
+def _stored(kernel: Any, parameters: Floats, gradient: Floats) -> float:
+    return float(kernel(parameters, gradient.ravel()))
+
+
+def _half_the_product(stress: Callable[[Floats], Floats], gradient: Floats) -> float:
+    return 0.5 * float((stress(gradient) * gradient).sum())
+
+
+@dataclass(frozen=True)
+class FiniteStrain(SolidMaterial):
+    """Hooke's law of Green's strain: no rotation of the body gives stress.
+
+    Formula: ``P = F (tr(E) I + 2 E)``, ``E = (F^T F - I) / 2``, ``F = I + H``.
+    """
+
+    name = "finite-strain"
+    summary = "Hooke's law of Green's strain"
+    rho = 3.0
+
+    def wave_modulus(self, plane: str) -> float:  # noqa: ARG002
+        """Return 3."""
+        return 3.0
+
+    def solid_parameters(self, plane: str) -> tuple[float, ...]:  # noqa: ARG002
+        """Return nothing."""
+        return ()
+
+    @staticmethod
+    def stress_2d(parameters: Floats, gradient: tuple[float, ...]) -> tuple[float, ...]:  # noqa: ARG004
+        """Return the stress of a displacement gradient."""
+        deformed = np.eye(2) + np.reshape(gradient, (2, 2))
+        strain = 0.5 * (deformed.T @ deformed - np.eye(2))
+        return tuple((deformed @ (np.trace(strain) * np.eye(2) + 2.0 * strain)).ravel().tolist())
+
+    @staticmethod
+    def stored_2d(parameters: Floats, gradient: Floats) -> float:  # noqa: ARG004
+        """Return the stored energy per volume."""
+        deformed = np.eye(2) + gradient.reshape(2, 2)
+        strain = 0.5 * (deformed.T @ deformed - np.eye(2))
+        return float(0.5 * np.trace(strain) ** 2 + (strain**2).sum())
 
 
 class BodyKernels:

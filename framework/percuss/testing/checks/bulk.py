@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,10 @@ from percuss.case.defaults import DEFAULTS
 from percuss.errors import RunError
 from percuss.jsonable import Entries
 from percuss.mesh.cell_stiffness import frequencies_of_cells
-from percuss.mesh.cells import PROBING_STRAIN, cells_of, has_cells
+from percuss.mesh.cells import PROBING_STRAIN, cells_of, has_cells, is_solid
 from percuss.methods.interfaces import Floats, Lumping, Mass, Material, Mesh
 from percuss.methods.plugin_calls import answer
-from percuss.testing.bodies import BodyKernels, line
+from percuss.testing.bodies import BodyKernels, line, patch, solid_kernels
 from percuss.testing.draws import must_balance, on_chains
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
@@ -179,12 +180,20 @@ def elastic(subject: Subject, **options: float) -> Any:
     return Subject.of(cls, subject.registry).make(options or cls.examples[0])
 
 
+def bodies_of(subject: Subject) -> Iterator[BodyKernels]:
+    """Yield a body of unlike cells for each example of an element; along a line one in one to three dimensions each."""
+    for _, element in subject.made():
+        if is_solid(element):
+            yield BodyKernels(element, elastic(subject, young=2.0, density=3.0, poisson=0.3), patch(element.cell))
+        else:
+            subject.along_line()
+            yield from (BodyKernels(element, elastic(subject), line(5, dim)) for dim in (1, 2, 3))
+
+
 def _bars(subject: Subject) -> Iterator[BodyKernels]:
-    """Yield a body of unlike elements along a line for each example of an element, in one to three dimensions."""
+    """Yield the bodies of an element along a line."""
     subject.along_line()
-    material = elastic(subject)
-    for (_, element), dim in itertools.product(subject.made(), (1, 2, 3)):
-        yield BodyKernels(element, material, line(5, dim))
+    yield from bodies_of(subject)
 
 
 @check("elements")
@@ -244,11 +253,10 @@ def check_linear(subject: Subject) -> None:
     Force or stress is proportional to displacement or strain of any size. Exact solutions, certificates and energy
     guarantees apply only to bodies whose element and material both declare `linear = True`.
     """
-    subject.along_line()
     if subject.family == "materials":
         proportional = all(_proportional_stress(material) for _, material in subject.made())
     else:
-        proportional = all(map(_proportional_force, _bars(subject)))
+        proportional = all(_proportional(kernels.force, kernels.motion.shape) for kernels in bodies_of(subject))
     if not subject.component.linear:  # type: ignore[attr-defined]
         hint = "; yet it is linear: with `linear = True` its bodies get exact solutions and certificates"
         raise NotApplicable(f"it does not declare `linear = True`{hint if proportional else ''}")
@@ -257,9 +265,14 @@ def check_linear(subject: Subject) -> None:
 
 
 def _proportional_stress(material: Material) -> bool:
-    """Return whether the stress of a material is `modulus` times the strain at strains of 1e-6 to 10 of either sign."""
-    if material.state:
+    """Return whether the stress of a material is `modulus` times the strain at strains of 1e-6 to 10 of either sign.
+
+    Of bodies that are no bars it is whether the stress of a sum of gradients is the sum of their stresses.
+    """
+    if not all(_proportional(solid.stress, (solid.dim, solid.dim)) for solid in solid_kernels(material)):
         return False
+    if material.state or material.stress is None:
+        return not material.state
     parameters = np.array(material.parameters(), dtype=float)
     sizes = np.geomspace(1e-6, 10.0, 15)
     strains = np.concatenate([-sizes, sizes])
@@ -267,16 +280,13 @@ def _proportional_stress(material: Material) -> bool:
     return bool(np.allclose(stresses, material.modulus * strains, rtol=CLOSE, atol=0.0))
 
 
-def _proportional_force(kernels: BodyKernels) -> bool:
-    """Return whether the force of a sum of displacements of any size is the sum of their forces."""
-    numbers = np.arange(kernels.motion.size).reshape(kernels.motion.shape)
+def _proportional(of: Callable[[Floats], Floats], shape: tuple[int, ...]) -> bool:
+    """Return whether the force or the stress of a sum of displacements or gradients of any size is the sum of them."""
+    numbers = np.arange(math.prod(shape)).reshape(shape)
     first, second = np.cos(numbers**2.0), np.sin(numbers**2.0)
     for size in (1e-6, 1e-3, 1.0):
-        forces = [
-            kernels.force(displacement)
-            for displacement in (size * first, -3.0 * size * second, size * first - 3.0 * size * second)
-        ]
-        if np.abs(forces[0] + forces[1] - forces[2]).max() > CLOSE * np.abs(forces).max():
+        found = [of(each) for each in (size * first, -3.0 * size * second, size * first - 3.0 * size * second)]
+        if np.abs(found[0] + found[1] - found[2]).max() > CLOSE * np.abs(found).max():
             return False
     return True
 

@@ -1,83 +1,112 @@
-"""Checks of shapes and elements that are no bars, and of pairings."""
+"""Checks of shapes, elements and materials that are no bars, and of pairings."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from percuss.mesh.cells import element_masses, is_solid, lumping_of
+from percuss.mesh.cell_stiffness import frequencies_of_cells
+from percuss.mesh.cells import cells_of, element_masses, is_solid, lumping_of
 from percuss.mesh.surfaces import surface_of
-from percuss.methods.interfaces import BodyMesh, Floats, Mesh, Region, Surface, Wall
+from percuss.methods.interfaces import BodyMesh, Floats, Integers, Mesh, PairedPoints, Region, Surface, Wall
 from percuss.methods.plugin_calls import answer
-from percuss.testing.bodies import BodyKernels, patch, slopes, uneven
-from percuss.testing.checks.bulk import elastic
+from percuss.testing.bodies import BodyKernels, FiniteStrain, SolidKernels, patch, slopes, solid_kernels, uneven
+from percuss.testing.checks.bulk import bodies_of
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-9
+DIRECTIONS = 500  # of waves, whose fastest is sought
+TURN = np.array([[0.6, -0.8], [0.8, 0.6]])
+SLIVER = 5.0  # degrees
+UNIFORM = 1e-10  # largest relative deviation of a pressure
+FEWER, MORE, WIDTH = 5, 7, 0.8  # cells of two surfaces, and the width of the first one
+
+
+# --------------------------------------------------------------------------------------------------- elements
+
+
+def _solids(subject: Subject) -> Iterator[BodyKernels]:
+    """Yield a body of uneven cells for each example of an element, with a linear material."""
+    if not all(is_solid(element) for _, element in subject.made()):
+        raise NotApplicable("it is an element along a line, or sees the strain of single points")
+    yield from bodies_of(subject)
 
 
 @check("elements")
 def check_solid_forces(subject: Subject) -> None:
     """A rigid body has no force, and forces belong to an energy.
 
-    Translations and small rotations of a body of uneven cells give no force. Internal forces have no resultant and no
-    moment, and are minus the slope of the energy. A uniform strain leaves a node inside without force. The mass is that
-    of the body, and each node has some.
+    Translations and rotations of a body of uneven cells give no force: small rotations if the element is linear, and
+    large ones with a material of finite strain, with which the forces of a strained body turn along. Internal forces
+    have no resultant and are minus the slope of the energy. A uniform strain leaves a node inside without force.
     """
-    for _, element in subject.made():
-        if not is_solid(element):
-            raise NotApplicable("it is an element along a line, or sees the strain of single points")
-        kernels = BodyKernels(element, elastic(subject, young=2.0, density=3.0, poisson=0.3), patch(element.cell))
-        x, force = kernels.body.mesh.nodes, kernels.checked_force()
-        size = float(np.abs(force).max())
-        if np.abs(kernels.force(1e-3 * np.stack([-x[:, 1], x[:, 0]], axis=1))).max() > CLOSE * size:
-            raise CheckFailed("a small rotation of the body gives a force")
-        if abs(float((x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]).sum())) > CLOSE * size:
-            raise CheckFailed("the internal forces have a moment")
+    for kernels in _solids(subject):
+        element, x = kernels.element, kernels.body.mesh.nodes
+        force = kernels.checked_force()
+        small = 1e-3 * np.stack([-x[:, 1], x[:, 0]], axis=1)
+        if np.abs(kernels.force(small if element.linear else x @ TURN.T - x)).max() > CLOSE * np.abs(force).max():
+            raise CheckFailed("a rotation of the body gives a force")
         uniform = kernels.force(1e-3 * x @ np.array([[1.0, 0.3], [-0.2, 0.5]]))
         if np.abs(uniform[4]).max() > CLOSE * np.abs(uniform).max():
             raise CheckFailed("a uniform strain gives a force on a node inside: it fails the patch test")
-        masses = element_masses(element, kernels.body, kernels.material.rho)
-        nodal, total = lumping_of(element, kernels.body).at_nodes(masses), float(masses.sum())
+        finite = BodyKernels(element, FiniteStrain(), patch(element.cell))
+        size = float(np.abs(finite.checked_force()).max())
+        for strained in (0.0 * x, finite.motion):
+            turned = finite.force((x + strained) @ TURN.T - x) - finite.force(strained) @ TURN.T
+            if np.abs(turned).max() > CLOSE * size:
+                raise CheckFailed("with a material of finite strain the forces do not turn with the body")
+
+
+@check("elements")
+def check_solid_masses(subject: Subject) -> None:
+    """Masses are those of the body and bound its frequencies.
+
+    Each node has some of the mass of the body, which is density times thickness times area. No frequency of a body
+    whose nodes move by thousandths of a cell is above the highest of a cell by itself at rest, from which the time step
+    follows.
+    """
+    for kernels in _solids(subject):
+        element, body, density = kernels.element, kernels.body, kernels.material.rho
+        total = density * body.section * float(_areas(body.mesh.nodes[cells_of(body.mesh)]).sum())
+        nodal = lumping_of(element, body).at_nodes(element_masses(element, body, density))
         if not (nodal > 0).all() or abs(nodal.sum() - total) > CLOSE * total:
             raise CheckFailed(f"the nodes have the masses {nodal} of a body of {total:.6g}")
+        root = np.sqrt(np.repeat(nodal, 2))
+        stiffness = -slopes(kernels.force, np.zeros_like(kernels.motion), 1e-3).reshape(root.size, root.size)
+        highest = np.sqrt(np.linalg.eigvals(stiffness / root / root[:, None]).real.max())
+        bound = float(frequencies_of_cells(element, kernels.material, body).max())
+        if not highest <= bound * (1.0 + 1e-3):
+            raise CheckFailed(f"the body has the frequency {highest:.6g}, and no cell at rest one above {bound:.6g}")
+
+
+def _areas(corners: Floats) -> Floats:
+    """Return the areas of polygons in two dimensions, positive where they run anticlockwise, (cells,)."""
+    following = np.roll(corners, -1, axis=1)
+    twice: Floats = (corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]).sum(axis=1)
+    return 0.5 * twice
+
+
+# -------------------------------------------------------------------------------------------------- materials
 
 
 @check("materials")
 def check_solid_stress(subject: Subject) -> None:
     """Stress belongs to an energy and turns along.
 
-    At rest there is no stress. Stress is the slope of the energy that the material stores, and turns with a body that
-    turns unless the material is linear. Waves of small strains are no faster than `wave_modulus` says.
+    At rest there is no stress. Stress is the slope of the energy that the material stores. It is that of the symmetric
+    part of the gradient, or turns with a body that turns. `wave_modulus` is that of the fastest waves of small strains.
     """
-    tried = False
-    for _, material in subject.made():
-        for dim, plane in ((2, "strain"), (3, "")):
-            kernel = getattr(material, f"stress_{dim}d", None)
-            if kernel is None:
-                continue
-            try:
-                parameters = np.array(answer(material, "solid_parameters", plane))
-            except ValueError:  # of a bar alone, or not in this plane
-                continue
-            tried = True
-            _check_kernel(material, kernel, parameters, dim, float(answer(material, "wave_modulus", plane)))
-    if not tried:
+    solids = [solid for _, material in subject.made() for solid in solid_kernels(material)]
+    if not solids:
         raise NotApplicable("no example of it is one of bodies that are no bars")
+    for solid in solids:
+        _check_solid(solid)
 
 
-def _check_kernel(material: Any, kernel: Any, parameters: Floats, dim: int, modulus: float) -> None:
-    stored = getattr(material, f"stored_{dim}d")
-
-    def stress(gradient: Floats) -> Floats:
-        return np.array(kernel(parameters, tuple(gradient.ravel().tolist()))).reshape(dim, dim)
-
-    def energy(gradient: Floats) -> float:
-        return (
-            0.5 * float((stress(gradient) * gradient).sum()) if stored is None else stored(parameters, gradient.ravel())
-        )
-
+def _check_solid(solid: SolidKernels) -> None:
+    dim, modulus, stress, energy = solid
     if np.abs(stress(np.zeros((dim, dim)))).max() > CLOSE * modulus:
         raise CheckFailed(f"a body at rest has stress in {dim} dimensions")
     gradient = 0.05 * uneven(dim, dim)
@@ -86,26 +115,33 @@ def _check_kernel(material: Any, kernel: Any, parameters: Floats, dim: int, modu
     here, there = found.flat[k], slope.flat[k]
     if abs(there - here) > 1e-7 * modulus:
         raise CheckFailed(f"in {dim} dimensions the stress is {here:.6g} and the slope of the energy {there:.6g}")
-    if not material.linear:
-        turn = np.eye(dim)
-        turn[:2, :2] = [[0.6, -0.8], [0.8, 0.6]]
-        turned = turn @ (np.eye(dim) + gradient) - np.eye(dim)
-        if np.abs(stress(turned) - turn @ found).max() > CLOSE * modulus:
-            raise CheckFailed(f"in {dim} dimensions the stress does not turn with the body")
+    turn = np.eye(dim)
+    turn[:2, :2] = TURN
+    turned = stress(turn @ (np.eye(dim) + gradient) - np.eye(dim)) - turn @ found
+    of_small_strain = found - stress(0.5 * (gradient + gradient.T))
+    if min(np.abs(turned).max(), np.abs(of_small_strain).max()) > CLOSE * modulus:
+        raise CheckFailed(f"in {dim} dimensions the stress does not turn with the body")
     tangent = slopes(stress, np.zeros((dim, dim)), 1e-7)
-    fastest = float(np.linalg.eigvals(tangent[0, :, :, 0]).real.max())  # of waves along x
-    if fastest > modulus * (1.0 + 1e-5):
+    along = np.random.default_rng(0).normal(size=(DIRECTIONS, dim))
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    waves = np.einsum("ki,jilm,km->kjl", along, tangent.transpose(2, 3, 0, 1), along)
+    fastest = float(np.linalg.eigvals(waves).real.max())
+    if not 0.99 * modulus <= fastest <= modulus * (1.0 + 1e-5):
         raise CheckFailed(
-            f"in {dim} dimensions waves have the modulus {fastest:.6g}, and `wave_modulus` is {modulus:.6g}"
+            f"in {dim} dimensions the fastest waves have the modulus {fastest:.6g}, `wave_modulus` is {modulus:.6g}"
         )
+
+
+# ----------------------------------------------------------------------------------------------------- shapes
 
 
 @check("shapes")
 def check_solid_mesh(subject: Subject) -> None:
     """The mesh is closed by its regions.
 
-    Cells have positive volumes. The regions together are the whole boundary, and their facets turn outwards. `refine`
-    moves no region.
+    Cells have positive volumes and no angle below five degrees. The regions together are the whole boundary, and their
+    facets turn outwards. `element_count` is the number of cells. `refine` moves no region and divides the size of
+    cells. The body starts where the case places it.
     """
     for _, shape in subject.made():
         if shape.cell == "line":
@@ -115,9 +151,11 @@ def check_solid_mesh(subject: Subject) -> None:
             if getattr(made := subject.registry.get("elements", name), "cell", "") == shape.cell
         )()  # fmt: skip
         start = np.array([0.3, -0.7, 0.2])[: shape.dimension()]
-        extents = []
+        extents, longest = [], []
         for refine in (1, 2):
-            body = BodyMesh(answer(shape, "mesh", start, refine), 1.3, "strain")
+            mesh = answer(shape, "mesh", start, refine)
+            _check_cells(shape, mesh, refine)
+            body = BodyMesh(mesh, 1.3, "strain")
             volumes = np.asarray(answer(element, "volumes_of_cells", body))
             if not (volumes > 0).all():
                 raise CheckFailed(f"a cell has the volume {volumes.min():.6g}")
@@ -130,46 +168,168 @@ def check_solid_mesh(subject: Subject) -> None:
             if np.abs(closed).max() > CLOSE or np.abs(np.asarray(flux) - volumes.sum()).max() > 1e-2 * volumes.sum():
                 raise CheckFailed(f"its regions do not enclose its volume {volumes.sum():.6g}: they flow {flux}")
             extents.append([(s.positions.min(axis=0), s.positions.max(axis=0)) for s in surfaces])
+            longest.append(float(np.ptp(mesh.nodes[cells_of(mesh)], axis=1).max()))
         if not np.allclose(extents[0], extents[1], atol=CLOSE):
             raise CheckFailed("`refine` moves a region")
+        if not 0.35 <= longest[1] / longest[0] <= 0.7:
+            raise CheckFailed(f"the largest cell is {longest[0]:.6g} long, and {longest[1]:.6g} with `refine` 2")
+        if not np.allclose(answer(shape, "mesh", start + 1.0, 2).nodes - mesh.nodes, 1.0, rtol=0.0, atol=1e-12):
+            raise CheckFailed("the body does not start where the case places it")
+
+
+def _check_cells(shape: Any, mesh: Mesh, refine: int) -> None:
+    """Raise `CheckFailed` unless regions are those declared, and cells as many as told and no slivers."""
+    cells, told = cells_of(mesh), shape.element_count(refine)
+    if empty := [name for name in shape.regions if not sum(map(np.size, mesh.regions[name].facets.values()))]:
+        raise CheckFailed(f"the region '{empty[0]}' has no facets")
+    if told not in {None, len(cells)}:
+        raise CheckFailed(f"`element_count` is {told} with `refine` {refine}, and the mesh has {len(cells)} cells")
+    if shape.dimension() == 2:
+        corners = mesh.nodes[cells]
+        ahead, behind = (np.roll(corners, -way, axis=1) - corners for way in (1, -1))
+        area = ahead[..., 0] * behind[..., 1] - ahead[..., 1] * behind[..., 0]
+        sine = area / np.linalg.norm(ahead, axis=2) / np.linalg.norm(behind, axis=2)
+        smallest = float(np.degrees(np.arcsin(np.abs(sine).min())))
+        if smallest < SLIVER:
+            raise CheckFailed(f"a cell has an angle of {smallest:.3g} degrees to its sides or to a straight line")
+
+
+# --------------------------------------------------------------------------------------------------- pairings
 
 
 @check("pairings")
 def check_pairing(subject: Subject) -> None:
     """Points move with their surfaces.
 
-    The areas of the points add up to that of the surface that has partners. Both bodies moved as one leave the gaps,
-    and moved apart along the normal they open by the distance. The answer turns with the surfaces.
+    The areas of the points are positive and add up to that of the surface that has partners, whichever of two is the
+    first. Rows are the slopes of the gaps: bodies that move or turn as one leave the gaps, and moved apart they open by
+    the distance. The answer turns with the surfaces, and is the same in a mirror.
     """
     for _, pairing in subject.made():
-        for angle in (0.0, 0.7, 2.9):
-            first, second, out = _surfaces(5, 7, 0.1, angle)
-            wall = Wall(first.positions[0] + 0.2 * out, -out)
-            for other, gap in ((second, 0.1), (wall, 0.2)):
-                found = pairing.points(first, other)
-                if abs(found.weight.sum() - first.areas.sum()) > CLOSE:
-                    raise CheckFailed(
-                        f"the areas of the points are {found.weight.sum():.6g}, not {first.areas.sum():.6g}"
-                    )
-                if np.abs(found.gap - gap).max() > CLOSE or np.abs(found.normal - out).max() > CLOSE:
-                    raise CheckFailed(f"gaps are {found.gap} and normals {found.normal[0]}, expected {gap} and {out}")
-                for p in range(found.gap.size):
-                    inside = slice(found.start[p], found.start[p + 1])
-                    of_first = np.isin(found.node[inside], first.nodes)
-                    for side, expected in ((of_first, -out), (~of_first, out if other is second else 0.0 * out)):
-                        if np.abs(found.value[inside][side].sum(axis=0) - expected).max() > CLOSE:
-                            raise CheckFailed("the gap does not change by the distance of its surfaces")
+        seen = []
+        for angle, mirrored in ((0.0, False), (0.7, False), (2.9, True)):
+            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            turn = turn @ np.diag([1.0, -1.0]) if mirrored else turn
+            first, second = _surfaces(0.1, turn)
+            out = turn[:, 0]
+            _check_points(pairing, first, second, out)
+            _check_points(pairing, second, first, -out)
+            _check_points(pairing, first, Wall(first.positions[0] + 0.1 * out, -out), out)
+            _check_slopes(pairing, *_surfaces(0.1, turn, wide=1.25))
+            tilted = _surfaces(0.1, turn, wide=0.6, tilt=0.1)
+            found = _points(pairing, *tilted)
+            if not (found.weight > 0).all() or abs(found.weight.sum() - 0.6 * WIDTH) > tilted[0].areas.max():
+                raise CheckFailed(f"of a surface covered by {0.6 * WIDTH:g} the areas of the points are {found.weight}")
+            forces = np.einsum("p,pnd->nd", found.weight * found.gap, _rows(found, *tilted))
+            seen.append(forces @ turn)
+        if np.ptp(seen, axis=0).max() > CLOSE:
+            raise CheckFailed("surfaces that are turned or seen in a mirror have other points")
 
 
-def _surfaces(first: int, second: int, gap: float, angle: float) -> tuple[Surface, Surface, Floats]:
-    """Return two straight surfaces that face each other, and the normal from one to the other."""
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+def _check_points(pairing: Any, first: Surface, second: Surface | Wall, out: Floats) -> None:
+    """Raise `CheckFailed` unless two surfaces, apart by 0.1 along `out`, have points as a pairing must make them."""
+    found = _points(pairing, first, second)
+    if not (found.weight > 0).all() or abs(found.weight.sum() - WIDTH) > CLOSE:
+        raise CheckFailed(f"the areas of the points are {found.weight}, {found.weight.sum():.6g} in all, not {WIDTH}")
+    if np.abs(found.gap - 0.1).max() > CLOSE or np.abs(found.normal - out).max() > CLOSE:
+        raise CheckFailed(f"gaps are {found.gap} and normals {found.normal[0]}, expected 0.1 and {out}")
+    rows = _rows(found, first, second)
+    for surface, expected in ((first, -out), (second, out)):
+        if isinstance(surface, Wall):
+            continue
+        if np.abs(rows[:, surface.nodes].sum(axis=1) - expected).max() > CLOSE:
+            raise CheckFailed("the gap does not change by the distance of its surfaces")
+
+
+def _check_slopes(pairing: Any, *surfaces: Surface) -> None:
+    """Raise `CheckFailed` unless the rows of two surfaces are the slopes of the gaps, and rotations leave them."""
+    rows, places = _rows(_points(pairing, *surfaces), *surfaces), np.concatenate([s.positions for s in surfaces])
+    if np.abs(np.einsum("pnd,nd->p", rows, np.stack([-places[:, 1], places[:, 0]], axis=1))).max() > CLOSE:
+        raise CheckFailed("a gap changes if both bodies turn as one")
+
+    def gaps(move: Floats) -> Floats:
+        parts = np.split(move, [len(surfaces[0].nodes)])
+        moved = (_surface(s.positions + by, s.facets, s.nodes[0]) for s, by in zip(surfaces, parts, strict=True))
+        return _points(pairing, *moved).gap
+
+    wrong = np.abs(np.moveaxis(slopes(gaps, np.zeros_like(places), 1e-6), -1, 0) - rows)
+    if wrong.max() > 1e-6:
+        raise CheckFailed(f"the slope of a gap by a displacement is not that of its row, by up to {wrong.max():.3g}")
+
+
+@check("pairings")
+def check_patch_test(subject: Subject) -> None:
+    """A uniform pressure passes as declared.
+
+    Two strips of 5 and 7 cells across, whichever is the first, are in balance with a uniform pressure on both sides of
+    their contact if `passes_patch_test` is declared: each node gets the force that it has by the pressure on its own
+    surface, so that the stress in both strips is uniform.
+    """
+    worst = 0.0
+    for _, pairing in subject.made():
+        for first, second in (_surfaces(0.0), _surfaces(0.0)[::-1]):
+            found = _points(pairing, first, second)
+            forces = np.einsum("p,pnd->nd", found.weight, _rows(found, first, second))
+            for surface in (first, second):
+                area = np.bincount(surface.facets.ravel(), np.repeat(0.5 * surface.areas, 2))
+                expected = -area[:, None] * surface.normals[0]
+                wrong = np.abs(forces[surface.nodes] - expected).max(axis=1) / area
+                worst = max(worst, float(wrong.max()))
+    if not pairing.passes_patch_test:
+        hint = "; yet it passes: declare it" if worst <= UNIFORM else f", and pressures are wrong by {worst:.2g}"
+        raise NotApplicable(f"it does not declare `passes_patch_test = True`{hint}")
+    if worst > UNIFORM:
+        raise CheckFailed(f"it declares `passes_patch_test = True`, and pressures at nodes are wrong by {worst:.3g}")
+
+
+@check("pairings")
+def check_shares(subject: Subject) -> None:
+    """Shares and points are as declared.
+
+    With `convex`, as by default, no node has a negative share in a gap. Without `more_points_than_nodes` there are at
+    most as many points as nodes of the first surface: a law without compliance needs that.
+    """
+    for _, pairing in subject.made():
+        for first, second in (_surfaces(0.1), _surfaces(0.1)[::-1]):
+            found = _points(pairing, first, second)
+            shares = np.einsum("pnd,pd->pn", _rows(found, first, second), found.normal)
+            shares[:, first.nodes] *= -1.0
+            if pairing.convex and shares.min() < -CLOSE:
+                raise CheckFailed(f"a node has the share {shares.min():.3g} in a gap: declare `convex = False`")
+            if found.gap.size > len(first.nodes) and not pairing.more_points_than_nodes:
+                raise CheckFailed(
+                    f"{len(first.nodes)} nodes have {found.gap.size} points: declare `more_points_than_nodes = True`"
+                )
+
+
+def _points(pairing: Any, first: Surface, second: Surface | Wall) -> PairedPoints:
+    found: PairedPoints = answer(pairing, "points", first, second)
+    return found
+
+
+def _rows(found: PairedPoints, *surfaces: Surface | Wall) -> Floats:
+    """Return the slopes of the gaps by the displacements of the nodes of both surfaces, (points, nodes, 2)."""
+    nodes = 1 + max(int(surface.nodes.max()) for surface in surfaces if isinstance(surface, Surface))
+    rows = np.zeros((found.gap.size, nodes, 2))
+    np.add.at(rows, (np.repeat(np.arange(found.gap.size), np.diff(found.start)), found.node), found.value)
+    return rows
+
+
+def _surfaces(gap: float, turn: Floats = np.eye(2), wide: float = 1.0, tilt: float = 0.0) -> tuple[Surface, Surface]:  # noqa: B008
+    """Return two uneven straight surfaces that face each other, all turned by a matrix or seen in a mirror.
+
+    The first one lies along y and has its normal along x; the second one is `wide` times as wide.
+    """
     made: list[Surface] = []
-    for count, x, sign in ((first, 0.0, 1.0), (second, gap, -1.0)):
-        y = sign * (np.arange(count + 1) / count - 0.5) * 0.8
-        nodes = np.stack([np.full(count + 1, x), y], axis=1) @ turn.T
-        facets = np.stack([np.arange(count), np.arange(1, count + 1)], axis=1)
-        mesh = Mesh(nodes, {"line": facets}, {"all": Region((), np.zeros(2), {"line": facets})})
-        surface = surface_of(BodyMesh(mesh, 1.0), "all", len(made) * 100, np.ones(count)).surface
-        made.append(surface)
-    return made[0], made[1], turn @ np.array([1.0, 0.0])
+    for count, x, width, slope in ((FEWER, 0.0, -1.0, 0.0), (MORE, gap, wide, tilt)):
+        y = WIDTH * width * (0.5 - (np.arange(count + 1) / count) ** 1.2)
+        edges = np.stack([np.arange(count), np.arange(1, count + 1)], axis=1)
+        edges = edges if np.linalg.det(turn) > 0 else edges[:, ::-1]  # with the body on their left
+        made.append(_surface(np.stack([x + slope * y, y], axis=1) @ turn.T, edges, len(made) * (FEWER + 1)))
+    return made[0], made[1]
+
+
+def _surface(nodes: Floats, edges: Integers, start: int) -> Surface:
+    """Return the surface of a body along edges between nodes, which are numbered from `start`."""
+    mesh = Mesh(nodes, {"line": edges}, {"all": Region((), np.zeros(2), {"line": edges})})
+    return surface_of(BodyMesh(mesh, 1.0), "all", int(start), np.ones(len(edges))).surface
