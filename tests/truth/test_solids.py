@@ -430,7 +430,6 @@ REFUSED = {
         {"method.contact": "lagrange", "method.pairing": "gauss-points"},
         "expected a law with a compliance on gauss-points, found lagrange",
     ),
-    "snapshots": ({"record.fields": 10}, "record.fields: expected 0, as 'left' is no bar, found 10"),
     "a bar beside": (
         {"bodies.b": {"bar": {"length": 1.0, "elements": 2}, "area": 1.0, "material": {"young": 1.0, "density": 1.0}}},
         "expected bars alone or no bar, found the bar 'b' beside 'left'",

@@ -15,7 +15,7 @@ from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
 from percuss.case.quantities import TRUE_ERRORS, percent
 from percuss.errors import InputError, PercussError, RunError
-from percuss.reporting import animation, comparison_figure, figures, report, run_figure
+from percuss.reporting import animation, comparison_figure, deformed, figures, report, run_figure
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run
 
@@ -620,3 +620,134 @@ def test_a_notebook_without_matplotlib_shows_the_table_alone(good):
     assert "No picture: a picture needs matplotlib" in html
     assert "<img" not in html
     assert "tip" in parsed(html).cells
+
+
+MATERIAL = {"young": 1, "density": 1, "poisson": 0.3}
+BLOCKS = {
+    "percuss": 1,
+    "title": "Blocks",
+    "units": {"force": "N", "length": "m"},
+    "bodies": {
+        "lower": {"block": {"size": [2, 0.6], "elements": [10, 3]}, "material": MATERIAL, "fixed": ["bottom"]},
+        "upper": {
+            "block": {"size": [0.8, 0.5], "elements": [5, 3], "cells": "tri3"},
+            "material": MATERIAL,
+            "at": [0.55, 0.62],
+            "velocity": [0, -0.1],
+        },
+    },
+    "contacts": {"seam": {"between": ["upper.bottom", "lower.top"]}},
+    "time": {"end": 4, "courant": 0.5},
+    "record": {"fields": 50},
+}
+FALLING = {
+    **{key: value for key, value in BLOCKS.items() if key != "units"},
+    "bodies": {"upper": BLOCKS["bodies"]["upper"]},
+    "contacts": {"floor": {"body": "upper.bottom", "wall": {"point": [0, 0.6], "normal": [0, 1]}}},
+}
+
+
+@pytest.fixture(scope="module")
+def of_blocks():
+    return run(load(BLOCKS))
+
+
+def pictures(figure):
+    """Return the panels of deformed bodies."""
+    from matplotlib.collections import PolyCollection
+
+    return [axes for axes in figure.axes if any(type(drawn) is PolyCollection for drawn in axes.collections)]
+
+
+def drawn_cells(axes):
+    from matplotlib.collections import PolyCollection
+
+    (cells,) = [drawn for drawn in axes.collections if type(drawn) is PolyCollection]
+    return cells
+
+
+def test_bodies_are_drawn_where_they_are_in_the_colours_of_their_stress(of_blocks):
+    fields, figure = of_blocks.field_arrays, run_figure.figure_of(of_blocks)
+    chosen = deformed.chosen_times(fields)
+    assert list(chosen.values()) == ["largest force", "half of the contact", "release", "end"]
+    panels = pictures(figure)
+    assert len(panels) == len(chosen)
+    for axes, (snapshot, why) in zip(panels, chosen.items(), strict=True):
+        cells, place = drawn_cells(axes), fields["node_position"] + fields["displacement"][snapshot]
+        assert np.array_equal(cells.get_array(), fields["von_mises"][snapshot])
+        corners = [path.vertices[:-1] for path in cells.get_paths()]
+        assert [len(corner) for corner in corners] == [4] * 30 + [3] * 30
+        assert np.array_equal(corners[0], place[fields["cell_nodes"][0]])
+        assert axes.get_title("left").endswith(f"·  {why}")
+        assert axes.get_aspect() == 1.0
+        assert (axes.get_xlim(), axes.get_ylim()) == (panels[0].get_xlim(), panels[0].get_ylim())
+        assert place[:, 0].min() > axes.get_xlim()[0]
+        assert place[:, 1].max() < axes.get_ylim()[1]
+    assert len({drawn_cells(axes).get_clim() for axes in panels}) == 1
+    assert "von Mises stress [N/m²]" in words(figure)
+    assert "lower" in words(panels[-1])
+
+
+def test_arrows_are_the_contact_pressures_and_point_into_the_first_side(of_blocks):
+    from matplotlib.quiver import Quiver
+
+    fields, figure = of_blocks.field_arrays, run_figure.figure_of(of_blocks)
+    (snapshot,) = [k for k, why in deformed.chosen_times(fields).items() if why == "largest force"]
+    (arrows,) = [drawn for drawn in pictures(figure)[0].collections if isinstance(drawn, Quiver)]
+    pressure = fields["contact_pressure"][snapshot]
+    assert pressure.min() > 0
+    assert np.array_equal(arrows.XY, fields["point_position"][snapshot])
+    assert np.all(arrows.V > 0)
+    assert np.allclose(arrows.V / arrows.V.max(), pressure / pressure.max())
+    assert f"longest arrow: contact pressure {pressure.max():.4g} [N/m²]" in words(figure)
+    assert not [drawn for drawn in pictures(figure)[-1].collections if isinstance(drawn, Quiver)]
+
+
+def test_the_outline_is_the_boundary_of_the_bodies(of_blocks):
+    fields = of_blocks.field_arrays
+    edges = deformed.outline(fields["cell_nodes"])
+    length = np.linalg.norm(np.diff(fields["node_position"][edges], axis=1), axis=-1).sum()
+    assert length == pytest.approx(2 * (2 + 0.6) + 2 * (0.8 + 0.5))
+
+
+def test_a_wall_is_drawn_and_the_arrows_before_it():
+    result = run(load(FALLING))
+    figure = run_figure.figure_of(result)
+    for axes in pictures(figure):
+        assert any(np.allclose(line[:, 1], 0.6) for line in drawn(axes))
+        (hatched,) = axes.patches
+        assert hatched.get_xy()[:, 1].max() == pytest.approx(0.6)
+        assert axes.get_ylim()[0] < 0.55
+    assert "upper" not in words(pictures(figure)[-1])
+
+
+def test_snapshots_of_an_unstable_run_show_what_is_whole():
+    fields = {"node_position": np.array([[0.0, 0.0], [1.0, 0.0]]), "displacement": np.zeros((40, 2, 2))}
+    assert list(deformed.chosen_times(fields)) == [0, 13, 26, 39]
+    fields["displacement"][30:] = 6.0
+    assert list(deformed.chosen_times(fields))[-1] == 29
+    fields["contact_pressure"], fields["point_area"] = np.zeros((40, 1)), np.ones(1)
+    fields["contact_pressure"][4:20] = 1.0
+    fields["contact_pressure"][6] = 2.0
+    expected = {6: "largest force", 12: "half of the contact", 20: "release", 29: "end"}
+    assert deformed.chosen_times(fields) == expected
+    fields["contact_pressure"][20:] = 1.0
+    assert list(deformed.chosen_times(fields).values()) == [
+        "first touch",
+        "largest force",
+        "half of the contact",
+        "end",
+    ]
+
+
+def test_without_the_stress_across_the_largest_shear_is_drawn(of_blocks):
+    fields = {**of_blocks.field_arrays, "von_mises": np.full_like(of_blocks.field_arrays["von_mises"], np.nan)}
+    label, shear = deformed.stress_of_cells(fields)
+    xx, yy, xy = np.moveaxis(fields["stress"], -1, 0)
+    assert label.startswith("largest shear")
+    assert np.allclose(shear, np.abs(np.linalg.eigvalsh(np.stack([[xx, xy], [xy, yy]]).T) @ [-0.5, 0.5]).T)
+
+
+def test_an_animation_of_blocks_is_refused(of_blocks, tmp_path):
+    with pytest.raises(InputError, match="drawn by --plot"):
+        animation.animate(of_blocks, tmp_path / "a.gif")

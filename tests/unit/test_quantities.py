@@ -55,6 +55,16 @@ def of_plastic_body():
     return percuss.run(percuss.load(case), compiled=False)
 
 
+@pytest.fixture(scope="module")
+def of_blocks():
+    block = {"block": {"size": [1, 0.2], "elements": [5, 2]}, "material": {"young": 1, "density": 1, "poisson": 0}}
+    bodies = {"a": {**block, "velocity": [0.1, 0]}, "b": {**block, "at": [1, 0]}}
+    case = {"percuss": 1, "bodies": bodies, "contacts": {"tip": {"between": ["a.right", "b.left"]}}}
+    case |= {"time": {"courant": 0.5, "end": 0.3}, "record": {"fields": 3}}
+    return percuss.run(percuss.load(case), compiled=False)
+
+
+OF_BLOCKS = ("von_mises", "contact_pressure", "contact_area")  # no result of bars has them
 OF_OTHER_BODIES = ("internal_work", "dissipated_energy")  # no result with linear bodies has them
 
 
@@ -108,13 +118,14 @@ def test_a_table_of_quantities_is_recognised(text, count):
 
 
 @pytest.mark.parametrize("name", [name for name, quantity in QUANTITIES.items() if quantity.axis])
-def test_every_history_is_in_a_result(result, of_plastic_body, name):
+def test_every_history_is_in_a_result(result, of_plastic_body, of_blocks, name):
     quantity = QUANTITIES[name]
-    result = of_plastic_body if name in OF_OTHER_BODIES else result
+    result = of_plastic_body if name in OF_OTHER_BODIES else of_blocks if name in OF_BLOCKS else result
     if name == "energy":  # the sum of two histories, see `percuss.results.verify`
         return
-    dataset = result.fields if quantity.of == "element" else result.histories
+    dataset = result.fields if quantity.of in ("element", "point") else result.histories
     axes = {"contact": ["contact"], "probe": ["probe", "component"], "element": ["element"], "run": []}
+    axes["point"] = ["point"]
     axes["contact state"] = ["contact", "state_variable"]
     assert list(dataset[name].dims) == ["time", *axes[quantity.of]]
     assert dataset[name].attrs["long_name"] == quantity.definition != ""

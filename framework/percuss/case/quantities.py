@@ -59,7 +59,7 @@ class Quantity:
         Whether it is a fraction, which people read in per cent.
     """
 
-    of: Literal["contact", "contact state", "probe", "element", "run"] = "run"
+    of: Literal["contact", "contact state", "probe", "element", "point", "run"] = "run"
     label: str
     unit: str = "1"
     short: str = ""
@@ -104,7 +104,8 @@ CONTACT_NUMBERS = {name: quantity for name, quantity in QUANTITIES.items() if qu
 MEASURABLE = {
     name: quantity
     for name, quantity in QUANTITIES.items()
-    if (quantity.axis is not None and quantity.of not in {"element", "contact state"}) or name in CONTACT_NUMBERS
+    if (quantity.axis is not None and quantity.of not in {"element", "point", "contact state"})
+    or name in CONTACT_NUMBERS
 }
 # Quantities that are columns of the table of a study by their bare names, in this order.
 METRICS = {name: quantity for name, quantity in QUANTITIES.items() if quantity.metric}

@@ -55,8 +55,8 @@ def run(
         if animate is not None and not loaded.of_bars:
             no_bars = "expected a case of bars to animate, found another body"
             raise InputError([Problem(str(animate), "", no_bars, "Draw the run with --plot.")])
-        if (plot or animate) and loaded.record.fields == 0 and loaded.of_bars:
-            loaded = loaded.with_overrides({"record.fields": 400})
+        if (plot or animate) and loaded.record.fields == 0:
+            loaded = loaded.with_overrides({"record.fields": 400 if loaded.of_bars else 100})
         if as_json:
             common.print_notes(loaded)
         for path in filter(None, (out, plot, animate)):

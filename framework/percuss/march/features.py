@@ -10,6 +10,7 @@ from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
 from percuss.step.parts import coupled_masses, end_forces, ends_without_mass, followers, own_steps, shifts, viscosity
 from percuss.step.parts.internal_work import InternalWork
+from percuss.step.parts.of_surfaces import SurfacesRecorded
 from percuss.step.parts.state_variables import StateVariablesKept
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ PARTS: tuple[type[Part[Any]], ...] = (
     viscosity.Viscosity,
     own_steps.OwnSteps,
     StateVariablesKept,
+    SurfacesRecorded,
 )
 # What says the facts about each feature, None of a model without it; of several facts that exclude each other the first
 # one counts.

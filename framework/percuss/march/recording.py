@@ -74,6 +74,9 @@ def record_shapes(model: Model) -> Shapes:
         for name, numbers in recorded_elements(model).items()
     )
     columns_of_field = sum(nodes.size for nodes in field_nodes(model)) * model.dim + states
+    if not model.bodies.of_lines:  # velocities, pressures, and stresses of nine components
+        columns_of_field += model.bodies.n_nodes * model.dim + len(model.contact_points)
+        columns_of_field += 9 * sum(body.count for body in model.bodies.values())
     return Shapes(rows, columns, field_every, (steps // field_every + 1, columns_of_field))
 
 
@@ -112,19 +115,13 @@ def empty_record(model: Model, place: Mapping[int, int]) -> tuple[Record, Floats
 
 
 def recorded_elements(model: Model) -> dict[str, Integers]:
-    """Return the numbers, within each body, of the elements whose stress is recorded for the space-time picture.
-
-    At most 400 elements of each body are taken, evenly spaced.
-    """
-    return {
-        name: np.unique(np.linspace(0, body.count - 1, min(body.count, 400)).round()).astype(np.int64)
-        for name, body in model.bodies.items()
-    }
+    """Return the numbers, within each body, of the elements whose stress is recorded."""
+    return {name: body.recorded_elements for name, body in model.bodies.items()}
 
 
 def field_nodes(model: Model) -> list[Integers]:
-    """Return the nodes of the elements whose stress is recorded, (elements, nodes of an element) for each body."""
-    return [model.bodies[name].element_nodes(numbers) for name, numbers in recorded_elements(model).items()]
+    """Return the nodes whose displacement is recorded, in two axes for each body."""
+    return [body.recorded_nodes for body in model.bodies.values()]
 
 
 def recordable(model: Model) -> Model:

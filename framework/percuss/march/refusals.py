@@ -65,9 +65,6 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
     if model.facts.built_for_bars:
         message = f"expected another integrator for '{other}', which is no bar, found {method.integrator.name}"
         yield case.problem(("method", "integrator"), message, "It is built for bars alone: take central-difference.")
-    if case.record.fields:
-        message = f"expected 0, as '{other}' is no bar, found {case.record.fields}"
-        yield case.problem(("record", "fields"), message, "Snapshots are of the stress along bars.")
     for bound_law in model.laws:
         reason = (
             "its kernel uses the coupling of contacts" if bound_law.linear is None and bound_law.law.uses_coupling else

@@ -16,7 +16,7 @@ from percuss.mesh.cells import axial_matrices, cells_of, lumping_of
 from percuss.methods.interfaces import LoadedEnd
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Floats, Integers
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,16 @@ class Bar(Body):
     def extent(self) -> Floats:
         """First and last node, (2, dim)."""
         return self.mesh.nodes[[0, -1]]
+
+    @property
+    def recorded_elements(self) -> Integers:
+        """Numbers of the elements whose stress snapshots have: at most 400, evenly spaced."""
+        return np.unique(np.linspace(0, self.count - 1, min(self.count, 400)).round()).astype(np.int64)
+
+    @property
+    def recorded_nodes(self) -> Integers:
+        """Nodes of the model whose displacement snapshots have, (elements, nodes of an element)."""
+        return self.element_nodes(self.recorded_elements)
 
     @property
     def sizes(self) -> dict[str, Floats]:

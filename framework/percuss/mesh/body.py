@@ -69,6 +69,16 @@ class Body:
         return self.frequency.size
 
     @property
+    def recorded_elements(self) -> Integers:
+        """Numbers of the elements whose stress snapshots have: all."""
+        return np.arange(self.count)
+
+    @property
+    def recorded_nodes(self) -> Integers:
+        """Nodes of the model whose displacement snapshots have: all, (nodes, 1)."""
+        return np.arange(self.start, self.stop)[:, None]
+
+    @property
     def in_a_row(self) -> int:
         """Number of elements in a row: those along the side of a cube of as many, of a bar all of them."""
         side: float = self.count ** (1 / self.mesh.nodes.shape[1])

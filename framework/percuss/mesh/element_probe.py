@@ -14,6 +14,7 @@ from percuss.compiler.specialise import Specialiser
 from percuss.mesh.cells import cells_of, is_solid, volumes_of
 from percuss.mesh.material_points import plain_slots, points_at_rest
 from percuss.methods import slots
+from percuss.methods.blame import plain_function
 from percuss.methods.interfaces import CellElement
 from percuss.methods.plugin_calls import answer
 
@@ -41,18 +42,18 @@ class ElementProbe:
         self.points_of_element = volumes.shape[1]
         self.nodes_of_element = cells_of(mesh.mesh).shape[1]
         self._points = points_at_rest(element, material, mesh)
-        self._stresses: list[tuple[float, float]] = []  # of each call: stress, and volume of its point
+        self._stresses: list[tuple[Any, Any, float]] = []  # of each call: stress, strain, and volume of its point
         maker = Specialiser(plain_slots(element, material), jit=False)
-        specialiser = maker
-        if not is_solid(element):
-            stress: Callable[..., float] = maker.bind(maker.slots[slots.stress])
+        slot = (slots.stress_2d if self.dim == 2 else slots.stress_3d) if is_solid(element) else slots.stress
+        stress: Callable[..., Any] = maker.bind(maker.slots[slot])
+        self._shown = _cauchy_stress(element, material, mesh) if is_solid(element) else lambda value, _: float(value)
 
-            def recorded_stress(points: MaterialPoints, point: int, strain: float) -> float:
-                value = stress(points, point, strain)
-                self._stresses.append((float(value), float(volumes.flat[point])))
-                return value
+        def recorded_stress(points: MaterialPoints, point: int, strain: Any) -> Any:
+            value = stress(points, point, strain)
+            self._stresses.append((value, strain, float(volumes.flat[point])))
+            return value
 
-            specialiser = Specialiser({slots.stress: recorded_stress}, jit=False)
+        specialiser = Specialiser({slot: recorded_stress}, jit=False)
         if isinstance(element, CellElement):
             self._force = _force_of_cell(element, mesh, specialiser)
         else:
@@ -71,6 +72,7 @@ class ElementProbe:
         state : (points of an element, state variables) array
             State variables of its material before the step; zeros where it is None.
         """
+        self._stresses.clear()
         force = np.zeros(self.nodes_of_element * self.dim)
         points = self._points
         if state is not None:
@@ -81,19 +83,43 @@ class ElementProbe:
         self._force(points, number, displacement, force)
         return force
 
-    def stress(self, number: int, displacement: Floats, state: Floats | None = None) -> float:
-        """Return the stress in an element, the mean over its volume.
+    def stress(self, number: int, displacement: Floats, state: Floats | None = None) -> Any:
+        """Return the stress in an element, the mean over its volume; of a solid element Cauchy's as a (3, 3) array.
 
         It is nan if the element does not call the stress kernel of its material. Parameters are those of `force`.
         """
-        self._stresses.clear()
         self.force(number, displacement, state)
         if not self._stresses:
             return np.nan
+        values = np.array([self._shown(stress, strain) for stress, strain, _ in self._stresses])
         if self.points_of_element == 1:
-            return float(np.mean([stress for stress, _ in self._stresses]))
-        values, volumes = np.array(self._stresses).T
-        return float(values @ volumes / volumes.sum())
+            return np.mean(values, axis=0)
+        volumes = np.array([volume for _, _, volume in self._stresses])
+        return np.tensordot(volumes, values, 1) / volumes.sum()
+
+
+def _cauchy_stress(element: Any, material: Any, mesh: BodyMesh) -> Callable[[Any, Any], Floats]:
+    """Return Cauchy's stress, (3, 3), as a function of what a solid material returns and of the displacement gradient.
+
+    Under small strains, as of linear bodies, it is what the material returns. The stress across a body in plane strain
+    is that of the material in three dimensions, nan where it has no `stress_3d`. In plane stress the body keeps its
+    thickness.
+    """
+    dim, linear, across = element.dimension, element.linear and material.linear, mesh.plane == "strain"
+    parameters = (
+        np.array(answer(material, "solid_parameters", ""), dtype=float) if across and material.stress_3d else None
+    )
+
+    def cauchy(value: Any, gradient: Any) -> Floats:
+        stress, stretch = np.zeros((3, 3)), np.eye(3)
+        stress[:dim, :dim] = np.reshape(value, (dim, dim))
+        stretch[:dim, :dim] += np.reshape(gradient, (dim, dim))
+        if across:
+            whole = tuple(float(h) for h in (stretch - np.eye(3)).ravel())
+            stress[2, 2] = np.nan if parameters is None else plain_function(material.stress_3d)(parameters, whole)[8]
+        return stress if linear else stress @ stretch.T / np.linalg.det(stretch)
+
+    return cauchy
 
 
 def _force_of_cell(element: CellElement, mesh: BodyMesh, specialiser: Specialiser) -> Callable[..., None]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss.mesh.bar import Bar
-from percuss.mesh.cells import PROBING_STRAIN
+from percuss.mesh.cells import PROBING_STRAIN, is_solid
 from percuss.mesh.element_probe import ElementProbe
 
 if TYPE_CHECKING:
@@ -36,20 +36,20 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
 
     Returns
     -------
-    (T, E) array
+    (T, E) array, of solid elements (T, E, 3, 3)
         Stress, tension positive [force/length^2]; nan if an element does not call the stress kernel of its material.
     """
     probe = ElementProbe(body.spec.element, body.spec.material, body.view)
     times, count, nodes, dim = displacement.shape
     nodal_states = displacement.reshape(times, count, nodes * dim)
-    field = np.empty((times, count))
+    field = np.empty((times, count, *((3, 3) if is_solid(body.spec.element) else ())))
     linear = not body.why_not_linear
     for column, number in enumerate(elements):
         if linear and body.of_cells:  # as below, relative to the first node
             size = PROBING_STRAIN * (float(body.mesh.lengths[number]) if isinstance(body, Bar) else body.shortest)
             stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(nodes * dim)[dim:]]
             relative = displacement[:, column, 1:] - displacement[:, column, :1]
-            field[:, column] = relative.reshape(times, -1) @ np.array(stresses)
+            field[:, column] = np.tensordot(relative.reshape(times, -1), np.array(stresses), 1)
         elif linear:  # the stress is linear in the displacements: one call for each unit displacement is enough
             size = PROBING_STRAIN * float(body.mesh.lengths[number])
             stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(2 * dim)]

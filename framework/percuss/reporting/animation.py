@@ -78,9 +78,9 @@ def animate(result: Result, path: str | os.PathLike[str]) -> None:
         File, as for `check_animation`.
     """
     check_animation(path)
-    if not result.field_arrays:
+    if not result.field_arrays or "cell_nodes" in result.field_arrays:
         message = "expected a result with stress over space and time to animate, found none"
-        advice = "Bars record it with record: {fields: 100}; other bodies have none: draw them with --plot."
+        advice = "Bars record it with record: {fields: 100}; other bodies are drawn by --plot."
         raise InputError([Problem(str(path), "", message, advice)])
     suffix = Path(path).suffix.lower()
     with drawing():

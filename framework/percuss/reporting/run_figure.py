@@ -9,6 +9,7 @@ import numpy as np
 
 from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.jsonable import Entries
+from percuss.reporting.deformed import deformed
 from percuss.reporting.figures import (
     COLOURS,
     FAINT,
@@ -62,7 +63,10 @@ def figure_of(result: Result) -> Figure:
         for k, axes in enumerate(panels):
             axes.tick_params(labelbottom=k == count)
             hatch_after_stop(axes, result, until, word=k == 0)
-        space_time(figure.add_subplot(grid[:, 1]), result, until)
+        if "cell_nodes" in result.field_arrays:
+            deformed(figure, grid[:, 1], result)
+        else:
+            space_time(figure.add_subplot(grid[:, 1]), result, until)
     return figure
 
 

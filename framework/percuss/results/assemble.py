@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -16,13 +14,12 @@ from percuss.garbage import collection_paused
 from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.march.model import Model
-from percuss.march.recording import field_nodes, recorded_elements
 from percuss.march.stop import Stop
-from percuss.mesh.stresses import stress_field
 from percuss.methods.interfaces import Exact, Floats
 from percuss.results import ledger, true_error
 from percuss.results.encounters import encounters
 from percuss.results.exact import exact_solution, impulse_at, sampled
+from percuss.results.fields import fields_of, in_parts
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
 from percuss.results.result import Result
 from percuss.results.summary import Accounts, EnergySummary, ExactEntries, ExactErrors, StopSummary, Summary
@@ -68,6 +65,8 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         arrays[name] = getattr(outcome.record, name)[:record_count].reshape(record_count, len(probe_names), march.dim)
     energies = ledger.energies(march, outcome)
     arrays |= energies | _contact_states(march, outcome)
+    if "contact_area" in outcome.histories:
+        arrays["contact_area"] = outcome.histories["contact_area"][:record_count]
     end_force = outcome.record.end_force[:record_count]
     if end_force.size and not np.isnan(outcome.law.end_stiffness).all():
         arrays["contact_force_end"] = end_force
@@ -113,7 +112,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     components = components_used(model.case, solution=errors["solution"] if errors else None)
     provenance = provenance_of(model, components, resolved=resolved_methods(model))
     coordinates = {"contact": list(model.case.contacts), "probe": probe_names}
-    return Result(arrays, coordinates, _fields(march, outcome), plain(summary), provenance, solution)
+    return Result(arrays, coordinates, fields_of(march, outcome), plain(summary), provenance, solution)
 
 
 def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: EnergySummary) -> list[str]:
@@ -211,7 +210,7 @@ def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:
     most = max(bound_law.law.state for bound_law in laws)
     states = np.full((outcome.records, len(march.model.contact_points), most), np.nan)
     dissipated = np.zeros(outcome.records)
-    parts = _parts(records, [(len(bound_law.where), bound_law.law.state) for bound_law in laws])
+    parts = in_parts(records, [(len(bound_law.where), bound_law.law.state) for bound_law in laws])
     for bound_law, of_law in zip(laws, parts, strict=True):
         law, where = bound_law.law, list(bound_law.where)
         states[:, where, : law.state] = of_law
@@ -219,37 +218,3 @@ def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:
             dissipated += of_law[:, :, law.dissipated_in].sum(axis=1)
     known = any(bound_law.law.dissipated_in is not None for bound_law in laws)
     return {"contact_state": states, **({"contact_dissipation": dissipated} if known else {})}
-
-
-def _parts(recorded: Floats, shapes: Sequence[tuple[int, ...]]) -> list[Floats]:
-    """Return the columns of an array, (records, columns), in parts that have the given shapes in each record."""
-    parts = np.split(recorded, np.cumsum([math.prod(shape) for shape in shapes]), axis=1)
-    return [part.reshape(len(recorded), *shape) for part, shape in zip(parts, shapes, strict=False)]
-
-
-def _fields(march: March, outcome: Outcome) -> Entries:
-    record, model, dim = outcome.record, march.model, march.dim
-    if record.field_every == 0:
-        return {}
-    snapshots = outcome.done // record.field_every + (outcome.status == "done")
-    if snapshots == 0:  # stopped before the first snapshot
-        return {}
-    recorded = list(zip(model.bodies.values(), recorded_elements(model).values(), field_nodes(model), strict=True))
-    shapes = [(*nodes.shape, dim) for _, _, nodes in recorded]
-    state_shapes = [(each.size, body.volumes.shape[1], body.spec.material.state) for body, each, _ in recorded]
-    displacements = _parts(record.field[:snapshots], shapes)
-    states = _parts(outcome.histories.get("field_state", np.zeros((snapshots, 0)))[:snapshots], state_shapes)
-    stress: list[Floats] = []
-    names: list[str] = []
-    positions: list[Floats] = []
-    for (body, elements, nodes), u, state in zip(recorded, displacements, states, strict=True):
-        stress.append(stress_field(body, elements, u, state))
-        names += [body.name] * elements.size
-        begin, end = model.bodies.nodes[nodes[:, 0]], model.bodies.nodes[nodes[:, 1]]  # the ends come first
-        positions.append(0.5 * (begin + end))
-    return {
-        "time": np.arange(snapshots) * record.field_every * model.dt,
-        "body": names,
-        "position": np.concatenate(positions),
-        "stress": np.concatenate(stress, axis=1),
-    }

@@ -79,8 +79,8 @@ def _compared(summary: Data) -> Entries:
 
 
 def _fields(arrays: Data) -> Entries:
-    names = {"time": "time of the fields", "stress": "stress", "position": "position of the fields"}
-    return {words: arrays[name] for name, words in names.items() if name in arrays}
+    words = {name: f"{name.replace('_', ' ')} of the fields" for name in arrays if name != "stress"}
+    return {words.get(name, name): values for name, values in arrays.items() if not isinstance(values, list)}
 
 
 def _of_arrays(then: Data, now: Data, coordinates: Mapping[str, list[str]]) -> Iterator[Difference]:

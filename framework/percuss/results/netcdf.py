@@ -90,20 +90,45 @@ def histories_dataset(
     return xr.Dataset(data, coords={**times, **axes, "component": component}, attrs=dict(attributes))
 
 
-def fields_dataset(field_arrays: Data, units: Mapping[str, str]) -> xr.Dataset:
-    """Return the stress along the bodies over time, (time, element), as a dataset; empty if none was recorded."""
+# Axes of the fields that are quantities, by what these are of; the stress of bars has one component.
+_FIELD_AXES = {
+    "element": ("time", "element", "stress_component"),
+    "probe": ("time", "node", "component"),
+    "point": ("time", "point"),
+}
+# Axes, words and unit of all other fields.
+_FIELD_COORDINATES = {
+    "time": (("time",), "t_n of the snapshot", ""),
+    "body": (("element",), "body of the element", ""),
+    "position": (("element", "component"), "middle of the element at the start", "length"),
+    "cell_nodes": (("element", "corner"), "nodes of the element, -1 where it has fewer corners than others", ""),
+    "node_body": (("node",), "body of the node", ""),
+    "node_position": (("node", "component"), "position of the node at the start", "length"),
+    "point_contact": (("point",), "contact of the contact point", ""),
+    "point_area": (("point",), "area of the contact point", "length^2"),
+    "point_normal": (("point", "component"), "normal from the first side to the second, or to the wall", "1"),
+    "point_position": (("time", "point", "component"), "position of the contact point on the first side", "length"),
+}
+_STRESSES = "stress_component"
+
+
+def fields_dataset(field_arrays: Data, source: Source, units: Mapping[str, str]) -> xr.Dataset:
+    """Return the fields over time as a dataset; empty if none were recorded."""
     import xarray as xr
 
-    if not field_arrays:
-        return xr.Dataset()
-    return xr.Dataset(
-        {"stress": (("time", "element"), field_arrays["stress"], definition_attributes("leap-frog", units)["stress"])},
-        coords={
-            "time": field_arrays["time"],
-            "body": ("element", np.array(field_arrays["body"], dtype=object)),
-            "position": (("element", "component"), field_arrays["position"]),
-        },
-    )
+    described, variables, coordinates = definition_attributes(source, units), {}, {}
+    for name, values in field_arrays.items():
+        array = np.array(values, dtype=object) if isinstance(values, list) else np.asarray(values)
+        if name in _FIELD_COORDINATES:
+            axes, words, unit = _FIELD_COORDINATES[name]
+            attributes = {"long_name": words, **({"units": unit_name(unit, units) or unit} if unit else {})}
+            coordinates[name] = (axes, array, attributes)
+        else:
+            axes = _FIELD_AXES[QUANTITIES[name].of][: array.ndim]
+            variables[name] = (axes, array, described[name])
+            if _STRESSES in axes:
+                coordinates[_STRESSES] = (_STRESSES, np.array(["xx", "yy", "xy"], dtype=object), {})
+    return xr.Dataset(variables, coords=coordinates)
 
 
 FORMAT = "percuss-result-3"  # format 1 had no checksums, format 2 one that only a reader of HDF5 could find
@@ -183,8 +208,10 @@ def read(path: str | os.PathLike[str]) -> tuple[Entries, dict[str, list[str]], E
     coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in ("contact", "probe")}
     field_arrays: Entries = {}
     if fields is not None:
-        field_arrays = {name: fields[name].to_numpy() for name in ("time", "stress", "position")}
-        field_arrays["body"] = [str(name) for name in fields["body"].to_numpy()]
+        for name in map(str, fields.variables):
+            values = fields[name].to_numpy()
+            field_arrays[name] = [str(word) for word in values] if values.dtype.kind in "OUT" else values
+        field_arrays.pop(_STRESSES, None)
     return arrays, coordinates, field_arrays, summary, provenance
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 from percuss.case.case import Case, load
 from percuss.case.source import Source
+from percuss.contact.paired_surfaces import wall_of
 from percuss.errors import InputError, PluginError, Problem, refuse_if_any, wrong_input
 from percuss.jsonable import Data, Entries, as_lists, plain
 from percuss.march.model import Model
@@ -154,7 +155,8 @@ def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: 
     A picture of the result needs two entries. ``geometry``: first and last node of each bar, or corners of any other
     body, (2, dim), and body and middle of each side of a contact, at t = 0. ``expected_forces``: of each contact force
     that the case expects its contact, statistic, value, largest allowed difference, and the times over which the
-    statistic is taken, None for the whole run.
+    statistic is taken, None for the whole run. The geometry has point and normal of each wall of a body that is no bar,
+    too.
     """
     case, names = model.case, ("contact", "statistic", "value", "allowed", "during")
     forces = [expectation for expectation in case.expect if expectation.quantity == "contact_force"]
@@ -163,6 +165,12 @@ def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: 
         "contacts": {
             name: [[side.body, model.bodies[side.body].middle(side.region).tolist()] for side in spec.sides]
             for name, spec in model.case.contacts.items()
+        },
+        "walls": {
+            name: [wall.point.tolist(), wall.normal.tolist()]
+            for name, spec in model.case.contacts.items()
+            if spec.wall is not None and not model.bodies.of_lines
+            for wall in [wall_of(spec, model.bodies[spec.sides[0].body].surface(spec.sides[0].region).surface)]
         },
     }
     found["expected_forces"] = [{name: getattr(expected, name) for name in names} for expected in forces]

@@ -32,7 +32,11 @@ class Result:
     coordinates
         Names along the axes ``contact`` and ``probe``.
     field_arrays
-        ``time``, ``body``, ``position`` and ``stress`` of the stress field over time; empty if the case records none.
+        Fields over time; empty if the case records none. Of bars ``time``, and ``body``, ``position`` and ``stress`` of
+        elements. Of other bodies ``stress`` has the components xx, yy and xy, and there are ``von_mises`` and
+        ``cell_nodes`` of elements, ``node_body``, ``node_position``, ``displacement`` and ``velocity`` of nodes, and
+        ``point_contact``, ``point_area``, ``point_normal``, ``point_position`` and ``contact_pressure`` of contact
+        points.
     summary
         Plain dict of the entries by which results are compared.
     provenance
@@ -131,8 +135,8 @@ class Result:
 
     @cached_property
     def fields(self) -> xr.Dataset:
-        """Stress along the bodies over time, (time, element); empty unless the case sets `record.fields`."""
-        return netcdf.fields_dataset(self.field_arrays, self.units)
+        """Fields over time, as `field_arrays` has them; empty unless the case sets `record.fields`."""
+        return netcdf.fields_dataset(self.field_arrays, self._source(), self.units)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the result as NetCDF-4 to a temporary file beside `path`, then rename it.

@@ -1,0 +1,115 @@
+"""The fields of a run: stresses of bars, and all that the snapshots of other bodies show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from percuss.jsonable import Entries
+from percuss.march.march import March, Outcome
+from percuss.march.recording import field_nodes, recorded_elements
+from percuss.mesh.cells import cells_of
+from percuss.mesh.stresses import stress_field
+
+if TYPE_CHECKING:
+    from percuss.march.model import Model
+    from percuss.methods.interfaces import Floats
+
+
+def in_parts(recorded: Floats, shapes: Sequence[tuple[int, ...]]) -> list[Floats]:
+    """Return the columns of an array, (records, columns), in parts that have the given shapes in each record."""
+    parts = np.split(recorded, np.cumsum([math.prod(shape) for shape in shapes]), axis=1)
+    return [part.reshape(len(recorded), *shape) for part, shape in zip(parts, shapes, strict=False)]
+
+
+def fields_of(march: March, outcome: Outcome) -> Entries:
+    """Return the fields of a run at its snapshots; empty if it has none (`percuss.Result.field_arrays`)."""
+    record, model = outcome.record, march.model
+    if record.field_every == 0:
+        return {}
+    snapshots = outcome.done // record.field_every + (outcome.status == "done")
+    if snapshots == 0:  # stopped before the first snapshot
+        return {}
+    made = _of_bars if model.bodies.of_lines else _of_surfaces
+    return {"time": np.arange(snapshots) * record.field_every * model.dt, **made(model, outcome, snapshots)}
+
+
+def _of_bars(model: Model, outcome: Outcome, snapshots: int) -> Entries:
+    """Return the stress along bars."""
+    recorded = list(zip(model.bodies.values(), recorded_elements(model).values(), field_nodes(model), strict=True))
+    shapes = [(*nodes.shape, model.dim) for _, _, nodes in recorded]
+    state_shapes = [(each.size, body.volumes.shape[1], body.spec.material.state) for body, each, _ in recorded]
+    displacements = in_parts(outcome.record.field[:snapshots], shapes)
+    states = in_parts(outcome.histories.get("field_state", np.zeros((snapshots, 0)))[:snapshots], state_shapes)
+    stress: list[Floats] = []
+    names: list[str] = []
+    positions: list[Floats] = []
+    for (body, elements, nodes), u, state in zip(recorded, displacements, states, strict=True):
+        stress.append(stress_field(body, elements, u, state))
+        names += [body.name] * elements.size
+        begin, end = model.bodies.nodes[nodes[:, 0]], model.bodies.nodes[nodes[:, 1]]  # the ends come first
+        positions.append(0.5 * (begin + end))
+    return {
+        "body": names,
+        "position": np.concatenate(positions),
+        "stress": np.concatenate(stress, axis=1),
+    }
+
+
+def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:
+    """Return mesh, motion, stresses and contact pressures of bodies that are no bars."""
+    shape, bodies = (snapshots, -1, model.dim), list(model.bodies.values())
+    displacement = outcome.record.field[:snapshots].reshape(shape)
+    corners = max(cells_of(body.mesh).shape[1] for body in bodies)
+    stress, cells = [], []
+    for body in bodies:
+        numbers = np.arange(body.count)
+        nodes = body.element_nodes(numbers)
+        states = np.zeros((snapshots, body.count, body.volumes.shape[1], 0))
+        stress.append(stress_field(body, numbers, displacement[:, nodes], states))
+        cells.append(np.pad(nodes, ((0, 0), (0, corners - nodes.shape[1])), constant_values=-1))
+    tensor, place = np.concatenate(stress, axis=1), model.bodies.nodes
+    middle = [place[body.element_nodes(np.arange(body.count))].mean(axis=1) for body in bodies]
+    return {
+        "body": [body.name for body in bodies for _ in range(body.count)],
+        "position": np.concatenate(middle),
+        "stress": tensor[..., [0, 1, 0], [0, 1, 1]],
+        "von_mises": von_mises(tensor),
+        "cell_nodes": np.concatenate(cells),
+        "node_body": [body.name for body in bodies for _ in range(body.mass.size)],
+        "node_position": place,
+        "displacement": displacement,
+        "velocity": outcome.histories["field_velocity"][:snapshots].reshape(shape),
+        **_of_points(model, displacement, outcome.histories["field_pressure"][:snapshots]),
+    }
+
+
+def _of_points(model: Model, displacement: Floats, pressure: Floats) -> Entries:
+    """Return contact, area, normal, position and pressure of the contact points; empty if there are none."""
+    points = model.contact_points
+    if not points:
+        return {}
+    share = np.zeros((len(points), len(model.bodies.nodes)))
+    for point, row in zip(points, share, strict=True):
+        first = model.bodies[model.case.contacts[point.name].sides[0].body]
+        for node, gradient in point.gradient:
+            if first.start <= node < first.stop:
+                row[node] = -float(gradient @ point.normal)
+    share /= share.sum(axis=1, keepdims=True)
+    return {
+        "point_contact": [point.name for point in points],
+        "point_area": np.array([point.weight for point in points]),
+        "point_normal": np.array([point.normal for point in points]),
+        "point_position": share @ (model.bodies.nodes + displacement),
+        "contact_pressure": pressure,
+    }
+
+
+def von_mises(stress: Floats) -> Floats:
+    """Return the equivalent stress of von Mises of stresses, (..., 3, 3)."""
+    mean = np.trace(stress, axis1=-2, axis2=-1)[..., None, None] / 3.0
+    equivalent: Floats = np.sqrt(1.5 * ((stress - mean * np.eye(3)) ** 2).sum(axis=(-2, -1)))
+    return equivalent
