@@ -415,7 +415,10 @@ class RecordSpec(Section):
         | None
     ) = None
     fields: Annotated[
-        int, Ge(0), Unit("1"), Doc("snapshots of stress along the bodies, for the space-time picture")
+        int,
+        Ge(0),
+        Unit("1"),
+        Doc("snapshots for the picture: of stress along bars; of motion, stress and contact pressure of other bodies"),
     ] = 0
 
 

@@ -116,7 +116,8 @@ def fields_dataset(field_arrays: Data, source: Source, units: Mapping[str, str])
     """Return the fields over time as a dataset; empty if none were recorded."""
     import xarray as xr
 
-    described, variables, coordinates = definition_attributes(source, units), {}, {}
+    described = definition_attributes("leap-frog", units) | definition_attributes(source, units)
+    variables, coordinates = {}, {}
     for name, values in field_arrays.items():
         array = np.array(values, dtype=object) if isinstance(values, list) else np.asarray(values)
         if name in _FIELD_COORDINATES:
