@@ -58,8 +58,10 @@ class Body:
     @property
     def why_too_stiff(self) -> str:
         """Why its cells are stiffer than the body that they stand for; empty if no reason is known."""
-        element, young = self.spec.element, self.spec.material.modulus
-        if not getattr(element, "locks", False) or self.modulus <= NEARLY_INCOMPRESSIBLE * young:
+        element, material = self.spec.element, self.spec.material
+        if not getattr(element, "locks", False) or material.stress is None:  # only one for bars has Young's modulus
+            return ""
+        if self.modulus <= NEARLY_INCOMPRESSIBLE * material.modulus:
             return ""
         return f"body '{self.name}' is almost incompressible, where {element.name} locks: it is too stiff"
 
