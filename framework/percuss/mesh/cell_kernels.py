@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from percuss.compiler.marks import called
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import cell_force, energy_density, unbound
@@ -19,13 +21,13 @@ class Cells(NamedTuple):
     """The cells of a block of bodies, body by body, and work space for one cell."""
 
     rule: Any  # NamedTuple of arrays that the kernel of the element reads
-    cells: Integers  # (elements, nodes of a cell) numbers within the body
+    cells: Integers  # (elements, nodes of a cell) numbers within the body, without sign: none counts from the end
     geometry: Floats  # (elements, ...) what the kernel reads of each
     section: Floats  # (elements,)
     volumes: Floats  # (elements, points) volume of each quadrature point
     edges: Integers  # (bodies + 1,) first element of each body, and the number of all elements
-    displacement: Floats  # (nodes of a cell, dim) work space
-    force: Floats  # (nodes of a cell, dim) work space
+    corners: tuple[int, ...]  # 0, 1, 2, ... for each node of a cell; the compiler knows how many there are
+    axes: tuple[int, ...]  # 0, 1, ... for each dimension
     strains: Floats  # (2, points) work space, of displacement gradients (2, points, dim * dim)
 
 
@@ -47,32 +49,39 @@ def record_gradient(material: Floats, point: int, gradient: tuple[float, ...]) -
     return gradient
 
 
-def gather(cells: Cells, e: int, displacement: Floats, velocity: Floats, dt: float) -> None:
-    """Set the work space to ``u - dt v`` of the nodes of a cell."""
-    dim = cells.displacement.shape[1]
-    for a in range(cells.cells.shape[1]):
-        node = cells.cells[e, a]
+def room(rows: tuple[int, ...], columns: tuple[int, ...]) -> Floats:
+    """Return an array for a number for each pair of an entry of two tuples.
+
+    Compiled code takes room of a size that the compiler knows, in registers where it can (`percuss.step.calls.room`).
+    """
+    return np.full((len(rows), len(columns)), np.nan)
+
+
+def gather(cells: Cells, e: int, displacement: Floats, velocity: Floats, dt: float, of_cell: Floats) -> None:
+    """Set `of_cell` to ``u - dt v`` of the nodes of a cell."""
+    dim = len(cells.axes)
+    for a in range(len(cells.corners)):
+        first = cells.cells[e, a] * dim
         for d in range(dim):
-            cells.displacement[a, d] = displacement[node * dim + d] - dt * velocity[node * dim + d]
+            of_cell[a, d] = displacement[first + d] - dt * velocity[first + d]
 
 
 def add_up_forces(cells: Cells, material: MaterialPoints, body: int, displacement: Floats, force: Floats) -> None:
     """Set `force` to the internal force on the nodes of a body."""
-    points, dim = cells.volumes.shape[1], cells.displacement.shape[1]
+    points, nodes, dim = cells.volumes.shape[1], len(cells.corners), len(cells.axes)
+    of_cell, force_of_cell = room(cells.corners, cells.axes), room(cells.corners, cells.axes)
     for i in range(force.size):
         force[i] = 0.0
     for e in range(cells.edges[body], cells.edges[body + 1]):
-        for a in range(cells.cells.shape[1]):
-            node = cells.cells[e, a]
+        for a in range(nodes):
+            first = cells.cells[e, a] * dim
             for d in range(dim):
-                cells.displacement[a, d] = displacement[node * dim + d]
-        cell_force(
-            cells.rule, material, e * points, cells.section[e], cells.geometry[e], cells.displacement, cells.force
-        )
-        for a in range(cells.cells.shape[1]):
-            node = cells.cells[e, a]
+                of_cell[a, d] = displacement[first + d]
+        cell_force(cells.rule, material, e * points, cells.section[e], cells.geometry[e], of_cell, force_of_cell)
+        for a in range(nodes):
+            first = cells.cells[e, a] * dim
             for d in range(dim):
-                force[node * dim + d] += cells.force[a, d]
+                force[first + d] += force_of_cell[a, d]
 
 
 @called
@@ -80,18 +89,11 @@ def energy_of_cells(cells: Cells, material: MaterialPoints, body: int, u: Floats
     """Return the staggered strain energy of a body: of its displacements u, and of those a time `dt` before."""
     total = 0.0
     points = cells.volumes.shape[1]
+    of_cell, unused = room(cells.corners, cells.axes), room(cells.corners, cells.axes)
     for e in range(cells.edges[body], cells.edges[body + 1]):
         for k in range(2):
-            gather(cells, e, u, v, dt if k == 0 else 0.0)
-            cell_strain(
-                cells.rule,
-                cells.strains[k],
-                0,
-                cells.section[e],
-                cells.geometry[e],
-                cells.displacement,
-                cells.force,
-            )
+            gather(cells, e, u, v, dt if k == 0 else 0.0, of_cell)
+            cell_strain(cells.rule, cells.strains[k], 0, cells.section[e], cells.geometry[e], of_cell, unused)
         for q in range(points):
             density = energy_density(material, e * points + q, cells.strains[0, q], cells.strains[1, q])
             total += cells.volumes[e, q] * density

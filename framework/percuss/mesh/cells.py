@@ -135,19 +135,17 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
     nodes_of_cell, dim = cells[0].shape[1], bodies[0].mesh.nodes.shape[1]
     shared = Cells(
         rule=answer(element, "rule"),
-        cells=np.concatenate(cells),
+        cells=np.concatenate(cells).astype(np.uint32),
         geometry=np.concatenate([answer(element, "geometry", body) for body in bodies]),
         section=np.repeat([float(body.section) for body in bodies], [len(of_body) for of_body in cells]),
         volumes=np.concatenate(volumes),
         edges=np.cumsum([0, *map(len, cells)], dtype=np.int64),
-        displacement=np.zeros((0, 0)),
-        force=np.zeros((0, 0)),
+        corners=tuple(range(nodes_of_cell)),
+        axes=tuple(range(dim)),
         strains=np.zeros((0, 0)),
     )
     locked: Cells = read_only(shared)
     return locked._replace(
-        displacement=np.zeros((nodes_of_cell, dim)),
-        force=np.zeros((nodes_of_cell, dim)),
         strains=np.zeros((2, volumes[0].shape[1], *((dim * dim,) if is_solid(element) else ()))),
     )
 

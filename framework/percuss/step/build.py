@@ -14,6 +14,7 @@ from percuss.compiler.machine_code import CannotLink, jit_disabled
 from percuss.compiler.readings import Readings
 from percuss.compiler.specialise import Filled, Specialiser, compile_error
 from percuss.compiling import LOCK, Kernel
+from percuss.mesh import cell_kernels
 from percuss.methods import slots
 from percuss.step import actions as plain
 from percuss.step import linked, stages
@@ -121,9 +122,10 @@ def _bound(source: Source, *, jit: bool, counting: bool = False) -> _Bound:
 
 
 def _for_the_compiler(source: Source, *, counting: bool) -> Kernel:
-    from percuss.step.calls import at, call
+    from percuss.step.calls import at, call, room
 
-    return source.entrance(Specialiser(counting=counting), {linked.at: at, linked.call: call})
+    instructions = {linked.at: at, linked.call: call, cell_kernels.room: room}
+    return source.entrance(Specialiser(counting=counting), instructions)
 
 
 @dataclass(frozen=True)

@@ -190,7 +190,10 @@ def advance_nodes(data: Bulk, force: Floats, first: int, u: Floats, v: Floats, d
     """Advance consecutive nodes by forces on them, v += dt (M^-1 f + b) and u += dt v."""
     stop, dim = first + force.size, data.dim
     add_internal_work(data, force, v[first:stop], dt)
-    if dim == 1:
+    alike = True
+    for d in range(1, dim):
+        alike = alike and data.acceleration[d] == data.acceleration[0]
+    if alike:  # as without loads on whole bodies
         update_line(data.inverse_mass[first:stop], force, u[first:stop], v[first:stop], data.acceleration[0], dt)
     else:
         for i in range(force.size // dim):
@@ -202,7 +205,7 @@ def advance_nodes(data: Bulk, force: Floats, first: int, u: Floats, v: Floats, d
 
 
 def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, acceleration: float, dt: float) -> None:
-    """Advance consecutive nodes in one dimension, where the compiler handles several nodes at a time."""
+    """Advance degrees of freedom with the same acceleration, of which the compiler handles several at a time."""
     for i in range(u.size):
         v[i] += dt * (inverse_mass[i] * force[i] + acceleration)
         u[i] += dt * v[i]

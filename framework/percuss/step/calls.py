@@ -86,6 +86,35 @@ def at(_typing: Any, data: Any) -> Any:
     return data.dtype(data), generate
 
 
+@intrinsic  # type: ignore[untyped-decorator]
+def room(_typing: Any, rows: Any, columns: Any) -> Any:
+    """Return an array for a number for each pair of an entry of two tuples, in compiled code.
+
+    It lies on the stack of the calling function. The compiler knows its size and that no other array overlaps it, so
+    that loops over it are unrolled and its numbers kept in registers.
+    """
+    kind, shape = types.Array(types.float64, 2, "C"), (rows.count, columns.count)
+
+    def generate(context: Any, builder: Any, _signature: Any, _values: Any) -> Any:
+        number = context.get_value_type(types.float64)
+        with builder.goto_entry_block():
+            place = builder.alloca(ir.ArrayType(number, shape[0] * shape[1]))
+
+        def sizes(*values: int) -> Any:
+            whole = [context.get_constant(types.intp, value) for value in values]
+            return context.make_tuple(builder, types.UniTuple(types.intp, len(whole)), whole) if whole[1:] else whole[0]
+
+        array = context.make_array(kind)(context, builder)
+        array.data = builder.bitcast(place, ir.PointerType(number))
+        array.shape, array.strides = sizes(*shape), sizes(8 * shape[1], 8)
+        array.itemsize, array.nitems = sizes(8), sizes(shape[0] * shape[1])
+        array.meminfo = context.get_constant_null(types.MemInfoPointer(types.float64))
+        array.parent = context.get_constant_null(types.pyobject)
+        return array._getvalue()
+
+    return kind(rows, columns), generate
+
+
 def compiled(kernel: Kernel, kind: str, key: str, data: Any, of: str) -> tuple[str, int]:
     """Return the form of a block of data, and the address of a compiled function that reads it; store its code.
 

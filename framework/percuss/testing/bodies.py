@@ -165,7 +165,6 @@ class BodyKernels:
         if has_cells(element):
             kernels: Any = (add_up_forces, energy_of_cells)
             cells = cell_arrays(element, [self.body])
-            cells.force[:] = np.nan
             arguments: tuple[Any, ...] = (cells, points, 0)
         else:
             kernels = (element.internal_force, element.energy)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss import BodyMesh, SolidElement
-from percuss_methods.elements._plane_cell import Nothing, plane_forces, plane_geometry
+from percuss_methods.elements._plane_cell import Nothing, forces_of_one_point, plane_geometry
 
 if TYPE_CHECKING:
     from percuss import Floats
@@ -31,7 +31,7 @@ class Tri3(SolidElement):
     dimension = 2
     locks = True
     references = ("Hughes: The Finite Element Method, Dover 2000, ch. 3",)
-    force = staticmethod(plane_forces)
+    force = staticmethod(forces_of_one_point)
 
     def rule(self) -> Nothing:
         """Return nothing: slopes and volumes differ from cell to cell."""
