@@ -5,6 +5,8 @@ import pytest
 
 import percuss
 from percuss.march.model import Model
+from percuss.mesh import cell_stiffness
+from percuss.mesh.cell_stiffness import frequencies_of_cells, stiffness_of_cells
 from percuss_methods.shapes.disk import Disk
 from percuss_methods.shapes.ring import Ring
 
@@ -117,3 +119,15 @@ def test_a_wall_at_a_point_needs_a_normal_for_a_disk():
     at = {"contacts.floor.wall": -1.5, "bodies.disk.velocity": [-0.01, 0.0]}
     model = Model(fall(1e-2, 8, 1.0).with_overrides(at))
     assert model.contact_points[0].normal.tolist() == [-1.0, 0.0]
+
+
+@pytest.mark.parametrize("cells", ["quad4", "tri3"])
+def test_compiled_and_plain_kernels_give_cells_the_same_stiffness(cells, monkeypatch):
+    """Few cells of unlike shape are asked in plain Python, many of them in compiled code."""
+    body = Model(fall(1e-2, 8, 1.0, cells)).bodies["disk"]
+    parts = body.spec.element, body.spec.material, body.view
+    plain, plain_frequencies = stiffness_of_cells(*parts), frequencies_of_cells(*parts)
+    monkeypatch.setattr(cell_stiffness, "MANY", 1)
+    monkeypatch.setattr(cell_stiffness, "ElementProbe", None)
+    assert np.abs(stiffness_of_cells(*parts) - plain).max() <= 1e-13 * np.abs(plain).max()
+    assert frequencies_of_cells(*parts) == pytest.approx(plain_frequencies, rel=1e-13)

@@ -124,7 +124,7 @@ def _bound(source: Source, *, jit: bool, counting: bool = False) -> _Bound:
 def _for_the_compiler(source: Source, *, counting: bool) -> Kernel:
     from percuss.step.calls import at, call, room
 
-    instructions = {linked.at: at, linked.call: call, cell_kernels.room: room}
+    instructions: dict[Kernel, Kernel] = {linked.at: at, linked.call: call, cell_kernels.room: room}
     return source.entrance(Specialiser(counting=counting), instructions)
 
 
