@@ -1464,6 +1464,47 @@ solid_material("fast-across", "solid-stress", "`wave_modulus` is 3", sheared=3.0
 solid_material("curved-in-two-dimensions", "linear", "not proportional", curve=3.0)
 
 
+def shearing(name, said):
+    """Plant a material without lateral contraction whose kernel is a function."""
+
+    def plant(kernel):
+        @dataclass(frozen=True)
+        class Wrong(SolidMaterial):
+            """Hooke's law."""
+
+            summary = "a material"
+            linear = True
+            rho = 1.0
+            stress_2d = staticmethod(kernel)
+
+            def wave_modulus(self, plane):
+                return 2.0
+
+            def solid_parameters(self, plane):
+                return (2.0,)
+
+            vars()["name"] = name
+
+        caught_by("blocks", said)(at_the_top(Wrong))
+        return kernel
+
+    return plant
+
+
+@shearing("for-python-alone", "cannot be compiled")
+def for_python_alone(parameters, gradient):
+    xx, xy, yx, yy = (parameters[0] * value for value in gradient)
+    return xx, 0.5 * (xy + yx), 0.5 * (xy + yx), yy
+
+
+@shearing("overflows", "the run in plain Python differs by")
+def overflows(parameters, gradient):
+    xx, xy, yx, yy = gradient
+    large = int(2.0**40 * parameters[0])
+    size = parameters[0] if large * large % 7 else 0.9 * parameters[0]
+    return size * xx, 0.5 * size * (xy + yx), 0.5 * size * (xy + yx), size * yy
+
+
 def square(name, said="", *, way=1, shift=0.0, count=1, finer=True, follows=True, above=True, cells_run=1, grows=0.0):
     @dataclass(frozen=True)
     class Square(Shape):
@@ -1575,7 +1616,8 @@ def solid(name, check="", said="", *, volume=1.0, mean=False, share=1.0, **wrong
 KNOBS = {"symmetric": 0.0, "across": 1.0, "lost": 0.0, "slack": 0.0}
 solid("plain-quadrilateral")
 solid("half-across", "solid-forces", "minus the slope of the energy", across=0.5)
-solid("symmetric-gradient", "solid-forces", "the forces do not turn with the body", symmetric=0.5)
+solid("gains-energy", "blocks", "the balance of energy is open", across=0.5)
+solid("symmetric-gradient", "finite-rotation", "the forces do not turn with the body", symmetric=0.5)
 solid("lost-slope", "solid-forces", "a rotation of the body gives a force", lost=0.2)
 solid("mean-volumes", "solid-forces", "it fails the patch test", mean=True)
 solid("twice-the-mass", "solid-masses", "of a body of", volume=2.0)
@@ -1609,6 +1651,16 @@ def nodes_of(first, second):
     return NodeToSegment().points(first, second)
 
 
+CALLS = []
+
+
+@pairing("counts-its-calls", "blocks", "gives another answer when it is asked the same again")
+def counts_its_calls(first, second):
+    CALLS.append(1)
+    found = nodes_of(first, second)
+    return found._replace(weight=found.weight * (1.0 + 1e-3 * len(CALLS)))
+
+
 pairing("promises-too-much", "patch-test", "pressures at nodes are wrong by 1.4", passes_patch_test=True)(nodes_of)
 pairing("negative-shares", "shares", "has the share -0.")(lambda first, second: Mortar().points(first, second))
 pairing("points-on-edges", "shares", "6 nodes have 10 points")(lambda *surfaces: GaussPoints(2).points(*surfaces))
@@ -1624,6 +1676,9 @@ def half_of_the_area(first, second):
 def pulls_one_side(first, second):
     found = nodes_of(first, second)
     return found._replace(value=np.where(np.isin(found.node, first.nodes)[:, None], found.value, 0.5 * found.value))
+
+
+pairing("gains-momentum", "blocks", "the balance of momentum is open")(pulls_one_side)
 
 
 @pairing("along-x", "pairing", "gaps are")

@@ -14,7 +14,11 @@ def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the method, as it is written in a case.")],
     kind: Annotated[
         str,
-        option("--kind KIND", "integrator, contact, load, shape, element, material, mass, solution or measure."),
+        option(
+            "--kind KIND",
+            "integrator, contact, pairing, load, shape, element, material, mass, solution or measure; solid-element "
+            "or solid-material for bodies in two dimensions.",
+        ),
     ],
     single_file: Annotated[bool, option("--single-file", "Write NAME.py and NAME.yaml, without a package.")] = False,
     out: Annotated[Path, option("-o --out FOLDER", "Folder to write into.")] = Path(),

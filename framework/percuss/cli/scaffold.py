@@ -23,7 +23,11 @@ from percuss.methods.interfaces import FAMILIES, NAME_PATTERN
 from percuss.methods.registry import Registry
 
 TEMPLATES = PACKAGE / "templates"
-KINDS = {{"masses": "mass"}.get(family, family[:-1]): family for family in FAMILIES}
+KINDS = {
+    **{{"masses": "mass"}.get(family, family[:-1]): family for family in FAMILIES},
+    "solid-element": "elements",
+    "solid-material": "materials",
+}
 DISTRIBUTION = re.compile(r"[A-Za-z]([A-Za-z0-9_-]*[A-Za-z0-9])?")
 
 
@@ -59,8 +63,8 @@ def new(name: str, kind: str, folder: str | os.PathLike[str] = ".", *, single_fi
     name
         Name of the method as it is written in a case; the package has the same name, with ``_`` for ``-``.
     kind
-        ``integrator``, ``contact``, ``load``, ``shape``, ``element``, ``material``, ``mass``, ``solution`` or
-        ``measure``.
+        ``integrator``, ``contact``, ``pairing``, ``load``, ``shape``, ``element``, ``material``, ``mass``,
+        ``solution`` or ``measure``; ``solid-element`` or ``solid-material`` for bodies in two dimensions.
     folder
         Existing folder in which the folder `name` is made, or the files of a single-file plug-in.
     single_file

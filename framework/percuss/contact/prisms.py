@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.mesh.cells import modulus_of
+from percuss.mesh.cells import modulus_of, modulus_of_bar
 from percuss.methods.interfaces import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
 from percuss.methods.plugin_calls import read_only
 
@@ -131,7 +131,7 @@ def _check_sides(body: Body, sides: list[str], axis: Floats) -> None:
             raise NotARowOfPrisms(f"the side '{body.name}.{region}' is held along the axis")
         rolls.add((region, along))
     material = body.spec.material
-    if abs(modulus_of(material, body.view) - material.modulus) <= ROUND_OFF * material.modulus:
+    if abs(modulus_of(material, body.view) / modulus_of_bar(material) - 1.0) <= ROUND_OFF:
         return  # it does not contract
     for region in sides:
         normals = np.abs(body.surface(region).surface.normals)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.mesh.cell_stiffness import stiffness_of_cells
-from percuss.mesh.cells import cells_of, element_masses, has_cells, modulus_of
+from percuss.mesh.cells import cells_of, element_masses, has_cells, modulus_of, modulus_of_bar
 from percuss.mesh.surfaces import BodySurface, surface_of
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, Mesh
 
@@ -58,10 +58,8 @@ class Body:
     @property
     def why_too_stiff(self) -> str:
         """Why its cells are stiffer than the body that they stand for; empty if no reason is known."""
-        element, material = self.spec.element, self.spec.material
-        if not getattr(element, "locks", False) or material.stress is None:  # only one for bars has Young's modulus
-            return ""
-        if self.modulus <= NEARLY_INCOMPRESSIBLE * material.modulus:
+        element, ratio = self.spec.element, self.modulus / modulus_of_bar(self.spec.material)
+        if not (getattr(element, "locks", False) and ratio > NEARLY_INCOMPRESSIBLE):
             return ""
         return f"body '{self.name}' is almost incompressible, where {element.name} locks: it is too stiff"
 

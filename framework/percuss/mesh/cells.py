@@ -54,6 +54,11 @@ def modulus_of(material: Material, body: BodyMesh) -> float:
     return material.modulus
 
 
+def modulus_of_bar(material: Material) -> float:
+    """Return the largest tangent modulus of a bar of a material, nan of a material of solids alone."""
+    return float("nan") if material.stress is None else material.modulus
+
+
 def mesh_of_element(element: Element, mesh: Mesh) -> Mesh:
     """Return the mesh of a body: that of its shape, with the nodes that its element has between its ends.
 

@@ -63,8 +63,8 @@ class SolidKernels(NamedTuple):
 
     Attributes
     ----------
-    dim
-        Number of dimensions.
+    dim, plane
+        Number of dimensions, and the plane, empty in space.
     modulus
         What `wave_modulus` says.
     stress, energy
@@ -72,6 +72,7 @@ class SolidKernels(NamedTuple):
     """
 
     dim: int
+    plane: str
     modulus: float
     stress: Callable[[Floats], Floats]
     energy: Callable[[Floats], float]
@@ -89,7 +90,7 @@ def solid_kernels(material: Any) -> Iterator[SolidKernels]:
             continue
         stress = partial(_stress_of, kernel, parameters)
         energy = partial(_half_the_product, stress) if stored is None else partial(_stored, stored, parameters)
-        yield SolidKernels(dim, float(answer(material, "wave_modulus", plane)), stress, energy)
+        yield SolidKernels(dim, plane, float(answer(material, "wave_modulus", plane)), stress, energy)
 
 
 def _stress_of(kernel: Any, parameters: Floats, gradient: Floats) -> Floats:

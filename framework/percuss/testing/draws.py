@@ -436,6 +436,13 @@ def must_balance(result: Result, where: str = "", *, ledger: bool = True) -> Non
             raise CheckFailed(f"the balance of {name} is open by {per_cent(error)}{where}")
 
 
+def must_compile(result: Result) -> None:
+    """Raise `CheckFailed` if a kernel of a run could not be compiled."""
+    for why in result.summary["compiled_why"]:
+        if "cannot be compiled" in why:
+            raise CheckFailed(f"{why}; a kernel in plain Python is about 100 times slower")
+
+
 def per_cent(fraction: float) -> str:
     """Return a fraction in per cent, with three digits."""
     return f"{100.0 * fraction:.3g} %"

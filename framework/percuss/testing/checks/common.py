@@ -22,7 +22,15 @@ from percuss.errors import InputError, RefusedPair, RunError, suggestion
 from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import described
 from percuss.results.result import Result
-from percuss.testing.draws import TWO_BARS, for_all, must_agree, on_chains, option_values, unit_factor
+from percuss.testing.draws import (
+    TWO_BARS,
+    for_all,
+    must_agree,
+    must_compile,
+    on_chains,
+    option_values,
+    unit_factor,
+)
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 # families of methods that take part in the time steps
@@ -43,9 +51,8 @@ def check_starts(subject: Subject) -> None:
         result = _use(subject, subject.make(options), options)
     except (RefusedPair, RunError) as refusal:
         raise NotApplicable(str(refusal)) from None
-    for why in result.summary["compiled_why"] if result else ():
-        if "cannot be compiled" in why:
-            raise CheckFailed(f"{why}; a kernel in plain Python is about 100 times slower")
+    if result:
+        must_compile(result)
 
 
 @check()
