@@ -109,15 +109,19 @@ def _cauchy_stress(element: Any, material: Any, mesh: BodyMesh) -> Callable[[Any
     parameters = (
         np.array(answer(material, "solid_parameters", ""), dtype=float) if across and material.stress_3d else None
     )
+    in_three = plain_function(material.stress_3d) if parameters is not None else None
 
     def cauchy(value: Any, gradient: Any) -> Floats:
-        stress, stretch = np.zeros((3, 3)), np.eye(3)
+        stress = np.zeros((3, 3))
         stress[:dim, :dim] = np.reshape(value, (dim, dim))
-        stretch[:dim, :dim] += np.reshape(gradient, (dim, dim))
         if across:
-            whole = tuple(float(h) for h in (stretch - np.eye(3)).ravel())
-            stress[2, 2] = np.nan if parameters is None else plain_function(material.stress_3d)(parameters, whole)[8]
-        return stress if linear else stress @ stretch.T / np.linalg.det(stretch)
+            whole = (gradient[0], gradient[1], 0.0, gradient[2], gradient[3], 0.0, 0.0, 0.0, 0.0)
+            stress[2, 2] = np.nan if in_three is None else in_three(parameters, whole)[8]
+        if linear:
+            return stress
+        stretch = np.eye(3)
+        stretch[:dim, :dim] += np.reshape(gradient, (dim, dim))
+        return stress @ stretch.T / np.linalg.det(stretch)
 
     return cauchy
 

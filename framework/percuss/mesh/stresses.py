@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss.mesh.bar import Bar
+from percuss.mesh.cell_stiffness import cell_stiffness
 from percuss.mesh.cells import PROBING_STRAIN, is_solid
 from percuss.mesh.element_probe import ElementProbe
 
@@ -44,12 +45,14 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
     nodal_states = displacement.reshape(times, count, nodes * dim)
     field = np.empty((times, count, *((3, 3) if is_solid(body.spec.element) else ())))
     linear = not body.why_not_linear
+    if linear and is_solid(body.spec.element):
+        return _linear_field(body, probe, elements, displacement)
     for column, number in enumerate(elements):
         if linear and body.of_cells:  # as below, relative to the first node
-            size = PROBING_STRAIN * (float(body.mesh.lengths[number]) if isinstance(body, Bar) else body.shortest)
+            size = PROBING_STRAIN * float(body.mesh.lengths[number])
             stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(nodes * dim)[dim:]]
             relative = displacement[:, column, 1:] - displacement[:, column, :1]
-            field[:, column] = np.tensordot(relative.reshape(times, -1), np.array(stresses), 1)
+            field[:, column] = relative.reshape(times, -1) @ np.array(stresses)
         elif linear:  # the stress is linear in the displacements: one call for each unit displacement is enough
             size = PROBING_STRAIN * float(body.mesh.lengths[number])
             stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(2 * dim)]
@@ -62,6 +65,20 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
                 probe.stress(int(number), nodal_state, state)
                 for nodal_state, state in zip(nodal_states[:, column], states[:, column], strict=True)
             ]
+    return field
+
+
+def _linear_field(body: Body, probe: ElementProbe, elements: Integers, displacement: Floats) -> Floats:
+    """Return the stress field of a linear body that is no bar; one cell of each kind is asked."""
+    times, count, nodes, dim = displacement.shape
+    field, size = np.empty((times, count, 3, 3)), PROBING_STRAIN * body.shortest
+    kind = cell_stiffness(body.spec.element, body.spec.material, body.view).kind[elements]
+    alike = np.split(np.argsort(kind, kind="stable"), np.cumsum(np.bincount(kind))[:-1])
+    for columns in filter(len, alike):
+        number = int(elements[columns[0]])
+        stresses = [probe.stress(number, unit) / size for unit in size * np.eye(nodes * dim)[dim:]]
+        relative = displacement[:, columns, 1:] - displacement[:, columns, :1]  # a translation has no stress at all
+        field[:, columns] = np.tensordot(relative.reshape(times, len(columns), -1), np.array(stresses), 1)
     return field
 
 
