@@ -20,9 +20,11 @@ from percuss_methods.contacts.walton_braun import WaltonBraun
 from percuss_methods.elements.bar import BarElement
 from percuss_methods.elements.green_bar import GreenBarElement
 from percuss_methods.elements.quad4 import Quad4
+from percuss_methods.elements.quad4_axisymmetric import Quad4Axisymmetric
 from percuss_methods.elements.quadratic_bar import QuadraticBarElement
 from percuss_methods.elements.spectral_bar import SpectralBarElement
 from percuss_methods.elements.tri3 import Tri3
+from percuss_methods.elements.tri3_axisymmetric import Tri3Axisymmetric
 from percuss_methods.integrators.asynchronous import Asynchronous
 from percuss_methods.integrators.central_difference import CentralDifference
 from percuss_methods.integrators.chung_lee import ChungLee
@@ -59,6 +61,7 @@ from percuss_methods.pairings.node_to_segment import NodeToSegment
 from percuss_methods.shapes.bar import Bar
 from percuss_methods.shapes.block import Block
 from percuss_methods.shapes.disk import Disk
+from percuss_methods.shapes.half_disk import HalfDisk
 from percuss_methods.shapes.ring import Ring
 from percuss_methods.solutions.bars_in_a_row import BarsInARow
 
@@ -131,13 +134,22 @@ def percuss_loads() -> list[type]:
 @hookimpl
 def percuss_shapes() -> list[type]:
     """Return the built-in shapes."""
-    return [Bar, Block, Disk, Ring]
+    return [Bar, Block, Disk, HalfDisk, Ring]
 
 
 @hookimpl
 def percuss_elements() -> list[type]:
     """Return the built-in elements."""
-    return [BarElement, GreenBarElement, QuadraticBarElement, SpectralBarElement, Quad4, Tri3]
+    return [
+        BarElement,
+        GreenBarElement,
+        QuadraticBarElement,
+        SpectralBarElement,
+        Quad4,
+        Quad4Axisymmetric,
+        Tri3,
+        Tri3Axisymmetric,
+    ]
 
 
 @hookimpl

@@ -160,6 +160,14 @@ HELD: dict[str, dict[str, tuple[str, str]]] = {
             "bars with an error of the first order; critical steps of an independent program",
             "test_solids.py::test_triangles_tend_to_the_bar_with_the_first_order",
         ),
+        "quad4-axisymmetric": (
+            "cylinders that are bars, exact; critical steps and a ball on a wall of independent programs",
+            "test_disk.py::test_a_ball_on_a_wall_over_the_ball_of_hertz",
+        ),
+        "tri3-axisymmetric": (
+            "the ball of quadrilaterals",
+            "test_disk.py::test_a_ball_of_triangles_is_near_that_of_quadrilaterals",
+        ),
         "spectral-bar": (
             "highest frequencies in closed form, errors of frequencies of twice the order",
             "test_cells.py::test_the_error_of_a_frequency_is_of_twice_the_order",

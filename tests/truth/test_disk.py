@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import percuss
+from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 from percuss.mesh import cell_stiffness
 from percuss.mesh.cell_stiffness import frequencies_of_cells, stiffness_of_cells
@@ -131,3 +132,195 @@ def test_compiled_and_plain_kernels_give_cells_the_same_stiffness(cells, monkeyp
     monkeypatch.setattr(cell_stiffness, "ElementProbe", None)
     assert np.abs(stiffness_of_cells(*parts) - plain).max() <= 1e-13 * np.abs(plain).max()
     assert frequencies_of_cells(*parts) == pytest.approx(plain_frequencies, rel=1e-13)
+
+
+def ball(speed, elements, time, poisson=0.3, cells="quad4"):
+    return percuss.load({
+        "percuss": 1,
+        "bodies": {"ball": {
+            "half-disk": {"radius": 1.0, "elements": elements, "cells": cells}, "at": [0.0, 1.0],
+            "plane": "axisymmetric", "velocity": [0.0, -speed], "fixed": [{"on": "axis", "along": "x"}],
+            "material": {"young": 1.0, "density": 1.0, "poisson": poisson},
+        }},
+        "contacts": {"floor": {"body": "ball.skin", "wall": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}},
+        "method": {"integrator": "wu-predictor-corrector", "contact": "lagrange", "pairing": "node-to-segment"},
+        "time": {"courant": 0.8, "end": time},
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("speed", "poisson", "time", "force", "depth"),
+    [(1e-2, 0.3, 0.9375, 1.098, 0.9347), (3e-2, 0.3, 0.916, 1.146, 0.8961), (1e-2, 0.0, 0.954, 1.070, 0.9516)],
+)
+def test_a_ball_on_a_wall_over_the_ball_of_hertz(speed, poisson, time, force, depth):
+    """Ratios of two programs written apart to the quasi-static ball: duration, force at the middle, approach."""
+    stiffness = 1.0 / (1.0 - poisson**2)
+    hertz_depth = (15.0 / 16.0 * 4.0 / 3.0 * np.pi * speed**2 / stiffness) ** 0.4
+    hertz_time, hertz_force = 2.94328 * hertz_depth / speed, 4.0 / 3.0 * stiffness * hertz_depth**1.5
+    case = ball(speed, 64, 1.1 * hertz_time, poisson)
+    mass = float(Model(case).bodies.mass.sum())
+    assert mass == pytest.approx(4.0 / 3.0 * np.pi, rel=1e-3)
+    result = percuss.run(case)
+    contact, pressing = result.summary["contacts"]["floor"], result.arrays["contact_force"][:, 0]
+    duration = contact["last_open"] - contact["first_closed"]
+    place = (result.arrays["time"] - contact["first_closed"]) / duration - 0.5
+    middle = np.abs(place) < 0.12
+    bend, slope, value = np.polyfit(place[middle], pressing[middle], 2)
+    step = result.arrays["time"][1]
+    travelled = -np.cumsum(-speed + np.cumsum(pressing) * step / mass).min() * step
+    assert duration / hertz_time == pytest.approx(time, rel=5e-3)
+    assert (value - slope**2 / (4.0 * bend)) / hertz_force == pytest.approx(force, rel=7e-3)
+    assert travelled / hertz_depth == pytest.approx(depth, rel=2e-3)
+    assert result.summary["energy"]["ledger_closed"]
+    assert result.summary["momentum"]["balanced"]
+
+
+def test_a_ball_of_triangles_is_near_that_of_quadrilaterals():
+    forces = [percuss.run(ball(1e-2, 48, 6.0, 0.3, cells)).arrays["contact_force"].max() for cells in ("quad4", "tri3")]
+    assert forces[1] == pytest.approx(forces[0], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("poisson", "element", "assembled"), [(0, 0.5774, 0.5774), (0.3, 0.647, 0.651), (0.45, 0.674, 0.748)]
+)
+def test_critical_steps_at_an_axis_are_those_of_an_independent_program(poisson, element, assembled):
+    """The first cell at the axis limits the step; 20 by 20 squares."""
+    case = percuss.load({
+        "percuss": 1, "method": {"integrator": "central-difference"}, "time": {"courant": 0.5, "steps": 1},
+        "bodies": {"a": {"block": {"size": [1, 1], "elements": [20, 20]}, "at": [0, 0], "plane": "axisymmetric",
+                         "material": {"young": 1.0, "density": 1.0, "poisson": poisson}}},
+    })  # fmt: skip
+    model = Model(case)
+    speed = np.sqrt(model.bodies["a"].modulus)
+    found = certificate(model)
+    assert 2.0 / model.bodies.omega * speed * 20 == pytest.approx(element, abs=6e-4)
+    assert found["dt_critical_free"] * speed * 20 == pytest.approx(assembled, abs=6e-4)
+    assert found["stable"] == "yes"
+
+
+@pytest.mark.parametrize("pairing", ["mortar", "node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
+def test_cylinders_that_meet_are_bars_of_their_section(pairing, poisson):
+    """Without contraction, or with rollers round them; unlike meshes with mortar."""
+    modulus = 1.0 if poisson == 0.0 else 0.7 / (1.3 * 0.4)
+    rollers = [{"on": "left", "along": "x"}, {"on": "right", "along": "x"}] if poisson else []
+
+    def cylinder(at, speed, elements):
+        return {
+            "block": {"size": [0.5, 1.0], "elements": elements}, "at": [0.0, at], "velocity": [0.0, speed],
+            "plane": "axisymmetric", "fixed": rollers, "material": {"young": 1.0, "density": 1.0, "poisson": poisson},
+        }  # fmt: skip
+
+    def bar(at, speed):
+        return {
+            "bar": {"length": 1.0, "elements": 20}, "at": at, "velocity": speed, "area": np.pi * 0.25,
+            "material": {"young": modulus, "density": 1.0},
+        }  # fmt: skip
+
+    method = {"contact": {"name": "regularised-lagrange", "beta_s": 1.0}}
+    time = {"step": 0.01, "steps": 250}
+    upper = [7, 20] if pairing == "mortar" else [4, 20]
+    rings = percuss.run(percuss.load({
+        "percuss": 1, "bodies": {"low": cylinder(0.0, 0.5, [4, 20]), "high": cylinder(1.0, -0.5, upper)}, "time": time,
+        "contacts": {"seam": {"between": ["low.top", "high.bottom"]}}, "method": {**method, "pairing": pairing},
+    }))  # fmt: skip
+    bars = percuss.run(percuss.load({
+        "percuss": 1, "bodies": {"low": bar(0.0, 0.5), "high": bar(1.0, -0.5)}, "time": time, "method": method,
+        "contacts": {"seam": {"between": ["low.right", "high.left"]}},
+    }))  # fmt: skip
+    force, expected = rings.arrays["contact_force"], bars.arrays["contact_force"]
+    assert rings.solution is not None
+    assert np.abs(force - expected).max() < 1e-10 * expected.max()
+    along = bars.arrays["displacement"][..., 0]
+    assert np.abs(rings.arrays["displacement"][..., 1] - along).max() < 1e-12 * np.abs(along).max()
+
+
+def test_uniform_pressure_on_a_cylinder_is_hydrostatic():
+    """Under pressure on all sides the static displacement is u = -p (1 - 2 nu) / E x: a trap of coupled hoop strain."""
+    pressure, poisson = 0.01, 0.3
+    body = {
+        "block": {"size": [1.0, 1.0], "elements": [5, 5]}, "at": [0.0, 0.0], "plane": "axisymmetric",
+        "fixed": [{"on": "left", "along": "x"}], "material": {"young": 1.0, "density": 1.0, "poisson": poisson},
+    }  # fmt: skip
+    load = {"constant": pressure, "on": ["a.right", "a.top", "a.bottom"], "as": "pressure"}
+    model = Model(percuss.load({
+        "percuss": 1, "bodies": {"a": body}, "loads": {"p": load}, "time": {"courant": 0.5, "steps": 1},
+    }))  # fmt: skip
+    force = np.zeros((model.bodies.n_nodes, 2))
+    for one in model.loads.nodal_forces:
+        force[one.node] += pressure * one.force
+    nodes = model.bodies["a"].mesh.nodes
+    displacement = -pressure * (1.0 - 2.0 * poisson) * nodes
+    inner = (model.bodies["a"].stiffness_matrix() @ displacement.ravel()).reshape(-1, 2)
+    free = nodes[:, 0] > 0.0
+    assert np.abs((inner - force)[free]).max() < 1e-12 * np.abs(force).max()
+    assert np.abs((inner - force)[:, 1]).max() < 1e-12 * np.abs(force).max()
+
+
+SHAPE = """
+import numpy as np
+from dataclasses import dataclass
+from percuss import Mesh, Region, Shape
+
+@dataclass(frozen=True)
+class Cell(Shape):
+    \"\"\"One square. Formula: ``x_i``.\"\"\"
+
+    name = "cell"
+    summary = "one square with a region that has no node"
+    regions = ("left", "nowhere")
+    cell = "quad"
+
+    def dimension(self):
+        return 2
+
+    def element_count(self, refine):
+        return 1
+
+    def mesh(self, at, refine):
+        nodes = at + np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+        left = Region((3, 0), np.array([-1.0, 0.0]), {"line": np.array([[3, 0]])})
+        nothing = Region((), np.zeros(2), {"line": np.zeros((0, 2), dtype=np.int64)})
+        return Mesh(nodes, {"quad": np.array([[0, 1, 2, 3]])}, {"left": left, "nowhere": nothing})
+"""
+
+
+@pytest.mark.parametrize(
+    ("more", "path"),
+    [
+        ({"bodies": {"a": {"fixed": ["left", "nowhere"]}}}, "bodies.a.fixed"),
+        ({"contacts": {"w": {"body": "a.nowhere", "wall": 5.0}}}, "contacts.w"),
+        ({"loads": {"p": {"constant": 1.0, "on": "a.nowhere", "as": "pressure"}}}, "loads.p.on"),
+        ({"record": {"probes": ["a.nowhere"]}}, "record.probes"),
+    ],
+)
+def test_a_region_without_a_node_is_told(more, path, tmp_path):
+    (tmp_path / "cell.py").write_text(SHAPE, encoding="utf-8")
+    body = {"cell": {}, "at": [0.0, 0.0], "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
+    bodies = {"a": {**body, **more.get("bodies", {}).get("a", {})}}
+    data = {"percuss": 1, "time": {"courant": 0.5, "steps": 1}, **more, "bodies": bodies}
+    with pytest.raises(percuss.InputError) as refusal:
+        Model(percuss.load(data, plugins=[tmp_path / "cell.py"]))
+    assert f"{path}: expected a region with nodes, found none in a.nowhere" in str(refusal.value)
+
+
+AXIS = {
+    "beyond the axis": ({"at": [-0.5, 1.0]}, "expected a body at x of 0 or more, as it turns about x = 0, found -0.5"),
+    "a thickness": ({"thickness": 1.0}, "bodies.ball.thickness: a body of revolution has no thickness"),
+    "an angle": ({"angle": 1.0}, "bodies.ball.angle: a body of revolution has no angle"),
+    "a plane element": (
+        {"element": "quad4"}, "expected an element for the quad cells of half-disk about an axis, found quad4",
+    ),
+    "an element about an axis": (
+        {"element": "quad4-axisymmetric", "plane": "strain"},
+        "found quad4-axisymmetric, which is for quad cells about an axis",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", AXIS)
+def test_what_is_wrong_about_an_axis_is_told(name):
+    changes, said = AXIS[name]
+    with pytest.raises(percuss.InputError) as refusal:
+        Model(ball(0.01, 8, 1.0).with_overrides({f"bodies.ball.{key}": value for key, value in changes.items()}))
+    assert said in str(refusal.value)

@@ -186,8 +186,11 @@ def test_a_snippet_runs_where_it_is_pasted(family, name, tmp_path, monkeypatch):
         study = {"percuss-study": 1, "cases": [str(CASES[0])], "set": {"time.end": 1e-4}, **parsed(lines)}
         assert name in percuss.study(study, workers=1).table.columns
         return
-    if name in {"quad4", "tri3", "block", "disk", "ring"}:  # no bars, beside which they are refused
-        shape = {"block": {"size": [1, 0.5], "elements": [4, 2], "cells": name if family == "elements" else "quad4"}}
+    solid = getattr(REGISTRY.get(family, name), "cell", "") in {"quad", "triangle"}
+    if solid or (family == "shapes" and name != "bar"):  # no bars, beside which they are refused
+        cells, _, about = name.partition("-")
+        shape = {"block": {"size": [1, 0.5], "elements": [4, 2], "cells": cells}}
+        shape |= {"plane": "axisymmetric"} if about else {}
         body = (
             (shape if family == "elements" else {})
             | {"material": {"young": 1, "density": 1, "poisson": 0.3}}

@@ -120,16 +120,17 @@ def completed(case: CaseSection, dimension: int, source: Source, registry: Regis
 def _element_of(body: BodySpec, registry: Registry) -> Element:
     """Return the element of a body: the one that the case says, or the first one for the cells of its shape."""
     cell = body.shape.cell
-    if cell in {body.element.cell, "line"}:
+    if cell == "line" or type(body.element) in _elements_of(cell, registry, body.plane):
         return body.element
-    made: Element = _elements_of(cell, registry)[0]()
+    made: Element = _elements_of(cell, registry, body.plane)[0]()
     return made
 
 
-def _elements_of(cell: str, registry: Registry) -> list[Any]:
-    """Return the registered elements for a kind of cells."""
-    classes = [registry.get("elements", name) for name in registry.names("elements")]
-    return [element for element in classes if getattr(element, "cell", "") == cell]
+def _elements_of(cell: str, registry: Registry, plane: str | None) -> list[Any]:
+    """Return the registered elements for a kind of cells in a plane."""
+    classes: list[Any] = [registry.get("elements", name) for name in registry.names("elements")]
+    about_axis = plane == "axisymmetric"
+    return [one for one in classes if one.cell == cell and getattr(one, "about_axis", False) == about_axis]
 
 
 class CrossChecks:
@@ -241,7 +242,7 @@ class CrossChecks:
                 self._check_section(name, path, given, shape)
             if shape is not None and body is not None:
                 self._check_material(path, shape, body.material, body.plane)
-                self._check_element(path, shape, body.element if "element" in given else None)
+                self._check_element(path, shape, body, named="element" in given)
             self._note_vector((*path, "at"), given.get("at"))
             self._note_vector((*path, "velocity"), given.get("velocity"))
             fixed = given.get("fixed", ())
@@ -274,6 +275,10 @@ class CrossChecks:
         if "area" in given:
             advice = "Drop it, or give a `thickness` in two dimensions."
             self.wrong((*path, "area"), f"{shape.name} has no cross-section", advice, key=True)
+        if given.get("plane") == "axisymmetric":
+            for key in ("thickness", "angle", "spin"):
+                if key in given:
+                    self.wrong((*path, key), f"a body of revolution has no {key}", "Drop it.", key=True)
         for key in ("velocity", "at"):
             if key in given and not isinstance(given[key], tuple):
                 message = f"expected a vector, as body '{name}' is along no line, found {found(given[key])}"
@@ -282,28 +287,34 @@ class CrossChecks:
     def _check_material(self, path: KeyPath, shape: Shape, material: Material, plane: str | None) -> None:
         """Report a material that is not for a body of this shape, and what it lacks."""
         dimension = 1 if shape.cell == "line" else shape.dimension()
-        kernel = "stress" if dimension == 1 else f"stress_{dimension}d"
+        flat = dimension == 2 and plane != "axisymmetric"
+        kernel = "stress" if dimension == 1 else "stress_2d" if flat else "stress_3d"
         if getattr(material, kernel, None) is None:
-            of_shape = "bars" if dimension == 1 else f"bodies in {dimension} dimensions"
+            of_shape = "bars" if dimension == 1 else f"bodies in {dimension} dimensions" if flat else "whole bodies"
             message = f"expected a material of {of_shape} for {shape.name}, found {material.name}"
             self.wrong((*path, "material"), message, f"It has no `{kernel}`: take another one.")
             return
         if dimension == 1 or not isinstance(material, SolidMaterial):
             return
         try:
-            material.solid_parameters(plane or "strain" if dimension == 2 else "")
+            material.solid_parameters(plane or "strain" if flat else "")
         except OptionError as error:
             self.wrong((*path, "material", *error.path), str(error), "Add it to the material.", key=True)
 
-    def _check_element(self, path: KeyPath, shape: Shape, element: Element | None) -> None:
-        """Report an element for other cells than those of the shape, and cells for which there is none."""
-        wanted = element.cell if element is not None else shape.cell
-        good = [element.name for element in _elements_of(shape.cell, self.reader.registry)]
-        if (wanted == shape.cell and good) or (shape.cell == "line" and wanted.startswith("line")):
+    def _check_element(self, path: KeyPath, shape: Shape, body: BodySpec, *, named: bool) -> None:
+        """Report an element for other cells or planes than those of the body, and cells for which there is none."""
+        element = body.element if named else None
+        good = _elements_of(shape.cell, self.reader.registry, body.plane)
+        if shape.cell == "line":
+            good = [type(body.element)] if element is None or element.cell.startswith("line") else []
+        if (element is None and good) or type(element) in good:
             return
-        of_shape = f"expected an element for the {shape.cell} cells of {shape.name}"
+        about = " about an axis" if body.plane == "axisymmetric" else ""
+        of_shape = f"expected an element for the {shape.cell} cells of {shape.name}{about}"
+        other = element is not None and element.cell == shape.cell
         found_one = f"{element.name}, which is for {element.cell} cells" if element is not None else "none registered"
-        advice = f"Take {' or '.join(good)}." if good else "Name a plug-in that has one."
+        found_one += f"{' in a plane' if about else ' about an axis'}" if other else ""
+        advice = f"Take {' or '.join(one.name for one in good)}." if good else "Name a plug-in that has one."
         self.wrong((*path, "element"), f"{of_shape}, found {found_one}", advice, key=element is None)
 
     def _check_contacts(self) -> None:

@@ -233,7 +233,13 @@ class BodySpec(Section):
         Expects("a list of ends, as [right]"),
         Doc("ends that do not move, or do not move along an axis, as {on: right, along: x}"),
     ] = ()
-    plane: Annotated[Literal["strain", "stress"], Doc("plane strain or plane stress, in two dimensions")] | None = None
+    plane: (
+        Annotated[
+            Literal["strain", "stress", "axisymmetric"],
+            Doc("plane strain, plane stress, or a body of revolution about the axis x = 0, in two dimensions"),
+        ]
+        | None
+    ) = None
     name: Annotated[str, Computed()] = UNSET
     at: Annotated[Vector, Computed()] = UNSET
 
@@ -243,7 +249,7 @@ class BodySpec(Section):
         return tuple((one, None) if isinstance(one, str) else (one.region, one.axis) for one in self.fixed)
 
     def plane_of(self, dimension: int) -> str:
-        """Return ``"strain"`` or ``"stress"`` of a body in two dimensions that is along no line, else nothing."""
+        """Return the plane of a body in two dimensions that is along no line, else nothing."""
         return (self.plane or "strain") if self.shape.cell != "line" and dimension == 2 else ""
 
     @property

@@ -59,6 +59,11 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
         return
     case, method = model.case, model.case.method
     bars = [body.name for body in model.bodies.values() if body.mesh.line is not None]
+    about = [body.spec.plane == "axisymmetric" for body in model.bodies.values()]
+    if any(about) and not all(about):
+        turning, flat = list(model.bodies)[about.index(True)], list(model.bodies)[about.index(False)]
+        message = f"expected bodies of revolution alone or none, found '{turning}' beside '{flat}'"
+        yield case.problem(("bodies", turning, "plane"), message, "Give all bodies the plane axisymmetric.")
     if bars:
         message = f"expected bars alone or no bar, found the bar '{bars[0]}' beside '{other}'"
         yield case.problem(("bodies", bars[0]), message, "Bars and other bodies in one case are not built.")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.errors import InputError, Problem, refuse_if_any
 from percuss.mesh import size_limits
 from percuss.mesh.bar import Bar
 from percuss.mesh.body import Body
@@ -22,7 +23,7 @@ from percuss.methods.plugin_calls import answer, read_only
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Floats, Mesh
 
 
 class Bodies(Mapping[str, Body]):
@@ -72,6 +73,11 @@ class Bodies(Mapping[str, Body]):
         """The inverse of that mass, 0 at an end without mass, (nodes * dim,)."""
         mass = self.mass_of_dofs
         return np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
+
+    @cached_property
+    def about_axis(self) -> bool:
+        """Whether all bodies are bodies of revolution."""
+        return all(body.spec.plane == "axisymmetric" for body in self._bodies)
 
     @cached_property
     def of_lines(self) -> bool:
@@ -126,6 +132,9 @@ def bodies_of(case: Case) -> Bodies:
     for number, (name, spec) in enumerate(case.bodies.items()):
         mesh = size_limits.mesh_of_body(case, spec)
         view = BodyMesh(mesh, spec.section, spec.plane_of(mesh.nodes.shape[1]))
+        if view.plane == "axisymmetric" and mesh.nodes[:, 0].min() < 0.0:
+            message = f"expected a body at x of 0 or more, as it turns about x = 0, found {mesh.nodes[:, 0].min():.6g}"
+            raise InputError([case.problem(("bodies", name, "plane"), message, "Move it to one side of the axis.")])
         velocity = np.asarray(spec.velocity, dtype=float)
         if velocity.ndim == 0:  # along the body; a body along no line has none by default
             velocity = velocity * (mesh.direction if mesh.line is not None else np.zeros(mesh.nodes.shape[1]))
@@ -158,4 +167,18 @@ def bodies_of(case: Case) -> Bodies:
             )
         )
     size_limits.check_bodies(case, bodies)
+    refuse_if_any(list(_empty_regions(case, {body.name: body.mesh for body in bodies})))
     return Bodies(bodies)
+
+
+def _empty_regions(case: Case, meshes: Mapping[str, Mesh]) -> Iterator[Problem]:
+    """Yield the regions without a node that a case uses."""
+    used: list[tuple[Any, str, str]] = []
+    used += [(("bodies", name, "fixed"), name, one) for name, body in case.bodies.items() for one, _ in body.supports]
+    used += [(("contacts", name), one.body, one.region) for name, spec in case.contacts.items() for one in spec.sides]
+    used += [(("loads", name, "on"), one.body, one.region) for name, load in case.loads.items() for one in load.on]
+    used += [(("record", "probes"), one.body, one.region) for one in case.record.probes or ()]
+    for path, owner, region in used:
+        if region and not meshes[owner].regions[region].nodes:
+            message = f"expected a region with nodes, found none in {owner}.{region}"
+            yield case.problem(path, message, f"The {case.bodies[owner].shape.name} of this body does not have it.")

@@ -54,6 +54,8 @@ def cell_stiffness(element: Element, material: Material, body: BodyMesh) -> Cell
     nodes, cells = body.mesh.nodes, cells_of(body.mesh)
     relative = nodes[cells] - nodes[cells[:, :1]]
     size = float(np.abs(relative).max())
+    if body.plane == "axisymmetric":  # where the distance from the axis tells cells apart, too
+        relative[..., 0] = nodes[cells, 0]
     kinds, kind = np.unique(np.round(relative / size, SAME_SHAPE).reshape(len(cells), -1), axis=0, return_inverse=True)
     first = np.zeros(len(kinds), dtype=np.int64)
     first[kind.ravel()[::-1]] = np.arange(len(cells))[::-1]

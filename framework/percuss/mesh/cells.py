@@ -43,14 +43,14 @@ def slots_of_material(element: Any, material: Any) -> dict[Any, Any]:
 def parameters_of(element: Element, material: Material, body: BodyMesh) -> Floats:
     """Return the numbers that the kernels of a material need with an element of a body, (k,)."""
     if isinstance(material, SolidMaterial) and is_solid(element):
-        return np.array(answer(material, "solid_parameters", body.plane), dtype=float)
+        return np.array(answer(material, "solid_parameters", body.plane_of_material), dtype=float)
     return np.array(answer(material, "parameters"), dtype=float)
 
 
 def modulus_of(material: Material, body: BodyMesh) -> float:
     """Return the largest tangent modulus of a body, of a longitudinal wave where the body is no bar."""
     if isinstance(material, SolidMaterial) and body.mesh.line is None:
-        return float(answer(material, "wave_modulus", body.plane))
+        return float(answer(material, "wave_modulus", body.plane_of_material))
     return material.modulus
 
 
@@ -151,7 +151,9 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
     )
     locked: Cells = read_only(shared)
     return locked._replace(
-        strains=np.zeros((2, volumes[0].shape[1], *((dim * dim,) if is_solid(element) else ()))),
+        strains=np.zeros(
+            (2, volumes[0].shape[1], *((element.dimension**2,) if isinstance(element, SolidElement) else ()))
+        ),
     )
 
 

@@ -15,7 +15,7 @@ from percuss.mesh.cells import cells_of, is_solid, volumes_of
 from percuss.mesh.material_points import plain_slots, points_at_rest
 from percuss.methods import slots
 from percuss.methods.blame import plain_function
-from percuss.methods.interfaces import CellElement
+from percuss.methods.interfaces import CellElement, SolidElement
 from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
@@ -44,7 +44,9 @@ class ElementProbe:
         self._points = points_at_rest(element, material, mesh)
         self._stresses: list[tuple[Any, Any, float]] = []  # of each call: stress, strain, and volume of its point
         maker = Specialiser(plain_slots(element, material), jit=False)
-        slot = (slots.stress_2d if self.dim == 2 else slots.stress_3d) if is_solid(element) else slots.stress
+        slot: Any = slots.stress
+        if isinstance(element, SolidElement):
+            slot = slots.stress_2d if element.dimension == 2 else slots.stress_3d
         stress: Callable[..., Any] = maker.bind(maker.slots[slot])
         self._shown = _cauchy_stress(element, material, mesh) if is_solid(element) else lambda value, _: float(value)
 

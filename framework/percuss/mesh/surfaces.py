@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 PARTS_OF_HEIGHT = {"triangle": 2.0, "tetra": 3.0}
 
 
+TINY = float(np.finfo(float).tiny)
+
+
 class BodySurface(NamedTuple):
     """The surface of a body at a region, with what lies behind it.
 
@@ -52,15 +55,19 @@ def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> Body
     facets = np.asarray(next(iter(mesh.regions[region].facets.values())))
     nodes, places = np.unique(facets, return_inverse=True)
     places = places.reshape(facets.shape)
+    around = 2.0 * np.pi * mesh.nodes[nodes, 0] if body.plane == "axisymmetric" else None
     normals, of_nodes = _areas(mesh.nodes[facets], body.section)
+    if around is not None:
+        here = around[places]
+        of_nodes = of_nodes.sum(axis=1)[:, None] * (2.0 * here + here[:, ::-1]) / 6.0
     areas = of_nodes.sum(axis=1)
-    shares = np.bincount(places.ravel(), of_nodes.ravel(), nodes.size) / areas.sum()
+    shares = np.bincount(places.ravel(), of_nodes.ravel(), nodes.size) / max(areas.sum(), TINY)
     ((kind, cells),) = mesh.cells.items()
     behind = volumes[_cells_behind(cells, facets, len(mesh.nodes))]
-    heights = PARTS_OF_HEIGHT.get(kind, 1.0) * behind / areas
+    heights = PARTS_OF_HEIGHT.get(kind, 1.0) * behind / np.maximum(areas, TINY)  # a facet on an axis has no area
     outward = np.zeros((nodes.size, normals.shape[1]))
     np.add.at(outward, places, of_nodes[..., None] * normals[:, None])
-    surface = Surface(nodes + start, mesh.nodes[nodes], places, normals, areas)
+    surface = Surface(nodes + start, mesh.nodes[nodes], places, normals, areas, around)
     return BodySurface(surface, heights, shares, outward)
 
 

@@ -164,6 +164,7 @@ def _of_cells(body: Body, about: Entries) -> tuple[str, str, str]:
     plane = body.view.plane
     about["elements"], about["nodes"], about["plane"] = body.count, int(body.mass.size), plane
     section = f"plane {plane}, thickness {body.spec.section:.6g}" if plane else "three dimensions"
+    section = "a body of revolution about x = 0" if plane == "axisymmetric" else section
     mesh = f"{body.count} cells {body.spec.element.name} and {body.mass.size} nodes"
     return mesh, section, " of longitudinal waves"
 

@@ -15,6 +15,11 @@ if TYPE_CHECKING:
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 POINTS = CORNERS / np.sqrt(3.0)  # of Gauss' rule
+SHAPES = 0.25 * (1.0 + POINTS[:, :1] * CORNERS[:, 0]) * (1.0 + POINTS[:, 1:] * CORNERS[:, 1])
+SLOPES = 0.25 * np.stack(
+    [CORNERS[:, 0] * (1.0 + POINTS[:, 1:] * CORNERS[:, 1]), CORNERS[:, 1] * (1.0 + POINTS[:, :1] * CORNERS[:, 0])],
+    axis=-1,
+)
 
 
 @dataclass(frozen=True)
@@ -43,10 +48,7 @@ class Quad4(SolidElement):
 
     def geometry(self, body: BodyMesh) -> Floats:
         """Return slopes and volume of each point."""
-        xi, eta = POINTS[:, 0][:, None], POINTS[:, 1][:, None]
-        by_xi = 0.25 * CORNERS[:, 0] * (1.0 + eta * CORNERS[:, 1])
-        by_eta = 0.25 * CORNERS[:, 1] * (1.0 + xi * CORNERS[:, 0])
-        return plane_geometry(body, self.cell, np.stack([by_xi, by_eta], axis=-1), np.ones(4))
+        return plane_geometry(body, self.cell, SLOPES, np.ones(4))
 
     def volumes(self, body: BodyMesh) -> Floats:
         """Return the volume of each point."""
@@ -54,7 +56,6 @@ class Quad4(SolidElement):
 
     def mass_shares(self, body: BodyMesh) -> Floats:
         """Return the integrals of the shape functions over the volume of the cell."""
-        shapes = 0.25 * (1.0 + POINTS[:, :1] * CORNERS[:, 0]) * (1.0 + POINTS[:, 1:] * CORNERS[:, 1])
         volumes = self.volumes(body)
-        shares: Floats = volumes @ shapes / volumes.sum(axis=1)[:, None]
+        shares: Floats = volumes @ SHAPES / volumes.sum(axis=1)[:, None]
         return shares

@@ -42,4 +42,4 @@ class GaussPoints(Pairing):
         edges, count = len(first.facets), self.points_on_facet
         shares = np.tile(0.5 * np.stack([1.0 - place, 1.0 + place], axis=1), (edges, 1))
         facets = np.repeat(np.arange(edges), count)
-        return paired(first, second, facets, shares, first.areas[facets] * np.tile(0.5 * weight, edges))
+        return paired(first, second, facets, shares, first.spread(facets, shares) * np.tile(0.5 * weight, edges))

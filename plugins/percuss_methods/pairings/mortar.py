@@ -105,8 +105,8 @@ def _quadrature(first: Surface, second: Surface) -> Quadrature:
     on_edge = (0.5 * (start + stop)[:, None] + 0.5 * (stop - start)[:, None] * place).ravel()
     edge, other, ends = (np.repeat(array, 2, axis=0) for array in (edge, other, ends))
     on_other = (on_edge - ends[:, 0]) / (ends[:, 1] - ends[:, 0])
-    area = first.areas[edge] * (0.5 * (stop - start)[:, None] * weight).ravel()
     share, other_share = (np.stack([1.0 - along, along], axis=1) for along in (on_edge, on_other))
+    area = first.spread(edge, share) * (0.5 * (stop - start)[:, None] * weight).ravel()
     return Quadrature(edge, share, other, other_share, area)
 
 

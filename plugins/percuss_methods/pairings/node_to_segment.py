@@ -34,8 +34,7 @@ class NodeToSegment(Pairing):
     def points(self, first: Surface, second: Surface | Wall) -> PairedPoints:
         """Return the nodes that have a partner."""
         width = first.facets.shape[1]
-        of_facets = np.repeat(first.areas / width, width)
-        weight = np.bincount(first.facets.ravel(), of_facets, len(first.nodes))
+        weight = np.bincount(first.facets.ravel(), first.of_nodes().ravel(), len(first.nodes))
         facets, places = np.zeros((2, len(first.nodes)), dtype=np.int64)
         for place in range(width):  # any facet at a node serves
             facets[first.facets[:, place]], places[first.facets[:, place]] = np.arange(len(first.facets)), place

@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
-
-from percuss import Doc, Ge, Gt, Mesh, Region, Shape, Unit
+from percuss import Doc, Ge, Gt, Mesh, Shape, Unit
+from percuss_methods.shapes._round import as_cells, closed, counts, disk_mesh
 
 if TYPE_CHECKING:
-    from percuss import Floats, Integers
-
-CORE = 0.5  # distance of the middle of a side of the core from the centre, over the radius
-BULGE = 0.15  # by which part of their distance the corners of the core are nearer than those of a square
+    from percuss import Floats
 
 
 @dataclass(frozen=True)
@@ -47,37 +43,10 @@ class Disk(Shape):
 
     def element_count(self, refine: float) -> int:
         """Return the number of cells."""
-        across, layers = self._counts(refine)
+        across, layers = counts(self.refined(self.elements, refine))
         return (across**2 + 4 * across * layers) * (2 if self.cells == "tri3" else 1)
-
-    def _counts(self, refine: float) -> tuple[int, int]:
-        """Return the number of cells across the core, an even one, and that of layers around it."""
-        across = 2 * max(1, round(self.refined(self.elements, refine) / 4))
-        return across, max(1, round((self.refined(self.elements, refine) - across) / 2))
 
     def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh of the disk about `at`."""
-        across, layers = self._counts(refine)
-        place = 2.0 * np.arange(across + 1) / across - 1.0
-        x, y = np.meshgrid(place, place, indexing="ij")
-        # The sides of the core bulge: the three cells that meet at a corner share the angle there.
-        core = CORE * np.stack([x, y], axis=-1) * (1.0 - BULGE * x**2 * y**2)[..., None]
-        number = np.arange((across + 1) ** 2).reshape(across + 1, across + 1)
-        rim = np.concatenate([number[:-1, 0], number[-1, :-1], number[:0:-1, -1], number[0, :0:-1]])
-        angle = -0.75 * np.pi + 2.0 * np.pi * np.arange(rim.size) / rim.size
-        start, circle = core.reshape(-1, 2)[rim], np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        rings = [start + (circle - start) * k / layers for k in range(1, layers + 1)]
-        nodes = at + self.radius * np.concatenate([core.reshape(-1, 2), *rings])
-        around = np.concatenate([rim[None], number.size + np.arange(layers * rim.size).reshape(layers, -1)])
-        inner = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
-        nearer, next_one = around[:-1], np.roll(around, -1, axis=1)
-        outer = np.stack([nearer, around[1:], next_one[1:], next_one[:-1]], axis=-1)
-        cells = np.concatenate([inner.reshape(-1, 4), outer.reshape(-1, 4)])
-        if self.cells == "tri3":
-            cells = cells[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-        return Mesh(nodes, {self.cell: cells}, {"skin": closed(around[-1])})
-
-
-def closed(nodes: Integers) -> Region:
-    """Return the region of a closed line of nodes, the body on its left; it has no single vector out of the body."""
-    return Region(tuple(nodes.tolist()), np.zeros(2), {"line": np.stack([nodes, np.roll(nodes, -1)], axis=1)})
+        nodes, cells, skin = disk_mesh(self.refined(self.elements, refine))
+        return Mesh(at + self.radius * nodes, {self.cell: as_cells(cells, self.cells)}, {"skin": closed(skin)})

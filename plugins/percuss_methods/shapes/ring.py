@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 
 from percuss import Doc, Gt, Mesh, Shape, Unit
-from percuss_methods.shapes.disk import closed
+from percuss_methods.shapes._round import as_cells, closed
 
 if TYPE_CHECKING:
     from percuss import Floats
@@ -63,6 +63,5 @@ class Ring(Shape):
         number = np.arange(nodes.shape[0]).reshape(layers + 1, around)
         beside = np.roll(number, -1, axis=1)
         cells = np.stack([number[:-1], number[1:], beside[1:], beside[:-1]], axis=-1).reshape(-1, 4)
-        if self.cells == "tri3":
-            cells = cells[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+        cells = as_cells(cells, self.cells)
         return Mesh(nodes, {self.cell: cells}, {"inner": closed(number[0, ::-1]), "outer": closed(number[-1])})

@@ -271,7 +271,7 @@ class SolidMaterial(Material, contract="materials"):
         Parameters
         ----------
         plane
-            ``"strain"`` or ``"stress"`` in two dimensions, empty in three.
+            ``"strain"`` or ``"stress"`` in two dimensions, empty in three and of bodies of revolution.
         """
 
     @abstractmethod
@@ -291,12 +291,17 @@ class BodyMesh:
         Area of the cross-section of a body along a line [length^2]; the thickness of a body in two dimensions [length];
         1 in three.
     plane
-        ``"strain"`` or ``"stress"`` in two dimensions, else empty.
+        ``"strain"``, ``"stress"`` or ``"axisymmetric"`` in two dimensions, else empty.
     """
 
     mesh: Mesh
     section: float
     plane: str = ""
+
+    @property
+    def plane_of_material(self) -> str:
+        """The plane as a material receives it; a body of revolution has stresses in three dimensions."""
+        return "" if self.plane == "axisymmetric" else self.plane
 
 
 class Element(Component, contract="elements"):
@@ -459,12 +464,15 @@ class SolidElement(CellElement, contract="elements"):
     Attributes
     ----------
     dimension
-        Number of dimensions, 2 or 3.
+        Number of dimensions of the gradient, 2 or 3.
+    about_axis
+        Whether it is of bodies of revolution, whose gradient has three dimensions: the third is around the axis x = 0.
     locks
         Whether it is too stiff where the material is almost incompressible; percuss then warns.
     """
 
     dimension: ClassVar[int]
+    about_axis: ClassVar[bool] = False
     locks: ClassVar[bool] = False
 
     def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import ClassVar, NamedTuple
 
+import numpy as np
+
 from percuss.methods.interfaces.base import Component, Floats, Integers
 
 
@@ -24,6 +26,8 @@ class Surface(NamedTuple):
         Unit vector out of the body at the middle of each facet.
     areas : (F,) array
         Area of each facet, in two dimensions length times thickness [length^2].
+    around : (n,) array
+        Of a body of revolution the length of the circle on which each node lies; None of any other [length].
     """
 
     nodes: Integers
@@ -31,6 +35,35 @@ class Surface(NamedTuple):
     facets: Integers
     normals: Floats
     areas: Floats
+    around: Floats | None = None
+
+    def spread(self, facets: Integers, shares: Floats) -> Floats:
+        """Return what area points stand for that see a whole facet each, (P,): of a body of revolution that of a ring.
+
+        Parameters
+        ----------
+        facets : (P,) array
+            Facet on which each point lies.
+        shares : (P, nodes of a facet) array
+            Shape functions of that facet at the point.
+        """
+        if self.around is None:
+            whole: Floats = self.areas[facets]
+            return whole
+        start, stop = (self.positions[self.facets[facets, k]] for k in (0, 1))
+        ring = (shares * self.around[self.facets[facets]]).sum(axis=1)
+        area: Floats = ring * np.linalg.norm(stop - start, axis=1)
+        return area
+
+    def of_nodes(self) -> Floats:
+        """Return the area of each facet that belongs to each of its nodes, (F, nodes of a facet)."""
+        width = self.facets.shape[1]
+        if self.around is None:
+            return np.repeat((self.areas / width)[:, None], width, axis=1)
+        here = self.around[self.facets]
+        length = self.areas / here.mean(axis=1)
+        share: Floats = length[:, None] * (2.0 * here + here[:, ::-1]) / 6.0
+        return share
 
 
 class Wall(NamedTuple):

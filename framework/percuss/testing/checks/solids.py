@@ -20,6 +20,7 @@ from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-9
 DIRECTIONS = 500  # of waves, whose fastest is sought
+SHEARED = np.array([[1.0, 0.3], [-0.2, 0.5]])
 TURN = np.array([[0.6, -0.8], [0.8, 0.6]])
 CELLS = {"quad": "quad4", "triangle": "tri3"}
 SLIVER = 5.0  # degrees
@@ -50,6 +51,7 @@ def check_blocks(subject: Subject) -> None:
             if not is_solid(made) or made.cell not in CELLS:
                 continue
             block["cells"], body["element"] = CELLS[made.cell], own
+            body["plane"] = "axisymmetric" if made.about_axis else "strain"
         else:
             planes = [(solid.plane, solid.modulus) for solid in solid_kernels(made) if solid.plane]
             if not planes:
@@ -93,16 +95,19 @@ def check_solid_forces(subject: Subject) -> None:
 
     Translations and rotations, small ones if the element is linear, of a body of uneven cells give no force. Internal
     forces have no resultant and are minus the slope of the energy. A uniform strain leaves a node inside without force.
+    Bodies of revolution move along their axis alone, and their uniform strain is the same in both directions across it.
     """
     for kernels in _solids(subject):
         element, x = kernels.element, kernels.body.mesh.nodes
         force = kernels.checked_force()
-        small = 1e-3 * np.stack([-x[:, 1], x[:, 0]], axis=1)
-        if np.abs(kernels.force(small if element.linear else x @ TURN.T - x)).max() > CLOSE * np.abs(force).max():
-            raise CheckFailed("a rotation of the body gives a force")
-        uniform = kernels.force(1e-3 * x @ np.array([[1.0, 0.3], [-0.2, 0.5]]))
+        uniform = kernels.force(1e-3 * x @ (np.diag([1.0, 0.5]) if kernels.about_axis else SHEARED))
         if np.abs(uniform[4]).max() > CLOSE * np.abs(uniform).max():
             raise CheckFailed("a uniform strain gives a force on a node inside: it fails the patch test")
+        small = 1e-3 * np.stack([-x[:, 1], x[:, 0]], axis=1)
+        if kernels.about_axis:
+            continue
+        if np.abs(kernels.force(small if element.linear else x @ TURN.T - x)).max() > CLOSE * np.abs(force).max():
+            raise CheckFailed("a rotation of the body gives a force")
 
 
 @check("elements")
@@ -114,6 +119,8 @@ def check_finite_rotation(subject: Subject) -> None:
     """
     for kernels in _solids(subject):
         element, x = kernels.element, kernels.body.mesh.nodes
+        if kernels.about_axis:
+            raise NotApplicable("a body of revolution does not turn")
         finite = BodyKernels(element, FiniteStrain(), patch(element.cell))
         size = float(np.abs(finite.checked_force()).max())
         for strained in (0.0 * x, finite.motion):
@@ -132,7 +139,8 @@ def check_solid_masses(subject: Subject) -> None:
     """
     for kernels in _solids(subject):
         element, body, density = kernels.element, kernels.body, kernels.material.rho
-        total = density * body.section * float(_areas(body.mesh.nodes[cells_of(body.mesh)]).sum())
+        corners = body.mesh.nodes[cells_of(body.mesh)]
+        total = density * (_rings(corners) if kernels.about_axis else body.section * float(_areas(corners).sum()))
         nodal = lumping_of(element, body).at_nodes(element_masses(element, body, density))
         if not (nodal > 0).all() or abs(nodal.sum() - total) > CLOSE * total:
             raise CheckFailed(f"the nodes have the masses {nodal} of a body of {total:.6g}")
@@ -149,6 +157,13 @@ def _areas(corners: Floats) -> Floats:
     following = np.roll(corners, -1, axis=1)
     twice: Floats = (corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]).sum(axis=1)
     return 0.5 * twice
+
+
+def _rings(corners: Floats) -> float:
+    """Return the volume that polygons sweep as they turn about the axis x = 0."""
+    following = np.roll(corners, -1, axis=1)
+    twice = corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]
+    return float(2.0 * np.pi * ((corners[..., 0] + following[..., 0]) * twice).sum() / 6.0)
 
 
 # -------------------------------------------------------------------------------------------------- materials
