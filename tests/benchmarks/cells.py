@@ -1,0 +1,284 @@
+"""Speed of bodies in two dimensions against plain serial kernels, as ratios measured in one run.
+
+    python tests/benchmarks/cells.py [--rounds N] [--most N]
+
+A free block of squares or of triangles with a linear material is marched by percuss and by a loop compiled with numba
+that has slopes and weights stored, and for each cell gathers, computes and adds up forces, in the order of the cells;
+it knows element and material, records nothing and knows neither contact nor load. Both take turns on one core. A round
+gives the ratio of the two CPU times; median, least and most of all rounds are printed, and the exponent p with which
+the time of a step grows, as n^p. Each size has a process of its own; its peak memory is what building the model and the
+march have added, for each element.
+
+Last, the share of contact: two blocks of 220 x 220 squares that meet face to face are marched with their contact and
+without, in turns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+
+import percuss
+from percuss.blas import one_blas_thread
+from percuss.certificate import verdict
+from percuss.march.march import March
+from percuss.march.recording import recordable
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from scale import peak_memory
+
+SIZES = {100: 20_000, 10**4: 400, 10**6: 40}  # elements of a block: steps of a round
+SAME = 1e-9  # of the largest displacement
+SIDE = 220  # squares along a side of each of the two blocks that meet
+
+
+# -------------------------------------------------------------------------------------------------- plain kernels
+
+
+@numba.njit
+def plain_quad4(
+    cells: Any, slopes: Any, weights: Any, first: float, second: float, inverse: Any, u: Any, v: Any, f: Any,
+    dt: float, steps: int,
+) -> None:  # fmt: skip
+    """March quadrilaterals with Lame's constants `first` and `second`."""
+    for _ in range(steps):
+        f[:] = 0.0
+        for e in range(cells.shape[0]):
+            a, b, c, d = cells[e, 0], cells[e, 1], cells[e, 2], cells[e, 3]
+            ax, ay, bx, by = u[a, 0], u[a, 1], u[b, 0], u[b, 1]
+            cx, cy, dx, dy = u[c, 0], u[c, 1], u[d, 0], u[d, 1]
+            fax = fay = fbx = fby = fcx = fcy = fdx = fdy = 0.0
+            for q in range(4):
+                s = slopes[e, q]
+                xx = ax * s[0, 0] + bx * s[1, 0] + cx * s[2, 0] + dx * s[3, 0]
+                yy = ay * s[0, 1] + by * s[1, 1] + cy * s[2, 1] + dy * s[3, 1]
+                xy = ax * s[0, 1] + bx * s[1, 1] + cx * s[2, 1] + dx * s[3, 1]
+                xy += ay * s[0, 0] + by * s[1, 0] + cy * s[2, 0] + dy * s[3, 0]
+                weight, mean = weights[e, q], first * (xx + yy)
+                pxx, pyy = weight * (mean + 2.0 * second * xx), weight * (mean + 2.0 * second * yy)
+                pxy = weight * second * xy
+                fax -= pxx * s[0, 0] + pxy * s[0, 1]
+                fay -= pxy * s[0, 0] + pyy * s[0, 1]
+                fbx -= pxx * s[1, 0] + pxy * s[1, 1]
+                fby -= pxy * s[1, 0] + pyy * s[1, 1]
+                fcx -= pxx * s[2, 0] + pxy * s[2, 1]
+                fcy -= pxy * s[2, 0] + pyy * s[2, 1]
+                fdx -= pxx * s[3, 0] + pxy * s[3, 1]
+                fdy -= pxy * s[3, 0] + pyy * s[3, 1]
+            f[a, 0] += fax
+            f[a, 1] += fay
+            f[b, 0] += fbx
+            f[b, 1] += fby
+            f[c, 0] += fcx
+            f[c, 1] += fcy
+            f[d, 0] += fdx
+            f[d, 1] += fdy
+        for i in range(u.shape[0]):
+            for k in range(2):
+                v[i, k] += dt * inverse[i] * f[i, k]
+                u[i, k] += dt * v[i, k]
+
+
+@numba.njit
+def plain_tri3(
+    cells: Any, slopes: Any, weights: Any, first: float, second: float, inverse: Any, u: Any, v: Any, f: Any,
+    dt: float, steps: int,
+) -> None:  # fmt: skip
+    """March triangles with Lame's constants `first` and `second`."""
+    for _ in range(steps):
+        f[:] = 0.0
+        for e in range(cells.shape[0]):
+            a, b, c, s = cells[e, 0], cells[e, 1], cells[e, 2], slopes[e, 0]
+            xx = u[a, 0] * s[0, 0] + u[b, 0] * s[1, 0] + u[c, 0] * s[2, 0]
+            yy = u[a, 1] * s[0, 1] + u[b, 1] * s[1, 1] + u[c, 1] * s[2, 1]
+            xy = u[a, 0] * s[0, 1] + u[b, 0] * s[1, 1] + u[c, 0] * s[2, 1]
+            xy += u[a, 1] * s[0, 0] + u[b, 1] * s[1, 0] + u[c, 1] * s[2, 0]
+            weight, mean = weights[e, 0], first * (xx + yy)
+            pxx, pyy = weight * (mean + 2.0 * second * xx), weight * (mean + 2.0 * second * yy)
+            pxy = weight * second * xy
+            f[a, 0] -= pxx * s[0, 0] + pxy * s[0, 1]
+            f[a, 1] -= pxy * s[0, 0] + pyy * s[0, 1]
+            f[b, 0] -= pxx * s[1, 0] + pxy * s[1, 1]
+            f[b, 1] -= pxy * s[1, 0] + pyy * s[1, 1]
+            f[c, 0] -= pxx * s[2, 0] + pxy * s[2, 1]
+            f[c, 1] -= pxy * s[2, 0] + pyy * s[2, 1]
+        for i in range(u.shape[0]):
+            for k in range(2):
+                v[i, k] += dt * inverse[i] * f[i, k]
+                u[i, k] += dt * v[i, k]
+
+
+PLAIN = {"quad4": plain_quad4, "tri3": plain_tri3}
+
+
+# ---------------------------------------------------------------------------------------------------------- cases
+
+
+def block(across: int, up: int, cells: str, at: float, velocity: Sequence[float]) -> dict[str, Any]:
+    """Return a block of squares, or of triangles, two in each square."""
+    return {
+        "block": {"size": [1.0, up / across], "elements": [across, up], "cells": cells},
+        "at": [at, 0.0],
+        "material": {"young": 1.0, "density": 1.0, "poisson": 0.3},
+        "velocity": list(velocity),
+    }
+
+
+def case_of(bodies: dict[str, Any], contacts: dict[str, Any], steps: int) -> percuss.Case:
+    """Return a case that records its first and its last step."""
+    return percuss.load({
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": contacts,
+        "method": {"integrator": "central-difference"},
+        "time": {"courant": 0.5, "steps": steps},
+        "record": {"every": steps, "probes": []},
+    })  # fmt: skip
+
+
+def free_block(elements: int, cells: str, steps: int) -> percuss.Case:
+    """Return the case of a block that turns, is stretched by this, and touches nothing."""
+    side = math.isqrt(elements)
+    body = block(side, side if cells == "quad4" else side // 2, cells, 0.0, (0.1, -0.1))
+    return case_of({"block": {**body, "spin": 0.1}}, {}, steps)
+
+
+def two_blocks(steps: int, *, in_contact: bool) -> percuss.Case:
+    """Return the case of two blocks that meet face to face, with their contact or without."""
+    bodies = {
+        "left": block(SIDE, SIDE, "quad4", 0.0, (0.1, 0.0)),
+        "right": block(SIDE, SIDE, "quad4", 1.0, (-0.1, 0.0)),
+    }
+    return case_of(bodies, {"seam": {"between": ["left.right", "right.left"]}} if in_contact else {}, steps)
+
+
+# ----------------------------------------------------------------------------------------------------- contestants
+
+
+def march_of(model: Any) -> Callable[[], tuple[float, Any]]:
+    """Return a march of percuss, whose calls return its time [s] and its outcome."""
+
+    def march() -> tuple[float, Any]:
+        made = March(recordable(model))
+        made.compile()
+        began = time.process_time()
+        outcome = made.run(None, marginal=False)
+        seconds = time.process_time() - began
+        if outcome.status != "done" or not outcome.kernels.compiled:
+            raise SystemExit(f"the run is {outcome.status}, compiled: {outcome.kernels.compiled}")
+        return seconds, outcome
+
+    return march
+
+
+def plain_march(model: Any, cells: str, steps: int) -> Callable[[], tuple[float, Any]]:
+    """Return a march of the plain kernels, whose calls return its time [s] and the displacements."""
+    body = model.bodies["block"]
+    geometry = body.spec.element.geometry(body.view)
+    slopes = np.ascontiguousarray(geometry[..., :-1]).reshape(*geometry.shape[:2], -1, 2)
+    weights = np.ascontiguousarray(geometry[..., -1])
+    numbers = np.ascontiguousarray(next(iter(body.mesh.cells.values())))
+    constants, inverse = body.spec.material.solid_parameters("strain"), 1.0 / body.mass
+
+    def march(count: int = steps) -> tuple[float, Any]:
+        u, f, v = np.zeros((body.mass.size, 2)), np.zeros((body.mass.size, 2)), body.nodal_velocity.copy()
+        began = time.process_time()
+        PLAIN[cells](numbers, slopes, weights, *constants, inverse, u, v, f, model.dt, count)
+        return time.process_time() - began, u
+
+    march(0)  # compiles
+    return march
+
+
+@one_blas_thread()
+def measured(cells: str, elements: int, rounds: int) -> dict[str, Any]:
+    """Return elements, times of each round for an element and step [s], and bytes for each element."""
+    steps = SIZES[elements]
+    march_of(settled(free_block(100, cells, 1)))()  # what is imported and compiled is not memory of a size
+    before = peak_memory()
+    model = settled(free_block(elements, cells, steps))
+    ours = march_of(model)
+    count = model.bodies["block"].count
+    displacement = ours()[1].final_displacement
+    memory = (peak_memory() - before) / count
+    plain = plain_march(model, cells, steps)
+    expected = plain()[1].ravel()
+    if not np.abs(displacement - expected).max() <= SAME * np.abs(expected).max():
+        raise SystemExit("percuss and the plain kernels do not march alike")
+    times = [(plain()[0] / steps / count, ours()[0] / steps / count) for _ in range(rounds)]
+    return {"elements": count, "times": times, "bytes": memory}
+
+
+def settled(case: percuss.Case) -> Any:
+    """Return the model of a case."""
+    return verdict.settled(case)[0]
+
+
+def in_child(cells: str, elements: int, rounds: int) -> dict[str, Any]:
+    """Return what `measured` finds in a process of its own."""
+    command = [sys.executable, __file__, "--one", cells, str(elements), str(rounds)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+@one_blas_thread()
+def share_of_contact(rounds: int, steps: int = 40) -> list[float]:
+    """Return the share of the contact in a step of two blocks, of each round."""
+    marches = [march_of(settled(two_blocks(steps, in_contact=in_contact))) for in_contact in (True, False)]
+    for march in marches:
+        march()
+    shares = []
+    for _ in range(rounds):
+        (with_contact, _), (without, _) = (march() for march in marches)
+        shares.append(1.0 - without / with_contact)
+    return shares
+
+
+def spread(values: Sequence[float]) -> str:
+    """Return median, least and most."""
+    return f"{statistics.median(values):.2f} ({min(values):.2f} to {max(values):.2f})"
+
+
+def main() -> None:
+    """Print a table of ratios, and the share of contact."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=10)
+    parser.add_argument("--most", type=int, default=10**6, help="largest size")
+    parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.one:
+        cells, elements, rounds = given.one
+        print(json.dumps(measured(cells, int(elements), int(rounds))))
+        return
+    print(f"{'cells':>6}{'elements':>10}{'plain [ns]':>12}{'percuss [ns]':>14}{'bytes each':>12}  ratio")
+    for cells in PLAIN:
+        sizes, steps = [], []
+        for size in SIZES:
+            if size > given.most:
+                continue
+            found = in_child(cells, size, given.rounds)
+            plain, ours = (statistics.median(column) * 1e9 for column in zip(*found["times"], strict=True))
+            ratios = [one / other for other, one in found["times"]]
+            row = f"{cells:>6}{found['elements']:10d}{plain:12.1f}{ours:14.1f}{found['bytes']:12.0f}  {spread(ratios)}"
+            print(row, flush=True)
+            sizes.append(found["elements"])
+            steps.append(ours * found["elements"])
+        exponent = np.polyfit(np.log(sizes), np.log(steps), 1)[0] if sizes[1:] else math.nan
+        print(f"{cells:>6}: a step grows as n^{exponent:.2f}")
+    print(f"share of the contact of two blocks of {SIDE} x {SIDE} squares: {spread(share_of_contact(given.rounds))}")
+
+
+if __name__ == "__main__":
+    main()
