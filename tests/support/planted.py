@@ -35,6 +35,7 @@ from percuss import (
     Stages,
     Surface,
     Unit,
+    Wall,
     accelerations,
     coupled_rate,
     end_of_step,
@@ -1721,6 +1722,12 @@ def leans_to_one_side(first, second):
     np.add.at(weight, first.facets, first.areas[:, None] * [0.3, 0.7])
     covered = np.isin(first.nodes, found.node)
     return found._replace(weight=weight[covered] if covered.sum() == found.gap.size else found.weight)
+
+
+@pairing("meets-from-afar", "pairing", "surfaces that do not face each other")
+def meets_from_afar(first, second):
+    found = nodes_of(first, second)
+    return found if found.gap.size else nodes_of(first, Wall(second.positions[0], second.normals[0]))
 
 
 @pairing("beyond-the-end", "pairing", "of a surface covered by 0.48")

@@ -280,8 +280,9 @@ def check_pairing(subject: Subject) -> None:
     """Points move with their surfaces.
 
     The areas of the points are positive and add up to that of the surface that has partners, whichever of two is the
-    first. Rows are the slopes of the gaps: bodies that move or turn as one leave the gaps, and moved apart they open by
-    the distance. The answer turns with the surfaces, and is the same in a mirror.
+    first; surfaces that do not face each other have no points. Rows are the slopes of the gaps: bodies that move or
+    turn as one leave the gaps, and moved apart they open by the distance. The answer turns with the surfaces, and is
+    the same in a mirror.
     """
     for _, pairing in subject.made():
         seen = []
@@ -294,6 +295,9 @@ def check_pairing(subject: Subject) -> None:
             _check_points(pairing, second, first, -out)
             _check_points(pairing, first, Wall(first.positions[0] + 0.1 * out, -out), out)
             _check_slopes(pairing, *_surfaces(0.1, turn, wide=1.25))
+            far = _surface(second.positions + 9.0 * turn[:, 1], second.facets, second.nodes[0])
+            if _points(pairing, first, far).gap.size:
+                raise CheckFailed("surfaces that do not face each other have points")
             tilted = _surfaces(0.1, turn, wide=0.6, tilt=0.1)
             found = _points(pairing, *tilted)
             if not (found.weight > 0).all() or abs(found.weight.sum() - 0.6 * WIDTH) > tilted[0].areas.max():
