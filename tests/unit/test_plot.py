@@ -15,7 +15,8 @@ from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
 from percuss.case.quantities import TRUE_ERRORS, percent
 from percuss.errors import InputError, PercussError, RunError
-from percuss.reporting import animation, comparison_figure, deformed, figures, report, run_figure
+from percuss.march.model import Model
+from percuss.reporting import animation, case_figure, comparison_figure, deformed, figures, report, run_figure
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run
 
@@ -751,3 +752,46 @@ def test_without_the_stress_across_the_largest_shear_is_drawn(of_blocks):
 def test_an_animation_of_blocks_is_refused(of_blocks, tmp_path):
     with pytest.raises(InputError, match="drawn by --plot"):
         animation.animate(of_blocks, tmp_path / "a.gif")
+
+
+def test_a_case_is_drawn_with_its_regions_contacts_supports_and_loads():
+    from matplotlib.collections import LineCollection
+    from matplotlib.quiver import Quiver
+
+    bodies = {
+        **BLOCKS["bodies"],
+        "lower": {**BLOCKS["bodies"]["lower"], "fixed": ["bottom", {"on": "left", "along": "x"}]},
+    }
+    push = {"constant": {"value": 0.1}, "on": "upper.top", "as": "pressure"}
+    model = Model(load({**BLOCKS, "bodies": bodies, "loads": {"push": push}}))
+    figure = case_figure.case_figure(model)
+    (axes,) = figure.axes
+    thick = [lines for lines in axes.collections if isinstance(lines, LineCollection) and lines.get_linewidth()[0] > 2]
+    assert [len(lines.get_segments()) for lines in thick] == [5, 10]
+    assert {round(y, 9) for _, y in np.concatenate(thick[0].get_segments())} == {0.62}
+    arrows = [drawn for drawn in axes.collections if isinstance(drawn, Quiver)]
+    assert [(drawn.V > 0).all() for drawn in arrows] == [False, True, False]
+    assert np.allclose(arrows[1].V, arrows[1].V[0])
+    assert len(arrows[2].V) == 6
+    marks = {line.get_marker(): line.get_xydata() for line in axes.lines if len(line.get_xydata())}
+    assert np.allclose(marks["^"], [[x, 0.0] for x in np.linspace(0, 2, 11)])
+    assert np.allclose(sorted(marks["o"][:, 1]), [0.2, 0.4, 0.6])
+    said = words(figure)
+    for text in (
+        "upper",
+        "lower",
+        "bottom",
+        "left",
+        "contact seam, with normals",
+        "held along x",
+        "load push",
+        "x [m]",
+    ):
+        assert text in said
+
+
+def test_a_wall_of_a_case_is_drawn_and_bars_are_refused():
+    (axes,) = case_figure.case_figure(Model(load(FALLING))).axes
+    assert any(np.allclose(line[:, 1], 0.6) for line in drawn(axes) if len(line))
+    with pytest.raises(InputError, match="expected bodies in two dimensions to draw"):
+        case_figure.case_figure(Model(load(TWO_BARS)))

@@ -89,6 +89,16 @@ def _place_of(found: PairedPoints, point: int, first: Surface) -> Floats:
     return place
 
 
+def walls_of(case: Case, bodies: Mapping[str, Body]) -> dict[str, Wall]:
+    """Return the walls that bodies which are no lines meet, by their contacts."""
+    sides = ((name, spec, spec.sides[0]) for name, spec in case.contacts.items() if spec.wall is not None)
+    return {
+        name: wall_of(spec, bodies[side.body].surface(side.region).surface)
+        for name, spec, side in sides
+        if bodies[side.body].mesh.line is None
+    }
+
+
 def wall_of(spec: ContactSpec, surface: Surface) -> Wall:
     """Return the plane wall that a surface meets: at a number along x, or through a point and across the surface."""
     if isinstance(spec.wall, Plane):

@@ -99,7 +99,7 @@ def deformed(figure: Figure, place: SubplotSpec, result: Result) -> None:
     panels = [figure.add_subplot(grid[divmod(k, columns)]) for k in range(len(chosen))]
     for axes, (snapshot, why) in zip(panels, chosen.items(), strict=True):
         drawn = _bodies(axes, fields["cell_nodes"], nodes[snapshot], stress[snapshot], limit)
-        _walls(axes, walls, low, high)
+        draw_walls(axes, walls, low, high)
         if pressure > 0.0:
             _arrows(axes, fields, snapshot, float(pressure), arrow)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
@@ -153,7 +153,7 @@ def _bodies(axes: Axes, cells: Integers, nodes: Floats, stress: Floats, limit: f
     return drawn
 
 
-def _walls(axes: Axes, walls: Data, low: Floats, high: Floats) -> None:
+def draw_walls(axes: Axes, walls: Data, low: Floats, high: Floats) -> None:
     """Draw each wall as a line with hatches on its far side."""
     size = float(np.linalg.norm(high - low))
     for point, normal in walls.values():

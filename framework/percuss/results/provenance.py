@@ -18,7 +18,7 @@ from typing import Any
 
 from percuss.case.case import Case, load
 from percuss.case.source import Source
-from percuss.contact.paired_surfaces import wall_of
+from percuss.contact.paired_surfaces import walls_of
 from percuss.errors import InputError, PluginError, Problem, refuse_if_any, wrong_input
 from percuss.jsonable import Data, Entries, as_lists, plain
 from percuss.march.model import Model
@@ -167,10 +167,7 @@ def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: 
             for name, spec in model.case.contacts.items()
         },
         "walls": {
-            name: [wall.point.tolist(), wall.normal.tolist()]
-            for name, spec in model.case.contacts.items()
-            if spec.wall is not None and not model.bodies.of_lines
-            for wall in [wall_of(spec, model.bodies[spec.sides[0].body].surface(spec.sides[0].region).surface)]
+            name: [wall.point.tolist(), wall.normal.tolist()] for name, wall in walls_of(case, model.bodies).items()
         },
     }
     found["expected_forces"] = [{name: getattr(expected, name) for name in names} for expected in forces]
