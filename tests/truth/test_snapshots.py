@@ -42,6 +42,17 @@ def test_stress_of_a_gradient_is_that_of_hookes_law(cells, plane):
     assert (abs(found[0, 2, 2]) > 1e-4) == (plane == "strain")
 
 
+@pytest.mark.parametrize("cells", ["quad4", "tri3"])
+def test_stress_of_a_body_of_revolution_is_that_of_hookes_law(cells):
+    """All points move away from the axis by 0.7 beside the gradient, which alone widens rings by as much as cells."""
+    strain, off_axis = np.array([2e-3, -7e-4, 2e-3]), {"plane": "axisymmetric", "cells": cells, "at": [2.0, 0.0]}
+    moved = stress_of(np.zeros((2, 2)), **off_axis)
+    found = stress_of(np.diag(strain[:2]), **off_axis) - moved
+    expected = YOUNG / (1.0 + NU) * (strain + NU / (1.0 - 2.0 * NU) * strain.sum())
+    assert np.abs(found - np.diag(expected)).max() < 1e-8 * np.abs(expected).max()
+    assert moved[:, 2, 2].min() > YOUNG * 0.7 / 3.0
+
+
 def test_a_turn_under_large_strains_turns_cauchys_stress(tmp_path):
     """The material is that of the page: it does not say the stress across the body."""
     page = (Path(__file__).parents[2] / "plugins" / "SOLID.md").read_text(encoding="utf-8")

@@ -72,13 +72,16 @@ def _linear_field(body: Body, probe: ElementProbe, elements: Integers, displacem
     """Return the stress field of a linear body that is no bar; one cell of each kind is asked."""
     times, count, nodes, dim = displacement.shape
     field, size = np.empty((times, count, 3, 3)), PROBING_STRAIN * body.shortest
+    # A translation has no stress at all: motion counts from the first node, unless a body of revolution is widened.
+    first = dim if body.spec.element.dimension == dim else 0
     kind = cell_stiffness(body.spec.element, body.spec.material, body.view).kind[elements]
     alike = np.split(np.argsort(kind, kind="stable"), np.cumsum(np.bincount(kind))[:-1])
     for columns in filter(len, alike):
         number = int(elements[columns[0]])
-        stresses = [probe.stress(number, unit) / size for unit in size * np.eye(nodes * dim)[dim:]]
-        relative = displacement[:, columns, 1:] - displacement[:, columns, :1]  # a translation has no stress at all
-        field[:, columns] = np.tensordot(relative.reshape(times, len(columns), -1), np.array(stresses), 1)
+        stresses = [probe.stress(number, unit) / size for unit in size * np.eye(nodes * dim)[first:]]
+        moved = displacement[:, columns] - (displacement[:, columns, :1] if first else 0.0)
+        of_nodes = moved.reshape(times, len(columns), -1)[..., first:]
+        field[:, columns] = np.tensordot(of_nodes, np.array(stresses), 1)
     return field
 
 
