@@ -13,8 +13,9 @@ from percuss.contact.points import NEVER
 from percuss.contact.state_variables import StateVariables
 from percuss.march.features import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
+from percuss.mesh import cell_kernels
 from percuss.mesh.block import Block
-from percuss.mesh.cells import cell_arrays, element_slots, has_cells, parameters_of, slots_of_material
+from percuss.mesh.cells import cell_arrays, element_slots, has_cells, is_solid, parameters_of, slots_of_material
 from percuss.methods.plugin_calls import answer, read_only
 from percuss.step import bulk, uniform_rows
 from percuss.step.actions import BULK, INTERNAL_FORCES, INTERNAL_FORCES_ASIDE, KINETIC_ENERGY, STRAIN_ENERGY, Action
@@ -207,6 +208,9 @@ class Arrays:
                 bulk.advance_body: bulk.advance_cells if cells else bulk.advance_row,
                 bulk.energy_of_body: bulk.energy_of_cell_body if cells else bulk.energy_of_row,
             }
+            # About an axis the forces of a cell have a resultant, and a motion off the axis stores energy.
+            if is_solid(element) and element.linear and material.linear and not model.bodies.about_axis:
+                filled = {**filled, cell_kernels.energy_of_cells: cell_kernels.energy_of_linear_cells}
             name = f"element {element.name} with material {material.name}"
             if model.multistage:
                 forces = bulk.set_forces_of_cells if cells else bulk.set_forces
