@@ -44,7 +44,7 @@ ActsAs = Literal["force", "acceleration", "velocity", "pressure", "traction"]
 # Value of a field that follows from the rest of the case, until the whole case is checked.
 UNSET: Any = None
 
-_ORIGIN = r"^(exact|paper|frozen on [0-9]{4}-[0-9]{2}-[0-9]{2})$"
+_ORIGIN = r"^(exact|converged|paper|frozen on [0-9]{4}-[0-9]{2}-[0-9]{2})$"
 _PERCENT = r"^([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)? ?%$"
 
 
@@ -70,7 +70,7 @@ class Address:
 
 
 def _valid_date(origin: str) -> str:
-    if origin not in ("exact", "paper"):
+    if not origin.isalpha():
         dt.date.fromisoformat(origin.removeprefix("frozen on "))
     return origin
 
@@ -454,8 +454,8 @@ class Expectation(Section):
         str,
         Field(pattern=_ORIGIN),
         AfterValidator(_valid_date),
-        Expects("'exact', 'paper' or 'frozen on YYYY-MM-DD'"),
-        Doc("where the value is from: exact, paper or frozen on YYYY-MM-DD"),
+        Expects("'exact', 'converged', 'paper' or 'frozen on YYYY-MM-DD'"),
+        Doc("where the value is from: exact, converged, paper or frozen on YYYY-MM-DD"),
     ]
     contact: Annotated[str, Doc("which contact")] | None = None
     probe: Annotated[AnAddress, Doc("which end")] | None = None
