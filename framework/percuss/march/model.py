@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.case.options import options_of
 from percuss.contact.binding import Binding
 from percuss.contact.bound_law import BoundLaw
 from percuss.contact.contact_points import contact_points_of
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.contact.features import Feature
     from percuss.methods.interfaces import ContactProblem
+
+
+# Units of the options of contact laws that are per area of contact, where contact points have areas.
+PER_AREA = {"force", "force/length", "mass"}
 
 
 class Stretch(NamedTuple):
@@ -292,14 +297,19 @@ class Model(ModelArrays):
         return list(dict.fromkeys(sentences))
 
     def parameters(self) -> dict[str, dict[str, float]]:
-        """Return, for each contact, the name of its law and its resolved parameters."""
+        """Return, for each contact, the name of its law and its resolved parameters, those of its first point.
+
+        Where an option of a law is per area, as in a case with bodies that are no bars, so is its parameter.
+        """
         parameters: dict[str, dict[str, Any]] = {
             contact_point.name: {"law": contact_point.law.name} for contact_point in self.contact_points
         }
         for bound_law in self.laws:
             for where, resolved in bound_law.resolved:
+                options = options_of(type(bound_law.law))
                 for name, value in resolved.items():
-                    numbers = np.broadcast_to(value, (len(where),))
-                    for point, number in zip(where, numbers, strict=True):
-                        parameters[self.contact_points[point].name][name] = float(number)
+                    per_area = name in options and options[name].unit in PER_AREA
+                    for point, number in zip(where, np.broadcast_to(value, (len(where),)), strict=True):
+                        area = self.contact_points[point].weight if per_area else 1.0
+                        parameters[self.contact_points[point].name].setdefault(name, float(number) / area)
         return parameters
