@@ -123,7 +123,8 @@ def _cauchy_stress(element: Any, material: Any, mesh: BodyMesh) -> Callable[[Any
             return stress
         stretch = np.eye(3)
         stretch[:dim, :dim] += np.reshape(gradient, (dim, dim))
-        return stress @ stretch.T / np.linalg.det(stretch)
+        deformed: Floats = stress @ stretch.T / np.linalg.det(stretch)
+        return deformed
 
     return cauchy
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -73,7 +73,8 @@ def _linear_field(body: Body, probe: ElementProbe, elements: Integers, displacem
     times, count, nodes, dim = displacement.shape
     field, size = np.empty((times, count, 3, 3)), PROBING_STRAIN * body.shortest
     # A translation has no stress at all: motion counts from the first node, unless a body of revolution is widened.
-    first = dim if body.spec.element.dimension == dim else 0
+    element: Any = body.spec.element
+    first = dim if element.dimension == dim else 0
     kind = cell_stiffness(body.spec.element, body.spec.material, body.view).kind[elements]
     alike = np.split(np.argsort(kind, kind="stable"), np.cumsum(np.bincount(kind))[:-1])
     for columns in filter(len, alike):

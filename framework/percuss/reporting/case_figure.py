@@ -75,7 +75,8 @@ def _mesh(axes: Axes, body: Body) -> None:
 def _names(axes: Axes, body: Body, inward: float) -> None:
     """Write the name of a body into it, and those of its regions inside of their middles."""
     style: Any = {"ha": "center", "va": "center", "bbox": {**PAPER, "alpha": 0.7, "pad": 1.0}, "zorder": 5}
-    axes.text(*body.mesh.nodes.mean(axis=0), one_line(body.name), size=11, weight="bold", color=INK, **style)
+    x, y = body.mesh.nodes.mean(axis=0)
+    axes.text(x, y, one_line(body.name), size=11, weight="bold", color=INK, **style)
     for region in body.mesh.regions:
         surface = body.surface(region).surface
         out = surface.areas @ surface.normals
@@ -85,7 +86,8 @@ def _names(axes: Axes, body: Body, inward: float) -> None:
             facet = int(np.argmax(surface.normals[:, 1]))
             place, out = surface.positions[surface.facets[facet]].mean(axis=0), surface.normals[facet]
         turned = 90 if abs(out[0]) > 0.7 else 0
-        axes.text(*(place - 1.6 * inward * out), region, size=8.5, color=SOFT, rotation=turned, **style)
+        x, y = place - 1.6 * inward * out
+        axes.text(x, y, region, size=8.5, color=SOFT, rotation=turned, **style)
 
 
 def _contact(axes: Axes, model: Model, name: str, colour: str, length: float) -> Entries:

@@ -107,7 +107,8 @@ def deformed(figure: Figure, place: SubplotSpec, result: Result) -> None:
         axes.tick_params(labelsize=8, colors=SOFT)
         axes.label_outer()
         time = with_unit(f"time {number(float(fields['time'][snapshot]))}", "time", result.units)
-        axes.set_title("  ·  ".join(filter(None, [time, why])), loc="left", size=9.5)
+        between = "  ·  " if columns < 3 else "\n"  # a narrow picture has a narrow title
+        axes.set_title(between.join(filter(None, [time, why])), loc="left", size=9.5)
     _names(panels[-1], fields, list(nodes.values())[-1])
     extend = "max" if largest > 1.001 * limit else "neither"
     bar = figure.colorbar(drawn, ax=panels, location="bottom", aspect=45, pad=0.02, extend=extend)
@@ -186,5 +187,5 @@ def _names(axes: Axes, fields: Data, nodes: Floats) -> None:
     """Write the names of the bodies into a picture, the last, where arrows are fewest."""
     owner = np.array(fields["node_body"], dtype=object)
     for name in dict.fromkeys(owner) if len(set(owner)) > 1 else ():
-        middle = nodes[owner == name].mean(axis=0)
-        axes.text(*middle, one_line(name), ha="center", va="center", size=9, bbox={**PAPER, "alpha": 0.7})
+        x, y = nodes[owner == name].mean(axis=0)
+        axes.text(x, y, one_line(name), ha="center", va="center", size=9, bbox={**PAPER, "alpha": 0.7})

@@ -121,14 +121,14 @@ def fields_dataset(field_arrays: Data, source: Source, units: Mapping[str, str])
     for name, values in field_arrays.items():
         array = np.array(values, dtype=object) if isinstance(values, list) else np.asarray(values)
         if name in _FIELD_COORDINATES:
-            axes, words, unit = _FIELD_COORDINATES[name]
+            of, words, unit = _FIELD_COORDINATES[name]
             attributes = {"long_name": words, **({"units": unit_name(unit, units) or unit} if unit else {})}
-            coordinates[name] = (axes, array, attributes)
+            coordinates[name] = (of, array, attributes)
         else:
             axes = _FIELD_AXES[QUANTITIES[name].of][: array.ndim]
             variables[name] = (axes, array, described[name])
             if _STRESSES in axes:
-                coordinates[_STRESSES] = (_STRESSES, np.array(["xx", "yy", "xy"], dtype=object), {})
+                coordinates[_STRESSES] = ((_STRESSES,), np.array(["xx", "yy", "xy"], dtype=object), {})
     return xr.Dataset(variables, coords=coordinates)
 
 

@@ -46,9 +46,11 @@ class SurfacesRecorded(Part[Surfaces]):
         number = np.array(setting.order, dtype=np.int64)
         weight = np.array([model.contact_points[point].weight for point in setting.order], dtype=float)
         snapshots, dofs = record.field.shape
-        arrays = (np.full(shape, np.nan) for shape in (record.gap.shape, (snapshots, weight.size), (snapshots, dofs)))
+        shapes = record.gap.shape, (snapshots, weight.size), (snapshots, dofs)
+        areas, pressures, velocities = (np.full(shape, np.nan) for shape in shapes)
+        lags = int(not model.multistage)
         return cls(
-            Surfaces(step.points, number, weight, *arrays, record.field_every, int(not model.multistage), step.now)
+            Surfaces(step.points, number, weight, areas, pressures, velocities, record.field_every, lags, step.now)
         )
 
     def actions(self) -> Iterator[Action]:
