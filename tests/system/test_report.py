@@ -808,7 +808,7 @@ def test_a_click_on_a_row_or_a_point_shows_its_force(browser, pages):
         page.click("#unpick")
         assert page.locator("#force-legend .entry").count() == 0
         page.locator("#table .tabulator-row").nth(0).click()
-        assert page.locator("#force-legend .entry").count() == 2
+        page.wait_for_function("() => document.querySelectorAll('#force-legend .entry').length === 2")
         assert "exact" in page.inner_text("#force-legend .entry >> nth=0")
         assert page.locator("#table .tabulator-row.picked").count() == 1
         place = page.evaluate(

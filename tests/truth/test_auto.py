@@ -18,7 +18,11 @@ from strategies import hunek, run
 pytestmark = pytest.mark.slow
 
 # what is promised of one impact does not hold of fifty, in which small losses and delays add up
-CASES = sorted(path for path in places.CASES.glob("*.yaml") if path.stem != "fifty-impacts")
+CASES = sorted(  # of bars: what is promised of solids is the step alone
+    path
+    for path in places.CASES.glob("*.yaml")
+    if path.stem != "fifty-impacts" and "bar: " in path.read_text(encoding="utf-8")
+)
 WU, CD = "wu-predictor-corrector", "central-difference"
 PAIRS = list(itertools.product([CD, WU], ["penalty", "bipenalty"]))
 # penetration over the compression of an end element under the peak force, error of the force in L1, peak too high,
