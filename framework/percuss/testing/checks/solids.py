@@ -302,7 +302,7 @@ def check_pairing(subject: Subject) -> None:
             found = _points(pairing, *tilted)
             if not (found.weight > 0).all() or abs(found.weight.sum() - 0.6 * WIDTH) > tilted[0].areas.max():
                 raise CheckFailed(f"of a surface covered by {0.6 * WIDTH:g} the areas of the points are {found.weight}")
-            forces = np.einsum("p,pnd->nd", found.weight * found.gap, _rows(found, *tilted))
+            forces = np.einsum("p,pij->ij", found.weight * found.gap, _rows(found, *tilted))
             seen.append(forces @ turn)
         if np.ptp(seen, axis=0).max() > CLOSE:
             raise CheckFailed("surfaces that are turned or seen in a mirror have other points")
@@ -351,7 +351,7 @@ def check_patch_test(subject: Subject) -> None:
     for _, pairing in subject.made():
         for first, second in (_surfaces(0.0), _surfaces(0.0)[::-1]):
             found = _points(pairing, first, second)
-            forces = np.einsum("p,pnd->nd", found.weight, _rows(found, first, second))
+            forces = np.einsum("p,pij->ij", found.weight, _rows(found, first, second))
             for surface in (first, second):
                 area = np.bincount(surface.facets.ravel(), np.repeat(0.5 * surface.areas, 2))
                 expected = -area[:, None] * surface.normals[0]
