@@ -124,3 +124,55 @@ def test_mortar_sees_the_near_side_of_a_closed_body_alone():
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     found = Mortar().points(surface(circle - np.array([1.0, 0.0])), surface(circle + np.array([1.0, 0.0]), 41))
     assert found.gap.min() > -0.02
+
+
+PAIRING = """
+from dataclasses import dataclass
+import numpy as np
+from percuss import PairedPoints, Pairing
+
+@dataclass(frozen=True)
+class Wrong(Pairing):
+    \"\"\"Points with a mistake. Formula: none.\"\"\"
+
+    name = "wrong"
+    summary = "points with a mistake"
+
+    def points(self, first, second):
+        count, normal = len(first.nodes), np.array([1.0, 0.0])
+        found = PairedPoints(
+            np.zeros(count), np.full(count, 0.05), np.tile(normal, (count, 1)), np.zeros((count, 2), dtype=np.int64),
+            np.arange(count + 1), first.nodes, np.tile(-normal, (count, 1)),
+        )
+        return {change}
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("None", "points returned nothing, expected percuss.PairedPoints"),
+        ("found._replace(gap=np.full(count, np.nan))", "points returned as `gap` nan at index 0"),
+        (
+            "found._replace(normal=np.zeros(count))",
+            "points returned as `normal` numbers of shape (3,), expected (3, 2)",
+        ),
+        (
+            "found._replace(value=found.value[1:])",
+            "points returned as `value` numbers of shape (2, 2), expected (3, 2)",
+        ),
+        ("found._replace(node=found.node + 100)", "points returned the node 1"),
+        ("found._replace(weight=np.zeros(count))", "points returned an area of 0.0, expected one greater than 0"),
+    ],
+)
+def test_a_pairing_that_returns_wrong_points_is_named(change, said, tmp_path):
+    (tmp_path / "wrong.py").write_text(PAIRING.replace("{change}", change), encoding="utf-8")
+    case = {
+        "percuss": 1, "bodies": {"left": block(0.0, 0.5, 2), "right": block(1.0, -0.5, 2)},
+        "contacts": {"seam": {"between": ["left.right", "right.left"], "pairing": "wrong"}},
+        "time": {"courant": 0.5, "steps": 1},
+    }  # fmt: skip
+    with pytest.raises(percuss.PluginError) as refusal:
+        Model(percuss.load(case, plugins=[tmp_path / "wrong.py"]))
+    assert said in str(refusal.value)
+    assert "wrong.py" in str(refusal.value)

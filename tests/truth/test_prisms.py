@@ -6,6 +6,7 @@ import pytest
 import percuss
 from percuss.contact.prisms import prism_problem
 from percuss.march.model import Model
+from percuss.results.exact_only import run_exact
 
 MODULUS = 0.7 / (1.3 * 0.4)  # of longitudinal waves, Young's modulus 1 and Poisson's ratio .3
 ROLLERS = [{"on": "bottom", "along": "y"}, {"on": "top", "along": "y"}]
@@ -157,3 +158,13 @@ def test_what_is_no_row_of_prisms_is_not_judged_by_bars(name):
     reason = prism_problem(Model(case(bodies, contacts, loads)))
     assert isinstance(reason, str)
     assert said in reason
+
+
+def test_the_exact_solution_alone_is_drawn_on_the_length_of_a_prism():
+    bodies, _, contacts, loads = EQUAL["two strips of unlike meshes"]
+    found = run_exact(case(bodies, contacts, loads).with_overrides({"record.fields": 3}))
+    for name, start in (("left", 0.0), ("right", 1.0)):
+        ends = np.array(found.provenance["geometry"]["bodies"][name])
+        assert ends[:, 0] == pytest.approx([start, start + 1.0])
+        assert np.ptp(ends[:, 1]) == 0.0
+    assert np.asarray(found.field_arrays["position"])[[0, -1], 0] == pytest.approx([0.0025, 1.9975])

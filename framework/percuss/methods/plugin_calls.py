@@ -21,7 +21,18 @@ from percuss.compiling import Kernel
 from percuss.errors import PercussError
 from percuss.methods.blame import breach, described, line_in_plugin
 from percuss.methods.first_run import first_asked, is_watched
-from percuss.methods.interfaces import BodyMesh, Component, Exact, Floats, LeapFrog, Lumping, Mesh
+from percuss.methods.interfaces import (
+    BodyMesh,
+    Component,
+    Exact,
+    Floats,
+    LeapFrog,
+    Lumping,
+    Mesh,
+    PairedPoints,
+    Surface,
+    Wall,
+)
 
 REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
 DEEPEST = 6  # levels of attributes up to which two answers are compared
@@ -344,6 +355,26 @@ def _bound_integrator(value: object, _dt: float) -> None:
 
 
 # Each check receives what a method returned and the arguments of the method.
+def _paired_points(value: Any, first: Surface, second: Surface | Wall) -> None:
+    """Expect points whose arrays belong together, on nodes of the two surfaces, each with an area."""
+    if not isinstance(value, PairedPoints):
+        raise _Wrong(f"returned {_shown(value)}, expected percuss.PairedPoints")
+    count, dim = np.size(value.gap), first.positions.shape[1]
+    shapes: dict[str, tuple[int, ...]] = {
+        "gap": (count,), "weight": (count,), "normal": (count, dim), "facets": (count, 2), "start": (count + 1,),
+    }  # fmt: skip
+    for name, shape in shapes.items():
+        _numbers(getattr(value, name), shape, f" as `{name}`")
+    entries = int(np.max(value.start, initial=0))
+    _numbers(value.node, (entries,), " as `node`")
+    _numbers(value.value, (entries, dim), " as `value`")
+    known = first.nodes if isinstance(second, Wall) else np.concatenate([first.nodes, second.nodes])
+    for node in np.setdiff1d(value.node, known):
+        raise _Wrong(f"returned the node {node}, which is on neither surface")
+    if count and not np.min(value.weight) > 0.0:
+        raise _Wrong(f"returned an area of {np.min(value.weight)}, expected one greater than 0")
+
+
 CHECKS: dict[tuple[str, str], Callable[..., None]] = {
     ("loads", "amplitude"): _amplitude,
     ("loads", "numbers"): _follower_numbers,
@@ -362,6 +393,7 @@ CHECKS: dict[tuple[str, str], Callable[..., None]] = {
     ("elements", "axial_stiffness"): lambda value, body, _modulus: _numbers(value, (_count(body),)),
     ("elements", "highest_frequency"): lambda value, body, _speed: _numbers(value, (_count(body),)),
     ("materials", "parameters"): lambda value: _numbers(value, np.shape(value)[:1] or (1,)),
+    ("pairings", "points"): _paired_points,
     ("solutions", "covers"): _reason,
     ("solutions", "too_costly"): _reason,
     ("solutions", "solve"): _solution,

@@ -19,7 +19,7 @@ from percuss.march.model import Model
 from percuss.march.recording import refuse_large
 from percuss.mesh.body import Body
 from percuss.mesh.spots import shares_at
-from percuss.methods.interfaces import Exact, ProblemBody
+from percuss.methods.interfaces import Exact, Floats, ProblemBody
 from percuss.results.exact import exact_solution
 from percuss.results.provenance import components_used, provenance_of
 from percuss.results.result import Result
@@ -88,6 +88,10 @@ def run_exact(case: Case) -> Result:
     of_files = [key for key in components_used(case) if not case.registry.sources[key].distribution]
     components = sorted({*components_used(case, methods=False, solution=name), *of_files})
     provenance = provenance_of(model, components)
+    provenance["geometry"]["bodies"] = {
+        body.name: [_start(model, body).tolist(), (_start(model, body) + body.length * body.direction).tolist()]
+        for body in _bars(model).values()
+    }
     coordinates = {"contact": names, "probe": [str(address) for address in case.recorded_ends]}
     return Result(arrays, coordinates, _field(model, solution), plain(summary), provenance, solution)
 
@@ -106,6 +110,13 @@ def _place(body: Body, probe: Any, bar: ProblemBody) -> float:
         return sum(share * float(along[node - body.start]) for node, share in shares_at(body, probe))
     outward = sum(float(vector @ bar.direction) for _, vector in body.outward(probe.region))
     return np.nan if abs(outward) < 1e-9 * bar.area else bar.length if outward > 0.0 else 0.0
+
+
+def _start(model: Model, bar: ProblemBody) -> Floats:
+    """Return a node at the start of a body along the line, (dim,)."""
+    nodes = model.bodies[bar.name].mesh.nodes
+    start: Floats = nodes[np.argmin(nodes @ bar.direction)]
+    return start
 
 
 def _sample_count(model: Model, solution: Exact) -> int:
@@ -214,7 +225,7 @@ def _field(model: Model, solution: Exact) -> Entries:
     for name, body in _bars(model).items():
         x = (np.arange(FIELD_POINTS) + 0.5) / FIELD_POINTS * body.length
         bodies += [name] * x.size
-        positions.append(model.bodies[name].mesh.nodes[0] + x[:, None] * body.direction)
+        positions.append(_start(model, body) + x[:, None] * body.direction)
         stresses.append(solution.stress(name, *np.broadcast_arrays(x[None, :], t[:, None])))
     return {
         "time": t,
