@@ -304,6 +304,24 @@ def test_a_region_without_a_node_is_told(more, path, tmp_path):
     assert f"{path}: expected a region with nodes, found none in a.nowhere" in str(refusal.value)
 
 
+@pytest.mark.parametrize(
+    "corners",
+    [
+        "[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]",  # inside out
+        "[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 0.0]",  # without an area
+        "[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]",  # with a corner that points inward
+    ],
+)
+def test_cells_that_are_no_cells_are_told(corners, tmp_path):
+    code = SHAPE.replace("[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]", corners)
+    (tmp_path / "cell.py").write_text(code, encoding="utf-8")
+    body = {"cell": {}, "at": [0.0, 0.0], "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
+    data = {"percuss": 1, "time": {"courant": 0.5, "steps": 1}, "bodies": {"a": body}}
+    with pytest.raises(percuss.PluginError, match="mesh returned the cell 0 of the corners") as refusal:
+        Model(percuss.load(data, plugins=[tmp_path / "cell.py"]))
+    assert "cell.py" in str(refusal.value)
+
+
 AXIS = {
     "beyond the axis": ({"at": [-0.5, 1.0]}, "expected a body at x of 0 or more, as it turns about x = 0, found -0.5"),
     "a thickness": ({"thickness": 1.0}, "bodies.ball.thickness: a body of revolution has no thickness"),

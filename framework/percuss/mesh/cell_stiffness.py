@@ -77,10 +77,13 @@ def stiffness_of_cells(element: Element, material: Material, body: BodyMesh) -> 
 def frequencies_of_cells(element: Element, material: Material, body: BodyMesh) -> Floats:
     """Return the highest angular frequency of each cell by itself with its share of the lumped mass, (elements,).
 
-    No frequency of the body is above the largest of them, by the theorem of Irons.
+    No frequency of the body is above the largest of them, by the theorem of Irons. All are nan where a node of a cell
+    has no mass, as in a cell that is turned inside out.
     """
-    found, dim = cell_stiffness(element, material, body), body.mesh.nodes.shape[1]
     masses = element_masses(element, body, material.rho)[:, None] * lumping_of(element, body).shares
+    if not (masses > 0.0).all():
+        return np.full(len(masses), np.nan)
+    found, dim = cell_stiffness(element, material, body), body.mesh.nodes.shape[1]
     root = np.repeat(np.sqrt(masses[found.first]), dim, axis=1)
     scaled = found.matrices / root[:, :, None] / root[:, None, :]
     frequencies: Floats = np.sqrt(np.linalg.eigvalsh(scaled)[:, -1])[found.kind]

@@ -268,6 +268,9 @@ def _mesh(mesh: object, at: Floats, _refine: float) -> None:
     count, dim = len(next(iter(mesh.cells.values()), ())), np.size(at)
     if mesh.line is None:
         _numbers(mesh.nodes, (np.shape(mesh.nodes)[0], dim), " as `nodes`")
+        if dim == 2:
+            for cells in mesh.cells.values():
+                _anticlockwise(np.asarray(mesh.nodes)[np.asarray(cells)])
         return
     if list(mesh.cells) != ["line"]:
         kinds = ", ".join(mesh.cells)
@@ -275,6 +278,16 @@ def _mesh(mesh: object, at: Floats, _refine: float) -> None:
     shapes = {"lengths": (count,), "nodes": (count + 1, dim), "direction": (dim,)}
     for name, shape in shapes.items():
         _numbers(getattr(mesh, name), shape, f" as `{name}`")
+
+
+def _anticlockwise(corners: Floats) -> None:
+    """Expect cells whose corners run anticlockwise, each with an area and no corner that points inward."""
+    along = np.roll(corners, -1, axis=1) - corners
+    before = np.roll(along, 1, axis=1)
+    turns = before[..., 0] * along[..., 1] - before[..., 1] * along[..., 0]  # twice the area at each corner
+    for cell in np.flatnonzero((turns.min(axis=1) < 0.0) | ~(turns.sum(axis=1) > 0.0)):
+        shown = corners[cell].tolist()
+        raise _Wrong(f"returned the cell {cell} of the corners {shown}, expected corners that run anticlockwise")
 
 
 def _reference_nodes(value: Any) -> None:
