@@ -686,7 +686,7 @@ def judged(done):
 
 def too_large(case):
     """Return whether a case is a right one that takes its time: many elements, or a fine map."""
-    elements = [getattr(body.shape, "elements", 1) for body in case.bodies.values()]
+    elements = [np.prod(getattr(body.shape, "elements", 1), dtype=float) for body in case.bodies.values()]
     total = case.refine * sum(elements)
     return MOST_ELEMENTS < total < 1e12
 
