@@ -24,17 +24,19 @@ def outcome(label, check, partner):
     return perform(check, SUBJECTS[label], partner)
 
 
-# Of laws and integrators these are checked in every run, the others in the whole check.
-QUICK = ("contacts/penalty", "integrators/central-difference", "integrators/wu-predictor-corrector")
+# Of laws, integrators, elements and materials these are checked in every run, the others in the whole check.
+QUICK = (
+    *("contacts/penalty", "integrators/central-difference", "integrators/wu-predictor-corrector"),
+    *("elements/bar", "elements/quad4", "materials/elastic"),
+)
+OF_MANY = ("contacts/", "integrators/", "elements/", "materials/")
 # These checks of a law or an integrator compile the loop anew, with kernels of their own or in the plane.
 COMPILING = ("no-hidden-state", "placement")
 
 
 def is_deep(label, check, partner):
     """Return whether a check is left to the whole check."""
-    return bool(partner) or (
-        label.startswith(("contacts/", "integrators/")) and (label not in QUICK or check.name in COMPILING)
-    )
+    return bool(partner) or (label.startswith(OF_MANY) and (label not in QUICK or check.name in COMPILING))
 
 
 @pytest.mark.slow

@@ -46,6 +46,7 @@ def test_a_disk_on_a_wall(speed, time, force, depth, restitution, elements, near
     assert result.summary["energy"]["max"] <= result.summary["energy"]["initial"] * (1.0 + 1e-12)
 
 
+@pytest.mark.deep
 def test_a_disk_of_triangles_is_near_that_of_quadrilaterals():
     forces = [
         percuss.run(fall(1e-2, 32, 8.5, cells)).summary["contacts"]["floor"]["peak_force"]
@@ -175,6 +176,7 @@ def test_a_ball_on_a_wall_over_the_ball_of_hertz(speed, poisson, time, force, de
     assert result.summary["momentum"]["balanced"]
 
 
+@pytest.mark.deep
 def test_a_ball_of_triangles_is_near_that_of_quadrilaterals():
     forces = [percuss.run(ball(1e-2, 48, 6.0, 0.3, cells)).arrays["contact_force"].max() for cells in ("quad4", "tri3")]
     assert forces[1] == pytest.approx(forces[0], rel=0.02)

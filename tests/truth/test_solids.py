@@ -40,7 +40,10 @@ def bars(integrator, law, count=20, step=0.02):
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector", "velocity-verlet"])
+@pytest.mark.parametrize(
+    "integrator",
+    ["central-difference", "wu-predictor-corrector", pytest.param("velocity-verlet", marks=pytest.mark.deep)],
+)
 @pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points", "mortar"])
 def test_quadrilaterals_without_contraction_are_a_bar(integrator, law, pairing):
     if (law, pairing) == ("lagrange", "gauss-points"):
