@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss import Region
+from percuss_methods.shapes._plane import quadrilaterals_of
 
 if TYPE_CHECKING:
     from percuss import Floats, Integers
@@ -34,23 +34,6 @@ def disk_mesh(elements: int) -> tuple[Floats, Integers, Integers]:
     start, circle = core.reshape(-1, 2)[rim], np.stack([np.cos(angle), np.sin(angle)], axis=1)
     rings = [start + (circle - start) * k / layers for k in range(1, layers + 1)]
     around = np.concatenate([rim[None], number.size + np.arange(layers * rim.size).reshape(layers, -1)])
-    inner = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
-    nearer, next_one = around[:-1], np.roll(around, -1, axis=1)
-    outer = np.stack([nearer, around[1:], next_one[1:], next_one[:-1]], axis=-1)
-    cells = np.concatenate([inner.reshape(-1, 4), outer.reshape(-1, 4)])
+    outer = quadrilaterals_of(np.concatenate([around, around[:, :1]], axis=1))
+    cells = np.concatenate([quadrilaterals_of(number).reshape(-1, 4), outer.reshape(-1, 4)])
     return np.concatenate([core.reshape(-1, 2), *rings]), cells, around[-1]
-
-
-def as_cells(quadrilaterals: Integers, cells: str) -> Integers:
-    """Return quadrilaterals, or the two triangles in each of them."""
-    return quadrilaterals if cells == "quad4" else quadrilaterals[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-
-
-def closed(nodes: Integers) -> Region:
-    """Return the region of a closed line of nodes, the body on its left; it has no single vector out of the body."""
-    return Region(tuple(nodes.tolist()), np.zeros(2), {"line": np.stack([nodes, np.roll(nodes, -1)], axis=1)})
-
-
-def opened(nodes: Integers, outward: list[float]) -> Region:
-    """Return the region of a line of nodes with two ends, the body on its left."""
-    return Region(tuple(nodes.tolist()), np.array(outward), {"line": np.stack([nodes[:-1], nodes[1:]], axis=1)})

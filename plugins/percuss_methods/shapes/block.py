@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from percuss import Doc, Mesh, Region, Shape, Unit
+from percuss import Doc, Mesh, Unit
+from percuss_methods.shapes._plane import PlaneCells, PlaneShape, opened, quadrilaterals_of
 
 if TYPE_CHECKING:
-    from percuss import Floats, Integers
+    from percuss import Floats
 
 
 @dataclass(frozen=True)
-class Block(Shape):
+class Block(PlaneShape):
     """A rectangle from its corner of least coordinates along the axes.
 
     Formula: ``x_i = x_0 + width i / n``, ``y_j = y_0 + height j / m``. With triangles each rectangle of the mesh is cut
@@ -28,26 +29,17 @@ class Block(Shape):
 
     size: Annotated[tuple[float, float], Unit("length"), Doc("width and height")]
     elements: Annotated[tuple[int, int], Unit("1"), Doc("numbers of cells across and up, before `refine`")]
-    cells: Annotated[Literal["quad4", "tri3"], Doc("kind of cells; two triangles for a quadrilateral")] = "quad4"
+    cells: PlaneCells = "quad4"
 
     def __post_init__(self) -> None:
         for key, values in (("size", self.size), ("elements", self.elements)):
             if not min(values) > 0:
                 raise ValueError(f"{key} is {list(values)}: give numbers greater than 0")
 
-    @property
-    def cell(self) -> str:  # type: ignore[override]
-        """Kind of cells."""
-        return {"quad4": "quad", "tri3": "triangle"}[self.cells]
-
-    def dimension(self) -> int:
-        """Return 2."""
-        return 2
-
     def element_count(self, refine: float) -> int:
         """Return the number of cells."""
         nx, ny = (self.refined(count, refine) for count in self.elements)
-        return nx * ny * (2 if self.cells == "tri3" else 1)
+        return self.count_of_cells(nx * ny)
 
     def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh from its corner at `at`."""
@@ -55,17 +47,11 @@ class Block(Shape):
         x, y = self.size[0] * np.arange(nx + 1) / nx, self.size[1] * np.arange(ny + 1) / ny
         nodes = at + np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
         number = np.arange((nx + 1) * (ny + 1)).reshape(nx + 1, ny + 1)
-        corners = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
-        cells = corners if self.cells == "quad4" else corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
         # Edges run with the body on their left.
         regions = {
-            "left": _region(number[0, ::-1], [-1.0, 0.0]),
-            "right": _region(number[-1], [1.0, 0.0]),
-            "bottom": _region(number[:, 0], [0.0, -1.0]),
-            "top": _region(number[::-1, -1], [0.0, 1.0]),
+            "left": opened(number[0, ::-1], [-1.0, 0.0]),
+            "right": opened(number[-1], [1.0, 0.0]),
+            "bottom": opened(number[:, 0], [0.0, -1.0]),
+            "top": opened(number[::-1, -1], [0.0, 1.0]),
         }
-        return Mesh(nodes, {self.cell: cells}, regions)
-
-
-def _region(nodes: Integers, outward: list[float]) -> Region:
-    return Region(tuple(nodes.tolist()), np.array(outward), {"line": np.stack([nodes[:-1], nodes[1:]], axis=1)})
+        return Mesh(nodes, self.as_cells(quadrilaterals_of(number)), regions)

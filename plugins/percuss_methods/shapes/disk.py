@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
-from percuss import Doc, Ge, Gt, Mesh, Shape, Unit
-from percuss_methods.shapes._round import as_cells, closed, counts, disk_mesh
+from percuss import Doc, Ge, Gt, Mesh, Unit
+from percuss_methods.shapes._plane import PlaneCells, PlaneShape, closed
+from percuss_methods.shapes._round import counts, disk_mesh
 
 if TYPE_CHECKING:
     from percuss import Floats
 
 
 @dataclass(frozen=True)
-class Disk(Shape):
+class Disk(PlaneShape):
     """A disk about a point, of a core of rows and columns and of layers around it.
 
     Formula: half of the cells across the diameter lie in the core, a square with curved sides, and as many layers
@@ -30,23 +31,14 @@ class Disk(Shape):
 
     radius: Annotated[float, Gt(0), Unit("length"), Doc("radius")]
     elements: Annotated[int, Ge(4), Unit("1"), Doc("number of cells across the diameter, before `refine`")]
-    cells: Annotated[Literal["quad4", "tri3"], Doc("kind of cells; two triangles for a quadrilateral")] = "quad4"
-
-    @property
-    def cell(self) -> str:  # type: ignore[override]
-        """Kind of cells."""
-        return {"quad4": "quad", "tri3": "triangle"}[self.cells]
-
-    def dimension(self) -> int:
-        """Return 2."""
-        return 2
+    cells: PlaneCells = "quad4"
 
     def element_count(self, refine: float) -> int:
         """Return the number of cells."""
         across, layers = counts(self.refined(self.elements, refine))
-        return (across**2 + 4 * across * layers) * (2 if self.cells == "tri3" else 1)
+        return self.count_of_cells(across**2 + 4 * across * layers)
 
     def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh of the disk about `at`."""
         nodes, cells, skin = disk_mesh(self.refined(self.elements, refine))
-        return Mesh(at + self.radius * nodes, {self.cell: as_cells(cells, self.cells)}, {"skin": closed(skin)})
+        return Mesh(at + self.radius * nodes, self.as_cells(cells), {"skin": closed(skin)})

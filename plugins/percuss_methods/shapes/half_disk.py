@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from percuss import Doc, Ge, Gt, Mesh, Shape, Unit
-from percuss_methods.shapes._round import as_cells, counts, disk_mesh, opened
+from percuss import Doc, Ge, Gt, Mesh, Unit
+from percuss_methods.shapes._plane import PlaneCells, PlaneShape, opened
+from percuss_methods.shapes._round import counts, disk_mesh
 
 if TYPE_CHECKING:
     from percuss import Floats
 
 
 @dataclass(frozen=True)
-class HalfDisk(Shape):
+class HalfDisk(PlaneShape):
     """The right half of a `disk`: as a body of revolution a ball, and half a disk where it meets its mirror image.
 
     Formula: the cells of `disk` to the right of its centre.
@@ -28,21 +29,12 @@ class HalfDisk(Shape):
 
     radius: Annotated[float, Gt(0), Unit("length"), Doc("radius")]
     elements: Annotated[int, Ge(4), Unit("1"), Doc("number of cells across the diameter, before `refine`")]
-    cells: Annotated[Literal["quad4", "tri3"], Doc("kind of cells; two triangles for a quadrilateral")] = "quad4"
-
-    @property
-    def cell(self) -> str:  # type: ignore[override]
-        """Kind of cells."""
-        return {"quad4": "quad", "tri3": "triangle"}[self.cells]
-
-    def dimension(self) -> int:
-        """Return 2."""
-        return 2
+    cells: PlaneCells = "quad4"
 
     def element_count(self, refine: float) -> int:
         """Return the number of cells."""
         across, layers = counts(self.refined(self.elements, refine))
-        return (across**2 // 2 + 2 * across * layers) * (2 if self.cells == "tri3" else 1)
+        return self.count_of_cells(across**2 // 2 + 2 * across * layers)
 
     def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh of the half of the disk about `at`."""
@@ -57,4 +49,4 @@ class HalfDisk(Shape):
             "skin": opened(skin, [1.0, 0.0]),
             "axis": opened(axis[np.argsort(-nodes[axis, 1])], [-1.0, 0.0]),
         }
-        return Mesh(at + self.radius * nodes, {self.cell: as_cells(cells.reshape(-1, 4), self.cells)}, regions)
+        return Mesh(at + self.radius * nodes, self.as_cells(cells), regions)

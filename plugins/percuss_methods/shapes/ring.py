@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from percuss import Doc, Gt, Mesh, Shape, Unit
-from percuss_methods.shapes._round import as_cells, closed
+from percuss import Doc, Gt, Mesh, Unit
+from percuss_methods.shapes._plane import PlaneCells, PlaneShape, closed, quadrilaterals_of
 
 if TYPE_CHECKING:
     from percuss import Floats
 
 
 @dataclass(frozen=True)
-class Ring(Shape):
+class Ring(PlaneShape):
     """A ring about a point, of layers of cells.
 
     Formula: ``r_j = inner + (outer - inner) j / layers``, ``phi_i = 2 pi i / around``; all nodes lie on circles.
@@ -32,7 +32,7 @@ class Ring(Shape):
     inner: Annotated[float, Gt(0), Unit("length"), Doc("inner radius")]
     outer: Annotated[float, Gt(0), Unit("length"), Doc("outer radius")]
     elements: Annotated[tuple[int, int], Unit("1"), Doc("numbers of cells around and of layers, before `refine`")]
-    cells: Annotated[Literal["quad4", "tri3"], Doc("kind of cells; two triangles for a quadrilateral")] = "quad4"
+    cells: PlaneCells = "quad4"
 
     def __post_init__(self) -> None:
         if self.outer <= self.inner:
@@ -40,19 +40,10 @@ class Ring(Shape):
         if self.elements[0] < 3 or self.elements[1] < 1:
             raise ValueError(f"elements is {list(self.elements)}: give at least 3 around and 1 layer")
 
-    @property
-    def cell(self) -> str:  # type: ignore[override]
-        """Kind of cells."""
-        return {"quad4": "quad", "tri3": "triangle"}[self.cells]
-
-    def dimension(self) -> int:
-        """Return 2."""
-        return 2
-
     def element_count(self, refine: float) -> int:
         """Return the number of cells."""
         around, layers = (self.refined(count, refine) for count in self.elements)
-        return around * layers * (2 if self.cells == "tri3" else 1)
+        return self.count_of_cells(around * layers)
 
     def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh of the ring about `at`."""
@@ -61,7 +52,5 @@ class Ring(Shape):
         radius = self.inner + (self.outer - self.inner) * np.arange(layers + 1) / layers
         nodes = at + (radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)).reshape(-1, 2)
         number = np.arange(nodes.shape[0]).reshape(layers + 1, around)
-        beside = np.roll(number, -1, axis=1)
-        cells = np.stack([number[:-1], number[1:], beside[1:], beside[:-1]], axis=-1).reshape(-1, 4)
-        cells = as_cells(cells, self.cells)
-        return Mesh(nodes, {self.cell: cells}, {"inner": closed(number[0, ::-1]), "outer": closed(number[-1])})
+        cells = self.as_cells(quadrilaterals_of(np.concatenate([number, number[:, :1]], axis=1)))
+        return Mesh(nodes, cells, {"inner": closed(number[0, ::-1]), "outer": closed(number[-1])})
