@@ -482,7 +482,7 @@ def test_an_animation_shows_each_snapshot(good, tmp_path):
     result.field_arrays["time"] = good.field_arrays["time"][::14][:3]
     result.field_arrays["stress"] = good.field_arrays["stress"][::14][:3]
     with figures.drawing():
-        figure, show, shown = animation.wave_frames(result)
+        figure, show, shown = animation.frames_of(result)
         show(shown[-1])
     assert shown == [0, 1, 2]
     time, stress = result.field_arrays["time"][-1], result.field_arrays["stress"][-1]
@@ -749,9 +749,65 @@ def test_without_the_stress_across_the_largest_shear_is_drawn(of_blocks):
     assert np.allclose(shear, np.abs(np.linalg.eigvalsh(np.stack([[xx, xy], [xy, yy]]).T) @ [-0.5, 0.5]).T)
 
 
-def test_an_animation_of_blocks_is_refused(of_blocks, tmp_path):
-    with pytest.raises(InputError, match="drawn by --plot"):
-        animation.animate(of_blocks, tmp_path / "a.gif")
+def moments(result, *snapshots):
+    """Return a result with some of its snapshots alone."""
+    result, some = fresh(result), list(snapshots)
+    for name in ("time", "displacement", "stress", "von_mises", "contact_pressure", "point_position"):
+        result.field_arrays[name] = result.field_arrays[name][some]
+    return result
+
+
+def test_an_animation_of_blocks_shows_motion_stress_and_pressure_of_each_snapshot(of_blocks, tmp_path):
+    from matplotlib.collections import LineCollection
+    from matplotlib.quiver import Quiver
+    from PIL import Image
+
+    largest, *_, end = deformed.chosen_times(of_blocks.field_arrays)
+    result = moments(of_blocks, 0, largest, end)
+    fields = result.field_arrays
+    with figures.drawing():
+        figure, show, shown = animation.frames_of(result)
+        assert shown == [0, 1, 2]
+        for k in shown:
+            show(k)
+            (axes,), place = pictures(figure), fields["node_position"] + fields["displacement"][k]
+            cells = drawn_cells(axes)
+            assert np.array_equal(cells.get_array(), fields["von_mises"][k])
+            assert np.array_equal(cells.get_paths()[0].vertices[:-1], place[fields["cell_nodes"][0]])
+            (edges,) = [lines for lines in axes.collections if isinstance(lines, LineCollection)]
+            assert len(edges.get_segments()) == len(deformed.outline(fields["cell_nodes"]))
+            arrows = [drawn for drawn in axes.collections if isinstance(drawn, Quiver)]
+            assert len(arrows) == (fields["contact_pressure"][k].max() > 0)
+            figure.canvas.draw()
+            title = axes._left_title
+            assert title.get_text() == f"time {fields['time'][k]:.4g}"
+            assert title.get_window_extent().y1 < figure.bbox.y1
+    assert f"longest arrow: contact pressure {fields['contact_pressure'].max():.4g}" in words(figure)
+    animation.animate(result, tmp_path / "a.gif")
+    with Image.open(tmp_path / "a.gif") as picture:
+        assert (picture.n_frames, picture.size) == (3, (960, 600))
+        frames = []
+        for k in range(3):
+            picture.seek(k)
+            frames.append(np.asarray(picture.convert("RGB")).astype(int))
+    changed = [np.abs(frame - frames[0]).sum(axis=2) > 60 for frame in frames[1:]]
+    upper, below = slice(60, 330), slice(400, 600)  # rows of the bodies, and of the forces
+    assert all(change[upper].mean() > 0.01 for change in changed)
+    assert all(change[below].any() for change in changed)
+    assert not any(change[:60].any() for change in changed)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.gif"]
+
+
+def test_bodies_that_are_not_wide_stand_beside_the_forces_and_those_that_flew_away_are_not_shown(of_blocks):
+    result = moments(of_blocks, 0, 1, 2)
+    result.field_arrays["displacement"] = result.field_arrays["displacement"].copy()
+    result.field_arrays["displacement"][2] = 100.0
+    for name in ("node_position", "point_position"):
+        result.field_arrays[name] = result.field_arrays[name] * [0.3, 1.0]
+    figure, _, shown = animation.frames_of(result)
+    assert shown == [0, 1]
+    bodies, force = figure.axes[:2]
+    assert bodies.get_position().x1 < force.get_position().x0
 
 
 def test_a_case_is_drawn_with_its_regions_contacts_supports_and_loads():

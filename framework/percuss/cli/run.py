@@ -30,7 +30,7 @@ def run(
     out: Annotated[Path | None, option("-o --out FILE", "Save the result as NetCDF-4 (.nc).")] = None,
     plot: Annotated[Path | None, option("--plot FILE", "Draw the result as png, svg or pdf.")] = None,
     animate: Annotated[
-        Path | None, option("--animate FILE", "Show the waves as they run: gif or mp4 by suffix.")
+        Path | None, option("--animate FILE", "Show stress and motion as they run: gif or mp4 by suffix.")
     ] = None,
     exact_only: Annotated[bool, option("--exact-only", "Compute the exact solution only, without a method.")] = False,
     nudge: Annotated[bool, option("--nudge", "Also run a nudged twin: does the answer depend on round-off?")] = False,
@@ -52,9 +52,6 @@ def run(
             both = "expected --tied or --exact-only, found both"
             raise InputError([Problem("percuss run", "", both, "An exact solution has no interface to tie.")])
         loaded = _loaded(case, set_, plugin, tied=tied, exact_only=exact_only)
-        if animate is not None and not loaded.of_bars:
-            no_bars = "expected a case of bars to animate, found another body"
-            raise InputError([Problem(str(animate), "", no_bars, "Draw the run with --plot.")])
         if (plot or animate) and loaded.record.fields == 0:
             loaded = loaded.with_overrides({"record.fields": 400 if loaded.of_bars else 100})
         if as_json:

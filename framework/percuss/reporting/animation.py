@@ -1,4 +1,4 @@
-"""Animation of a result: the stress along the bodies as time goes on, above the contact forces."""
+"""Animation of a result: bodies and their stress as time goes on, beside the contact forces."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import numpy as np
 from percuss.case.arguments import expect_suffix
 from percuss.errors import InputError, PercussError, Problem
 from percuss.files import replacing
-from percuss.jsonable import Entries
+from percuss.jsonable import Data, Entries
+from percuss.reporting.deformed import colour_bar, last_whole, moving_parts, names_in_bodies, scene_of, still_parts
 from percuss.reporting.figures import (
     ALARM,
     COLOURS,
@@ -37,6 +38,7 @@ from percuss.reporting.space_time import body_names, contact_positions, strips_o
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".gif", ".mp4")
 MOST_FRAMES = 100
 FRAMES_PER_SECOND = 15
+WIDE = 1.5  # width over height from which bodies stand above the forces, not beside them
 SIZE, DOTS_PER_INCH = (9.6, 6.0), 100  # inches; 960 x 600 pixels
 
 
@@ -68,7 +71,7 @@ def check_animation(path: str | os.PathLike[str]) -> None:
 
 
 def animate(result: Result, path: str | os.PathLike[str]) -> None:
-    """Write the waves of a run or of an exact solution as a gif or mp4 file, completely or not at all.
+    """Write the motion and stress of a run or of an exact solution as a gif or mp4, completely or not at all.
 
     Parameters
     ----------
@@ -78,15 +81,14 @@ def animate(result: Result, path: str | os.PathLike[str]) -> None:
         File, as for `check_animation`.
     """
     check_animation(path)
-    if not result.field_arrays or "cell_nodes" in result.field_arrays:
+    if not result.field_arrays:
         message = "expected a result with stress over space and time to animate, found none"
-        advice = "Bars record it with record: {fields: 100}; other bodies are drawn by --plot."
-        raise InputError([Problem(str(path), "", message, advice)])
+        raise InputError([Problem(str(path), "", message, "A run records it with record: {fields: 100}.")])
     suffix = Path(path).suffix.lower()
     with drawing():
         from matplotlib.animation import FFMpegWriter, PillowWriter
 
-        figure, show, frames = wave_frames(result)
+        figure, show, frames = frames_of(result)
         _freeze(figure)
         writer = (PillowWriter if suffix == ".gif" else FFMpegWriter)(fps=FRAMES_PER_SECOND)
         with replacing(path, suffix) as beside, writer.saving(figure, str(beside), DOTS_PER_INCH):
@@ -95,20 +97,25 @@ def animate(result: Result, path: str | os.PathLike[str]) -> None:
                 writer.grab_frame()
 
 
-def wave_frames(result: Result) -> tuple[Figure, Callable[[int], None], list[int]]:
+def frames_of(result: Result) -> tuple[Figure, Callable[[int], None], list[int]]:
     """Return the figure of an animation, the function that shows a snapshot in it, and the snapshots to show."""
-    time = np.asarray(result.field_arrays["time"], dtype=float)
-    frames = np.unique(np.linspace(0, time.size - 1, min(time.size, MOST_FRAMES)).round().astype(int)).tolist()
+    fields = result.field_arrays
+    time = np.asarray(fields["time"], dtype=float)
+    last = last_whole(fields) if "cell_nodes" in fields else time.size - 1
+    frames = np.unique(np.linspace(0, last, min(last + 1, MOST_FRAMES)).round().astype(int)).tolist()
     small = subtitle_lines(result)[:1]
     loud = [] if result.status == "done" else [f"{result.status.upper()}: the result is not complete"]
     small += contacts_left_out(result.coordinates["contact"])
     with new_figure(*SIZE, result.title, small, loud) as figure:
-        waves, force = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
-        show_stress = _stress_lines(waves, result)
+        if "cell_nodes" in fields:
+            force, show_bodies = _deformed_bodies(figure, result, frames)
+        else:
+            waves, force = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
+            show_bodies = _stress_lines(waves, result)
         now = _force_lines(force, result)
 
     def show(frame: int) -> None:
-        show_stress(frame)
+        show_bodies(frame)
         now.set_xdata([time[frame], time[frame]])
 
     show(frames[0])
@@ -120,6 +127,7 @@ def _freeze(figure: Figure) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     figure.set_dpi(DOTS_PER_INCH)
+    figure.set_layout_engine(None)  # with one, even one that does nothing, each frame would be drawn twice
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()  # which leaves out the moving parts
     still = np.array(canvas.buffer_rgba())
@@ -128,6 +136,33 @@ def _freeze(figure: Figure) -> None:
         artist.set_visible(artist.get_animated())
         artist.set_animated(False)
     figure.figimage(still, zorder=-1)
+
+
+def _moment(time: float, units: Data) -> str:
+    return f"time {number(time)} {units.get('time') or ''}".rstrip()
+
+
+def _deformed_bodies(figure: Figure, result: Result, frames: list[int]) -> tuple[Axes, Callable[[int], None]]:
+    """Draw the bodies of two dimensions; return the panel for the forces and the function that shows a snapshot."""
+    scene = scene_of(result, frames)
+    width, height = scene.high - scene.low
+    rows: Any = {"nrows": 2, "height_ratios": (1.9, 1.0)}
+    columns: Any = {"ncols": 2, "width_ratios": (1.4, 1.0)}
+    axes, force = figure.subplots(**(rows if width > WIDE * height else columns))
+    still_parts(axes, scene)
+    colour_bar(figure, [axes], scene, result.units)
+    title = axes.set_title("time", loc="left", size=10, y=1.0, animated=True)
+    moving: list[Artist] = []
+
+    def show(frame: int) -> None:
+        while moving:
+            moving.pop().remove()
+        moving.extend([*moving_parts(axes, scene, frame), *names_in_bodies(axes, scene.fields, frame)])
+        for artist in moving:
+            artist.set_animated(True)
+        title.set_text(_moment(float(scene.fields["time"][frame]), result.units))
+
+    return force, show
 
 
 def _stress_lines(axes: Axes, result: Result) -> Callable[[int], None]:
@@ -158,8 +193,7 @@ def _stress_lines(axes: Axes, result: Result) -> Callable[[int], None]:
         forces = result.arrays["contact_force"][nearest[frame]]
         here = [place for j in k for place in places[j] if forces[j] > 0]
         pressed.set_data(here, [0.0] * len(here))
-        at = f"time {number(float(time[frame]))}"
-        moment.set_text(f"{at} {units['time']}" if units.get("time") else at)
+        moment.set_text(_moment(float(time[frame]), units))
 
     return show
 

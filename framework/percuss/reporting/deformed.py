@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from percuss.jsonable import Data
 from percuss.reporting.figures import ALARM, FAINT, INK, PAPER, SOFT, STRESS, number, one_line, write_reason
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Sequence
 
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.gridspec import SubplotSpec
@@ -28,15 +29,20 @@ LEAST = 0.04  # pressure that has an arrow, over the largest
 MOST_ARROWS, MOST_EDGES = 30, 3000
 
 
+def last_whole(fields: Data) -> int:
+    """Return the last snapshot in which no body has left the picture, as those of an unstable run do."""
+    size = np.ptp(fields["node_position"], axis=0).max()
+    whole = (np.abs(fields["displacement"]) < MOST_MOTION * size).all(axis=(1, 2))
+    return int(np.flatnonzero(whole)[-1])
+
+
 def chosen_times(fields: Data) -> dict[int, str]:
     """Return the snapshots that tell most of a contact, in their order, each with the reason; at most four.
 
     Snapshots that are nearly one count once, as what stands first in this list: largest force, release, half of the
     contact, end, first touch, start.
     """
-    size = np.ptp(fields["node_position"], axis=0).max()
-    whole = (np.abs(fields["displacement"]) < MOST_MOTION * size).all(axis=(1, 2))
-    last = int(np.flatnonzero(whole)[-1])
+    last = last_whole(fields)
     force = np.zeros(last + 1)
     if "contact_pressure" in fields:
         force = np.nan_to_num(np.abs(fields["contact_pressure"][: last + 1]) @ fields["point_area"])
@@ -80,56 +86,120 @@ def outline(cells: Integers) -> Integers:
     return alone
 
 
+class Scene(NamedTuple):
+    """What all pictures of the bodies of a result share: view, walls, and the scales of colours and arrows.
+
+    Attributes
+    ----------
+    fields
+        Fields of the result.
+    label
+        Name of the stress that colours the cells.
+    stress
+        This stress, (snapshots, cells).
+    limit
+        Stress of the darkest colour; single cells may have more.
+    largest
+        Largest stress among the snapshots of `chosen_times`, nan where no cell has one.
+    pressure
+        Largest contact pressure among the snapshots that are shown, 0 without one.
+    low, high
+        Corners of the view.
+    arrow
+        Length of the longest arrow.
+    walls
+        Point and normal of each wall.
+    """
+
+    fields: Data
+    label: str
+    stress: Floats
+    limit: float
+    largest: float
+    pressure: float
+    low: Floats
+    high: Floats
+    arrow: float
+    walls: Data
+
+
+def scene_of(result: Result, snapshots: Sequence[int]) -> Scene:
+    """Return what the pictures of snapshots share; the scale of colours is that of `chosen_times`."""
+    fields: Any = result.field_arrays
+    label, stress = stress_of_cells(fields)
+    chosen = stress[list(chosen_times(fields))]
+    finite = chosen[np.isfinite(chosen)]
+    largest = float(finite.max(initial=0.0))
+    limit = float(np.percentile(finite, 99.5)) if finite.size else 0.0
+    limit = limit if limit > 1e-3 * largest else largest or 1.0
+    pressure = np.abs(fields["contact_pressure"][snapshots]).max() if "contact_pressure" in fields else 0.0
+    walls = result.provenance["geometry"].get("walls", {})
+    low, high, arrow = _view(fields, snapshots, walls)
+    largest = largest if finite.size else np.nan
+    return Scene(fields, label, stress, limit, largest, float(pressure), low, high, arrow, walls)
+
+
+def still_parts(axes: Axes, scene: Scene) -> None:
+    """Draw the walls, and set the view of a panel of bodies."""
+    draw_walls(axes, scene.walls, scene.low, scene.high)
+    axes.set(xlim=(scene.low[0], scene.high[0]), ylim=(scene.low[1], scene.high[1]), aspect="equal")
+    axes.grid(visible=False)
+    axes.tick_params(labelsize=8, colors=SOFT)
+
+
+def moving_parts(axes: Axes, scene: Scene, snapshot: int) -> list[Artist]:
+    """Draw bodies and contact pressures at a snapshot, and return what was drawn."""
+    fields = scene.fields
+    nodes = fields["node_position"] + fields["displacement"][snapshot]
+    drawn = _bodies(axes, fields["cell_nodes"], nodes, scene.stress[snapshot], scene.limit)
+    return [*drawn, *(_arrows(axes, scene, snapshot) if scene.pressure > 0.0 else [])]
+
+
+def colour_bar(figure: Figure, panels: Sequence[Axes], scene: Scene, units: Data) -> None:
+    """Add the colour bar of the stress below panels, which also says how long an arrow is."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    extend = "max" if scene.largest > 1.001 * scene.limit else "neither"
+    colours = ScalarMappable(Normalize(0.0, scene.limit), COLOUR_MAP)
+    bar = figure.colorbar(colours, ax=panels, location="bottom", aspect=45, pad=0.02, extend=extend)
+    bar.ax.set_xlabel(with_unit(scene.label, STRESS[1], units))
+    if scene.pressure > 0.0:
+        words = with_unit(f"longest arrow: contact pressure {number(scene.pressure)}", STRESS[1], units)
+        bar.ax.set_title(words, loc="right", size=9.5, color=ALARM)
+    if np.isnan(scene.largest):
+        write_reason(panels[0], "No element calls the stress of its material.")
+
+
 def deformed(figure: Figure, place: SubplotSpec, result: Result) -> None:
     """Draw the bodies of a result at chosen times, in their true motion and on one scale, with one colour bar."""
     fields: Any = result.field_arrays
     chosen = chosen_times(fields)
-    label, stress = stress_of_cells(fields)
-    shown = stress[list(chosen)]
-    finite = shown[np.isfinite(shown)]
-    largest = float(finite.max(initial=0.0))
-    limit = float(np.percentile(finite, 99.5)) if finite.size else 0.0
-    limit = limit if limit > 1e-3 * largest else largest or 1.0
-    nodes = {k: fields["node_position"] + fields["displacement"][k] for k in chosen}
-    walls = result.provenance["geometry"].get("walls", {})
-    low, high, arrow = _view(fields, nodes, walls)
-    pressure = np.abs(fields["contact_pressure"][list(chosen)]).max() if "contact_pressure" in fields else 0.0
-    rows, columns = _arrangement(len(chosen), *(high - low))
+    scene = scene_of(result, list(chosen))
+    rows, columns = _arrangement(len(chosen), *(scene.high - scene.low))
     grid = place.subgridspec(rows, columns, hspace=0.05, wspace=0.05)
     panels = [figure.add_subplot(grid[divmod(k, columns)]) for k in range(len(chosen))]
     for axes, (snapshot, why) in zip(panels, chosen.items(), strict=True):
-        drawn = _bodies(axes, fields["cell_nodes"], nodes[snapshot], stress[snapshot], limit)
-        draw_walls(axes, walls, low, high)
-        if pressure > 0.0:
-            _arrows(axes, fields, snapshot, float(pressure), arrow)
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-        axes.grid(visible=False)
-        axes.tick_params(labelsize=8, colors=SOFT)
+        moving_parts(axes, scene, snapshot)
+        still_parts(axes, scene)
         axes.label_outer()
         time = with_unit(f"time {number(float(fields['time'][snapshot]))}", "time", result.units)
         between = "  ·  " if columns < 3 else "\n"  # a narrow picture has a narrow title
         axes.set_title(between.join(filter(None, [time, why])), loc="left", size=9.5)
-    _names(panels[-1], fields, list(nodes.values())[-1])
-    extend = "max" if largest > 1.001 * limit else "neither"
-    bar = figure.colorbar(drawn, ax=panels, location="bottom", aspect=45, pad=0.02, extend=extend)
-    bar.ax.set_xlabel(with_unit(label, STRESS[1], result.units))
-    if pressure > 0.0:
-        words = with_unit(f"longest arrow: contact pressure {number(float(pressure))}", STRESS[1], result.units)
-        bar.ax.set_title(words, loc="right", size=9.5, color=ALARM)
-    if np.isnan(finite).all():
-        write_reason(panels[0], "No element calls the stress of its material.")
+    names_in_bodies(panels[-1], fields, list(chosen)[-1])
+    colour_bar(figure, panels, scene, result.units)
 
 
-def _view(fields: Data, nodes: Mapping[int, Floats], walls: Data) -> tuple[Floats, Floats, float]:
-    """Return the corners of the picture that shows nodes at all chosen times, and the length of the longest arrow."""
-    places = np.concatenate(list(nodes.values()))
+def _view(fields: Data, snapshots: Sequence[int], walls: Data) -> tuple[Floats, Floats, float]:
+    """Return the corners of the picture that shows nodes at all snapshots, and the length of the longest arrow."""
+    places = (fields["node_position"] + fields["displacement"][snapshots]).reshape(-1, 2)
     low, high = places.min(axis=0), places.max(axis=0)
     arrow = LONGEST * float(np.sqrt((high - low).prod()))
     margin = 0.03 * float((high - low).max())
-    tails = [fields["point_position"][k] + arrow * fields["point_normal"] for k in nodes] if walls else [places]
+    tails = [places]
     if walls:
-        pressed = [np.abs(fields["contact_pressure"][k]) > 0.0 for k in nodes]
-        tails = [tail[mask] for tail, mask in zip(tails, pressed, strict=True)]
+        pressed = np.abs(fields["contact_pressure"][snapshots]) > 0.0
+        tails.append((fields["point_position"][snapshots] + arrow * fields["point_normal"])[pressed])
     reach = np.concatenate([places, *tails])
     return reach.min(axis=0) - margin, reach.max(axis=0) + margin, arrow
 
@@ -140,7 +210,7 @@ def _arrangement(count: int, width: float, height: float) -> tuple[int, int]:
     return max(choices, key=lambda choice: min(1.0 / choice[1] / width, 1.05 / choice[0] / height))
 
 
-def _bodies(axes: Axes, cells: Integers, nodes: Floats, stress: Floats, limit: float) -> Any:
+def _bodies(axes: Axes, cells: Integers, nodes: Floats, stress: Floats, limit: float) -> list[Artist]:
     """Draw cells in the colours of their stress, and the outline of the bodies."""
     from matplotlib.collections import LineCollection, PolyCollection
 
@@ -149,9 +219,8 @@ def _bodies(axes: Axes, cells: Integers, nodes: Floats, stress: Floats, limit: f
     drawn = PolyCollection(corners, cmap=COLOUR_MAP, rasterized=True, **style)
     drawn.set_array(np.ma.masked_invalid(stress))
     drawn.set_clim(0.0, limit)
-    axes.add_collection(drawn)
-    axes.add_collection(LineCollection(list(nodes[outline(cells)]), colors=INK, linewidths=0.8))
-    return drawn
+    lines = LineCollection(list(nodes[outline(cells)]), colors=INK, linewidths=0.8)
+    return [axes.add_collection(drawn), axes.add_collection(lines)]
 
 
 def draw_walls(axes: Axes, walls: Data, low: Floats, high: Floats) -> None:
@@ -167,25 +236,29 @@ def draw_walls(axes: Axes, walls: Data, low: Floats, high: Floats) -> None:
         axes.plot(*ends.T, color=INK, linewidth=1.2)
 
 
-def _arrows(axes: Axes, fields: Data, snapshot: int, largest: float, length: float) -> None:
+def _arrows(axes: Axes, scene: Scene, snapshot: int) -> list[Artist]:
     """Draw the contact pressures on the first side of each contact as arrows that point into the body."""
     from matplotlib.patheffects import Normal, Stroke
 
-    pressure = fields["contact_pressure"][snapshot]
-    pressed = np.flatnonzero(np.abs(np.nan_to_num(pressure)) > LEAST * largest)
+    fields, pressure = scene.fields, scene.fields["contact_pressure"][snapshot]
+    pressed = np.flatnonzero(np.abs(np.nan_to_num(pressure)) > LEAST * scene.pressure)
     pressed = pressed[:: max(1, -(-pressed.size // MOST_ARROWS))]
     if not pressed.size:
-        return
-    push = -(length / largest * pressure[pressed])[:, None] * fields["point_normal"][pressed]
+        return []
+    push = -(scene.arrow / scene.pressure * pressure[pressed])[:, None] * fields["point_normal"][pressed]
     places = fields["point_position"][snapshot][pressed]
     style: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "pivot": "tip", "units": "inches", "zorder": 4}
     outlined = [Stroke(linewidth=1.6, foreground="white"), Normal()]
-    axes.quiver(*places.T, *push.T, color=ALARM, width=0.016, path_effects=outlined, **style)
+    return [axes.quiver(*places.T, *push.T, color=ALARM, width=0.016, path_effects=outlined, **style)]
 
 
-def _names(axes: Axes, fields: Data, nodes: Floats) -> None:
-    """Write the names of the bodies into a picture, the last, where arrows are fewest."""
+def names_in_bodies(axes: Axes, fields: Data, snapshot: int) -> list[Artist]:
+    """Write the names of the bodies, if there are two or more, into their middles at a snapshot."""
     owner = np.array(fields["node_body"], dtype=object)
+    nodes = fields["node_position"] + fields["displacement"][snapshot]
+    style: Any = {"ha": "center", "va": "center", "size": 9, "bbox": {**PAPER, "alpha": 0.7}}
+    texts: list[Artist] = []
     for name in dict.fromkeys(owner) if len(set(owner)) > 1 else ():
         x, y = nodes[owner == name].mean(axis=0)
-        axes.text(x, y, one_line(name), ha="center", va="center", size=9, bbox={**PAPER, "alpha": 0.7})
+        texts.append(axes.text(x, y, one_line(name), **style))
+    return texts
