@@ -846,6 +846,37 @@ def test_a_case_is_drawn_with_its_regions_contacts_supports_and_loads():
         assert text in said
 
 
+def test_names_arrows_and_marks_of_a_case_do_not_hide_each_other():
+    """A strip, too thin for the names of its long sides, with a support of many nodes, that a disk touches."""
+    from matplotlib.quiver import Quiver
+
+    case = {
+        **{key: value for key, value in BLOCKS.items() if key != "units"},
+        "bodies": {
+            "strip": {"block": {"size": [20, 1], "elements": [200, 2]}, "material": MATERIAL, "fixed": ["bottom"]},
+            "disk": {"disk": {"radius": 3, "elements": 32}, "at": [10, 4], "material": MATERIAL},
+        },
+        "contacts": {"seam": {"between": ["disk.skin", "strip.top"]}},
+        "method": {"pairing": "node-to-segment"},
+    }
+    figure = case_figure.case_figure(Model(load(case)))
+    (axes,) = figure.axes
+    figure.draw_without_rendering()
+    boxes = {text.get_text(): text.get_window_extent() for text in axes.texts}
+    assert set(boxes) == {"strip", "disk", "left", "right", "bottom", "top", "skin"}
+    names = list(boxes)
+    assert not [(a, b) for k, a in enumerate(names) for b in names[:k] if boxes[a].overlaps(boxes[b])]
+    (marks,) = [line.get_xydata() for line in axes.lines if line.get_marker() == "^" and len(line.get_xydata())]
+    assert 20 < len(marks) < 50
+    assert np.diff(marks[:, 0]).min() > 0.025 * 20
+    around, along = [drawn for drawn in axes.collections if isinstance(drawn, Quiver)]
+    assert len(around.XY) == len(along.XY) == 24
+    apart = np.linalg.norm(around.XY - np.roll(around.XY, 1, axis=0), axis=1)
+    assert apart.max() < 1.6 * apart.min()
+    assert boxes["top"].x0 > axes.transData.transform([13.0, 1.0])[0]  # the top runs from right to left
+    assert boxes["bottom"].y1 < axes.transData.transform([0.0, 0.0])[1]
+
+
 def test_a_wall_of_a_case_is_drawn_and_bars_are_refused():
     (axes,) = case_figure.case_figure(Model(load(FALLING))).axes
     assert any(np.allclose(line[:, 1], 0.6) for line in drawn(axes) if len(line))

@@ -19,10 +19,14 @@ if TYPE_CHECKING:
 
     from percuss.march.model import Model
     from percuss.mesh.body import Body
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Floats, Integers
 
 ARROW = 0.05  # length of an arrow, over the size of all bodies
 MOST_ARROWS = 24  # of a surface or a load
+MARKS = 0.025  # least distance between two marks of a support, over the size of all bodies
+BESIDE, BEYOND = 0.45, 1.35  # distance of a name from its region, over the length of an arrow: without and with arrows
+ROOM = 4.5  # of these distances that a body has to have, for the name to stand inside of it
+LETTER = 0.012  # height of a letter of a name, over the size of all bodies
 HELD = {(True, True): ("^", "held"), (True, False): ("o", "held along x"), (False, True): ("s", "held along y")}
 
 
@@ -52,9 +56,9 @@ def case_figure(model: Model) -> Figure:
         draw_walls(axes, {name: tuple(wall) for name, wall in walls_of(model.case, model.bodies).items()}, low, high)
         for k, name in enumerate(model.case.contacts):
             entries |= _contact(axes, model, name, COLOURS[k % len(COLOURS)], ARROW * size)
-        entries |= _supports(axes, model) | _loads(axes, model, 2.0 * ARROW * size)
+        entries |= _supports(axes, model, MARKS * size) | _loads(axes, model, 2.0 * ARROW * size)
         for body in model.bodies.values():
-            _names(axes, body, 0.3 * ARROW * size)
+            _names(axes, model, body, size)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axes.grid(visible=False)
         set_labels(axes, model.case.data.get("units") or {}, xlabel=("x", "length"), ylabel=("y", "length"))
@@ -72,33 +76,49 @@ def _mesh(axes: Axes, body: Body) -> None:
     axes.add_collection(LineCollection(list(nodes[outline(cells)]), colors=SOFT, linewidths=0.9))
 
 
-def _names(axes: Axes, body: Body, inward: float) -> None:
-    """Write the name of a body into it, and those of its regions inside of their middles."""
+def _names(axes: Axes, model: Model, body: Body, size: float) -> None:
+    """Write the name of a body into its middle, and those of its regions beside theirs, where no arrow is."""
     style: Any = {"ha": "center", "va": "center", "bbox": {**PAPER, "alpha": 0.7, "pad": 1.0}, "zorder": 5}
-    x, y = body.mesh.nodes.mean(axis=0)
+    touching = {(side.body, side.region) for contact in model.case.contacts.values() for side in contact.sides}
+    nodes = body.mesh.nodes
+    x, y = nodes.mean(axis=0)
     axes.text(x, y, one_line(body.name), size=11, weight="bold", color=INK, **style)
     for region in body.mesh.regions:
         surface = body.surface(region).surface
-        out = surface.areas @ surface.normals
-        if np.linalg.norm(out) > 1e-6 * surface.areas.sum():
-            place, out = body.middle(region), out / np.linalg.norm(out)
+        middles = surface.positions[surface.facets].mean(axis=1)
+        if np.linalg.norm(surface.normals.sum(axis=0)) > 1e-6 * len(middles):
+            facet = int(np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin())
         else:  # a surface that looks to all sides is named at its highest point
-            facet = int(np.argmax(surface.normals[:, 1]))
-            place, out = surface.positions[surface.facets[facet]].mean(axis=0), surface.normals[facet]
-        turned = 90 if abs(out[0]) > 0.7 else 0
-        x, y = place - 1.6 * inward * out
-        axes.text(x, y, region, size=8.5, color=SOFT, rotation=turned, **style)
+            facet = int(surface.normals[:, 1].argmax())
+        out, touches = surface.normals[facet], (body.name, region) in touching
+        away = ARROW * size * (BEYOND if touches else BESIDE)
+        inside = np.ptp(nodes @ out) > ROOM * away
+        # Outside of the middle of a surface that touches another there is the other body.
+        place = middles[facet] if inside or not touches else middles[len(middles) // 8]
+        upright = np.ptp(surface.positions, axis=0)[1] > LETTER * size * len(region) and abs(out[0]) > 0.7
+        x, y = place - away * out if inside else place + away * out
+        axes.text(x, y, region, size=8.5, color=SOFT, rotation=90 if upright else 0, **style)
+
+
+def _some(count: int) -> Integers:
+    """Return at most `MOST_ARROWS` of `count` numbers, evenly spread, also where the last is beside the first."""
+    most = min(count, MOST_ARROWS)
+    return ((np.arange(most) + 0.5) * count / most).astype(int)
 
 
 def _contact(axes: Axes, model: Model, name: str, colour: str, length: float) -> Entries:
     """Draw the surfaces of a contact with their outward normals."""
     from matplotlib.collections import LineCollection
 
-    for side in model.case.contacts[name].sides:
+    contacts = model.case.contacts
+    later = list(contacts)[list(contacts).index(name) + 1 :]
+    for side in contacts[name].sides:
         surface = model.bodies[side.body].surface(side.region).surface
         corners = surface.positions[surface.facets]
-        lines = axes.add_collection(LineCollection(list(corners), colors=colour, linewidths=2.6, zorder=3))
-        some = slice(None, None, max(1, -(-len(corners) // MOST_ARROWS)))
+        # A surface of two contacts shows the colours of both, the later one within the other.
+        width = 2.6 + 2.8 * sum(side in contacts[other].sides for other in later)
+        lines = axes.add_collection(LineCollection(list(corners), colors=colour, linewidths=width, zorder=3))
+        some = _some(len(corners))
         _arrows(axes, corners.mean(axis=1)[some], length * surface.normals[some], colour)
     return {f"contact {name}, with normals": lines}
 
@@ -108,8 +128,8 @@ def _arrows(axes: Axes, tails: Floats, vectors: Floats, colour: str, **more: Any
     axes.quiver(*tails.T, *vectors.T, color=colour, **style, **more)
 
 
-def _supports(axes: Axes, model: Model) -> Entries:
-    """Mark the nodes that supports hold, by direction, and those that are driven."""
+def _supports(axes: Axes, model: Model, apart: float) -> Entries:
+    """Mark nodes that supports hold, by direction, and some that are driven; marks that would overlap are left out."""
     held: dict[int, Floats] = {}
     driven: list[int] = []
     for constraint in model.loads.constraints:
@@ -121,12 +141,20 @@ def _supports(axes: Axes, model: Model) -> Entries:
     for along, (mark, words) in HELD.items():
         some = [node for node, by in held.items() if (by[0] > 1e-9, by[1] > 1e-9) == along]
         if some:
-            (entries[words],) = axes.plot(
-                *nodes[some].T, mark, color=INK, markersize=7, markerfacecolor="white", zorder=4
-            )
+            style: Any = {"color": INK, "markersize": 7, "markerfacecolor": "white", "zorder": 4}
+            (entries[words],) = axes.plot(*_apart(nodes[some], apart).T, mark, **style)
     if driven:
-        (entries["driven"],) = axes.plot(*nodes[driven].T, "D", color=INK, fillstyle="none", zorder=4)
+        (entries["driven"],) = axes.plot(*_apart(nodes[driven], apart).T, "D", color=INK, fillstyle="none", zorder=4)
     return entries
+
+
+def _apart(places: Floats, least: float) -> Floats:
+    """Return those places that are not nearer than `least` to one that comes before."""
+    kept = places[:1]
+    for place in places[1:]:
+        if (np.abs(kept - place).max(axis=1) > least).all():
+            kept = np.concatenate([kept, place[None]])
+    return kept
 
 
 def _loads(axes: Axes, model: Model, length: float) -> Entries:
@@ -136,7 +164,7 @@ def _loads(axes: Axes, model: Model, length: float) -> Entries:
         forces = [force for force in model.loads.nodal_forces if force.load is spec]
         if not forces:
             continue
-        colour, some = COLOURS[-1 - k % 2], forces[:: max(1, -(-len(forces) // MOST_ARROWS))]
+        colour, some = COLOURS[-1 - k % 2], [forces[k] for k in _some(len(forces))]
         vectors = np.array([force.force for force in some])
         vectors *= length / np.linalg.norm([force.force for force in forces], axis=1).max()
         _arrows(axes, model.bodies.nodes[[force.node for force in some]], vectors, colour, pivot="tip")
