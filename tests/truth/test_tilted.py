@@ -16,29 +16,35 @@ TILT = 0.03  # rad
 PAIRINGS = ["node-to-segment", "gauss-points", {"name": "gauss-points", "points_on_facet": 3}, "mortar"]
 # beta_s counts Young's modulus there, here the modulus of longitudinal waves
 MODULUS = 0.7 / (1.3 * 0.4)
+FREE_STEP = 0.06149807  # the critical one of the free blocks
+WU, CENTRAL = "wu-predictor-corrector", "central-difference"
 
 
-def tilted(integrator, law, pairing, beta_s, courant=0.9):
-    turned = 0.5 * math.cos(TILT) + 0.25 * math.sin(TILT)  # from the middle of a block to its left corner
+def tilted(integrator, law, pairing, beta_s):
+    """Return a case with nine tenths of the step that is critical for the bodies, not for their stiffest cell."""
+    turned = 0.5 * math.cos(TILT) + 0.25 * math.sin(TILT)  # from the middle of a block to its right corner
     body = {"material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
     return percuss.load({
         "percuss": 1,
         "bodies": {
-            "left": {"block": {"size": [1, 0.5], "elements": [10, 5]}, "at": [0, 0], "velocity": [0.01, 0], **body},
+            "left": {"block": {"size": [1, 0.5], "elements": [10, 5]}, "at": [0, 0], "velocity": [0.01, 0],
+                     "angle": math.degrees(TILT), **body},
             "right": {"block": {"size": [1, 0.5], "elements": [10, 7]}, "at": [0.5 + turned, 0],
-                      "velocity": [-0.01, 0], "angle": math.degrees(TILT), **body},
+                      "velocity": [-0.01, 0], **body},
         },
         "contacts": {"seam": {"between": ["left.right", "right.left"]}},
         "method": {"integrator": integrator, "contact": {**law, "beta_s": beta_s / MODULUS}, "pairing": pairing},
-        "time": {"courant": courant, "end": 6.0, "on_unstable": "warn"},
+        "time": {"step": 0.9 * FREE_STEP, "end": 6.0, "on_unstable": "warn"},
     })  # fmt: skip
 
 
 @pytest.mark.parametrize("beta_s", [0.25, 1.0, 10.0, 1000.0])
 @pytest.mark.parametrize("pairing", PAIRINGS, ids=str)
 def test_regularised_lagrange_never_gains_energy(pairing, beta_s):
-    case = tilted("wu-predictor-corrector", {"name": "regularised-lagrange"}, pairing, beta_s)
-    assert certificate(Model(case))["energy"] == "never grows"
+    case = tilted(WU, {"name": "regularised-lagrange"}, pairing, beta_s)
+    found = certificate(Model(case))
+    assert found["energy"] == "never grows"
+    assert found["dt_critical_free"] == pytest.approx(FREE_STEP, rel=1e-6)
     result = percuss.run(case)
     energy = result.summary["energy"]
     assert energy["max"] <= energy["initial"] * (1.0 + 1e-12)
@@ -50,27 +56,64 @@ def test_regularised_lagrange_never_gains_energy(pairing, beta_s):
 @pytest.mark.parametrize("pairing", PAIRINGS, ids=str)
 def test_no_guarantee_is_given_where_points_of_bipenalty_share_nodes(pairing):
     """With bars a matched bipenalty is regularised Lagrange; a point that its neighbours open may pull."""
-    case = tilted("wu-predictor-corrector", {"name": "bipenalty", "ratio": "matched"}, pairing, 1.0)
+    case = tilted(WU, {"name": "bipenalty", "ratio": "matched"}, pairing, 1.0)
     assert certificate(Model(case))["energy"] == "not guaranteed"
 
 
+# The largest energy over that of the start, for beta_s of .25, 1, 2 and 10, by node-to-segment, gauss-points, mortar
+TABLE = [
+    (CENTRAL, "penalty", {}, [(1, 1, 1.6), (1, 1, 1), (1, 1, 2.4)]),
+    (CENTRAL, "bipenalty", {"ratio": "free-step"},
+     [(1.001, 1.004, 1.04, 2.6), (1.001, 1.002, 1.003, 1.24), (1.001, 1.006, 1.04, 2.3)]),
+    (CENTRAL, "bipenalty", {"ratio": "matched"},
+     [(1.01, 1.05, 1.23, 1.1), (1.01, 1.03, 1.07, 1.3), (1.01, 1.06, 1.3, 1.2)]),
+    (WU, "penalty", {}, [(1, 1, 1.35), (1, 1, 1.35), (1, 1, 1.35)]),
+    (WU, "bipenalty", {"ratio": "matched"}, [(1, 1, 1, 1)] * 3),
+]  # fmt: skip
+CELLS = [
+    (integrator, law, options, pairing, beta_s, published)
+    for integrator, law, options, rows in TABLE
+    for pairing, row in zip(("node-to-segment", "gauss-points", "mortar"), rows, strict=True)
+    for beta_s, published in zip((0.25, 1.0, 2.0, 10.0), row, strict=False)
+]
+
+
 @pytest.mark.parametrize(
-    ("pairing", "published"),
-    [("node-to-segment", (1.01, 1.05)), ("gauss-points", (1.01, 1.03)), ("mortar", (1.01, 1.06))],
+    ("integrator", "law", "options", "pairing", "beta_s", "published"),
+    [
+        pytest.param(*cell, marks=() if cell[2] == {"ratio": "matched"} and cell[4] == 1.0 else pytest.mark.deep)
+        for cell in CELLS
+    ],
 )
-def test_central_difference_with_bipenalty_gains_the_published_energy(pairing, published):
-    found = []
-    for beta_s in (0.25, 1.0):
-        energy = percuss.run(
-            tilted("central-difference", {"name": "bipenalty", "ratio": "matched"}, pairing, beta_s)
-        ).summary["energy"]
-        found.append(energy["max"] / energy["initial"])
-    assert found == pytest.approx(published, abs=0.015)
+def test_the_largest_energy_is_that_of_an_independent_program(integrator, law, options, pairing, beta_s, published):
+    """What is gained agrees to a quarter while it is small; larger gains change with any detail of the set-up.
+
+    Speed and time of the published figures are not known.
+    """
+    energy = percuss.run(tilted(integrator, {"name": law, **options}, pairing, beta_s)).summary["energy"]
+    found = energy["max"] / energy["initial"]
+    if published == 1:
+        assert abs(found - 1.0) < 1e-12
+    elif options == {"ratio": "matched"} and beta_s < 10.0:
+        assert found - 1.0 == pytest.approx(published - 1.0, rel=0.25, abs=0.005)
+    else:
+        assert 0.45 * (published - 1.001) < found - 1.0 < 2.2 * (published - 0.9995)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("integrator", [CENTRAL, WU])
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points", "mortar"])
+def test_a_penalty_beyond_its_limit_is_told_and_gains_energy(integrator, pairing):
+    """At beta_s 10 the published energies grow to 28 to 2400 times that of the start; percuss says no beforehand."""
+    case = tilted(integrator, {"name": "penalty"}, pairing, 10.0)
+    assert certificate(Model(case))["stable"] == "no"
+    energy = percuss.run(case).summary["energy"]
+    assert energy["max"] > 10.0 * energy["initial"]
 
 
 def test_a_mean_gap_of_mortar_begins_at_no_less_than_zero():
     """Of the tilted block that touches with its corner a mean by dual functions would be negative."""
-    case = tilted("wu-predictor-corrector", {"name": "regularised-lagrange"}, "mortar", 1.0)
+    case = tilted(WU, {"name": "regularised-lagrange"}, "mortar", 1.0)
     gaps = [point.gap for point in Model(case).contact_points]
     assert min(gaps) == 0.0
     assert max(gaps) > 0.01

@@ -1,0 +1,124 @@
+"""Whether pairings transmit a uniform pressure at rest, to figures of an independent program.
+
+Two blocks whose meshes do not match are pressed together; their sides are free. The exact stress is uniform. At rest
+the equations of a model are its stiffness, the rows of its contact points and the lines of its law.
+"""
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.march.model import Model
+
+PRESSURE, POISSON = 1e-3, 0.3
+LAGRANGE, REGULARISED, PENALTY = (
+    {"name": "lagrange"},
+    {"name": "regularised-lagrange", "beta_s": 1.0},
+    {"name": "penalty", "beta_s": 0.25},
+)
+MESHES = [(5, 7), (4, 6), (6, 4)]
+FOUR = {"name": "gauss-points", "points_on_facet": 4}
+GAUSS = 1.0 / np.sqrt(3.0)
+
+
+def pressed(law, pairing, cells, across):
+    body = {"material": {"young": 1.0, "density": 1.0, "poisson": POISSON}, "plane": "stress"}
+    blocks = [
+        {"block": {"size": [1.0, 0.5], "elements": [10, count], "cells": cells}, "at": [at, 0.0], **body}
+        for count, at in zip(across, (0.0, 1.0), strict=True)
+    ]
+    push = {"constant": PRESSURE, "as": "pressure"}
+    integrator = "central-difference" if law is PENALTY else "wu-predictor-corrector"
+    return Model(percuss.load({
+        "percuss": 1, "bodies": dict(zip(("left", "right"), blocks, strict=True)),
+        "contacts": {"seam": {"between": ["left.right", "right.left"]}},
+        "loads": {"push": {**push, "on": "left.left"}, "back": {**push, "on": "right.right"}},
+        "method": {"integrator": integrator, "contact": law, "pairing": pairing},
+        "time": {"courant": 0.5, "steps": 1},
+    }))  # fmt: skip
+
+
+def at_rest(model):
+    """Return the displacements at rest, (nodes, dim), and the pressures of the contact points.
+
+    Every point is closed, as its pressure shows. The least displacements are taken: bodies may move along the seam.
+    """
+    order, records = model.law_records()
+    normals = model.rows.normals()[:, order]
+    nodes, dim = model.bodies.n_nodes, model.bodies.dim
+    system = np.zeros((nodes * dim + len(order),) * 2)
+    for body in model.bodies.values():
+        own = slice(body.start * dim, body.stop * dim)
+        system[own, own] = body.stiffness_matrix().toarray()
+    system[: nodes * dim, nodes * dim :], system[nodes * dim :, : nodes * dim] = -normals, normals.T
+    system[nodes * dim :, nodes * dim :] = np.diag(records["sigma"])
+    right = np.zeros(len(system))
+    for load in model.loads.nodal_forces:
+        right[load.node * dim : (load.node + 1) * dim] += PRESSURE * load.force
+    found = np.linalg.lstsq(system, right, rcond=1e-12)[0]
+    assert np.abs(system @ found - right).max() < 1e-12 * PRESSURE
+    areas = np.array([model.contact_points[point].weight for point in order])
+    return found[: nodes * dim].reshape(nodes, dim), found[nodes * dim :] / areas
+
+
+def largest_error_of_stress(model, displacement):
+    """Return the largest error of a component of the stress over the pressure, at the Gauss points of all cells."""
+    slopes = [
+        np.array([[-(1 - t), -(1 - s)], [1 - t, -(1 + s)], [1 + t, 1 + s], [-(1 + t), 1 - s]]) / 4
+        for s in (-GAUSS, GAUSS) for t in (-GAUSS, GAUSS)
+    ]  # fmt: skip
+    triangle = [np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])]
+    errors = []
+    for body in model.bodies.values():
+        ((_, cells),) = body.mesh.cells.items()
+        for slope in slopes if cells.shape[1] == 4 else triangle:
+            jacobian = np.einsum("cai,aj->cji", body.mesh.nodes[cells], slope)
+            gradient = np.linalg.solve(jacobian, np.einsum("cai,aj->cji", displacement[body.start + cells], slope))
+            xx, yy, shear = gradient[:, 0, 0], gradient[:, 1, 1], gradient[:, 0, 1] + gradient[:, 1, 0]
+            for stress, exact in (
+                ((xx + POISSON * yy) / (1 - POISSON**2), -PRESSURE),
+                ((yy + POISSON * xx) / (1 - POISSON**2), 0.0),
+                (shear / (2 + 2 * POISSON), 0.0),
+            ):
+                errors.append(np.abs(stress - exact).max() / PRESSURE)
+    return max(errors)
+
+
+@pytest.mark.parametrize("across", MESHES)
+@pytest.mark.parametrize("cells", ["quad4", "tri3"])
+@pytest.mark.parametrize("law", [LAGRANGE, REGULARISED, PENALTY], ids=lambda law: law["name"])
+def test_mortar_transmits_a_uniform_stress(law, cells, across):
+    model = pressed(law, "mortar", cells, across)
+    displacement, pressures = at_rest(model)
+    assert largest_error_of_stress(model, displacement) < 1e-10
+    assert pressures == pytest.approx(PRESSURE, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("pairing", "published", "found"),
+    [
+        ("node-to-segment", (0.13, 0.18), (0.139, 0.185)),
+        ("gauss-points", (0.03, 0.04), (0.0339, 0.0408)),
+        (FOUR, (0.007, 0.009), (0.0067, 0.0081)),
+    ],
+)
+def test_other_pairings_fail_by_the_figures_of_an_independent_program(pairing, published, found):
+    """Its figures are ranges to one digit, over meshes that are not told: here triangles and quadrilaterals, 5 to 7."""
+    errors = []
+    for cells in ("tri3", "quad4"):
+        model = pressed(REGULARISED, pairing, cells, (5, 7))
+        displacement, pressures = at_rest(model)
+        assert pressures.min() > 0.0
+        errors.append(largest_error_of_stress(model, displacement))
+    assert errors == pytest.approx(found, rel=0.01)
+    assert errors == pytest.approx(published, rel=0.15)
+
+
+def test_more_gauss_points_transmit_it_better():
+    """The error falls with their number, and no number is exact."""
+    errors = []
+    for points in (2, 4, 8):
+        model = pressed(REGULARISED, {"name": "gauss-points", "points_on_facet": points}, "quad4", (5, 7))
+        errors.append(largest_error_of_stress(model, at_rest(model)[0]))
+    assert errors[1] < 0.5 * errors[0]
+    assert 1e-4 < errors[2] < 0.5 * errors[1]
