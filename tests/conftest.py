@@ -4,10 +4,13 @@ Marks: `deep` tests are left out unless asked for (``-m deep``), `slow` ones tak
 """
 
 import contextlib
+import gc
 import os
 import shutil
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: threads cost more than they bring
+# Tests, types and compiled functions are many objects that stay: the search for garbage among them takes long.
+gc.set_threshold(50_000)
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -40,6 +43,12 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.get_closest_marker("deep"):
             item.add_marker("slow")
+
+
+def pytest_collection_finish():
+    """Leave out of every later search for garbage what is there before the first test."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_xdist_auto_num_workers(config):
