@@ -124,6 +124,6 @@ def _outcome(case: Case, *, exact_only: bool, nudge: bool) -> tuple[Result, RunE
 
 def _search(case: Path, sets: list[str], plugins: list[Path]) -> str:
     """Return the command that finds better methods for a case, in words."""
-    words = shlex.join(["percuss", "recommend", str(case), *(f"--plugin={file}" for file in plugins)])
+    words = shlex.join(["percuss", "recommend", str(case), "--error", "1%", *(f"--plugin={file}" for file in plugins)])
     lost = any(not change.startswith(SEARCHED) for change in sets)
     return f"`{words}`{' (first write the values of --set into the case)' if lost else ''}"

@@ -40,7 +40,7 @@ def recommendation_figure(found: Recommendation) -> Figure:
                 axes.plot(x, y, ".", color="0.75", markersize=4, zorder=1, label=label)
         front = _drawn(found, found.front)
         axes.plot([one.cost for one in front], [_height(found, one) for one in front], color="0.3", lw=1.2,
-                  drawstyle="steps-post", zorder=1.5, label="none is both cheaper and better")  # fmt: skip
+                  drawstyle="steps-post", zorder=1.5, label="no run is both cheaper and better")  # fmt: skip
         bound = found.bounds.error if found.bounds.error is not None else found.bounds.energy
         if bound is not None:
             axes.axhline(bound, color="0.3", lw=1.0, dashes=(5, 3), label="bound")

@@ -32,9 +32,9 @@ def recommendation_lines(found: Recommendation) -> Iterator[Piece]:
             Column("node evaluations", [f"{one.evaluations:.3g}" for one in front]),
             Column("ms", [f"{1e3 * one.seconds:.3g}" if one.seconds is not None else "-" for one in front], drop=2),
         ]
-        yield Table(columns, "none is both cheaper and nearer to the bounds")
+        yield Table(columns, "no run is both cheaper and nearer to the bounds")
     if found.refused:
-        yield Unbroken(f"refused, with reasons in --json: {'; '.join(map(' + '.join, found.refused))}")
+        yield f"{len(found.refused)} pairs are refused; --json has the reasons"
     yield Unbroken(f"runs: {found.study.path}")
     if found.best is not None:
         yield "in a case:"
