@@ -163,10 +163,11 @@ def _of_cells(body: Body, about: Entries) -> tuple[str, str, str]:
     """Add what is known of a body that is no bar; return its mesh, its section and its waves in words."""
     plane = body.view.plane
     about["elements"], about["nodes"], about["plane"] = body.count, int(body.mass.size), plane
+    about["mass"] = float(body.mass.sum())
     section = f"plane {plane}, thickness {body.spec.section:.6g}" if plane else "three dimensions"
     section = "a body of revolution about x = 0" if plane == "axisymmetric" else section
     mesh = f"{body.count} cells {body.spec.element.name} and {body.mass.size} nodes"
-    return mesh, section, " of longitudinal waves"
+    return mesh, f"{section}, mass {about['mass']:.6g}", " of longitudinal waves"
 
 
 def _step(model: Model, verdict: Certificate) -> Fact:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from percuss import Doc, Gt, Unit
 from percuss_methods.shapes._plane import quadrilaterals_of
 
 if TYPE_CHECKING:
     from percuss import Floats, Integers
+
+Grading = Annotated[float, Gt(0), Unit("1"), Doc("size of cells at the highest point over that at the lowest")]
 
 CORE = 0.5  # distance of the middle of a side of the core from the centre, over the radius
 BULGE = 0.15  # by which part of their distance the corners of the core are nearer than those of a square
@@ -21,8 +24,22 @@ def counts(elements: int) -> tuple[int, int]:
     return across, max(1, round((elements - across) / 2))
 
 
-def disk_mesh(elements: int) -> tuple[Floats, Integers, Integers]:
-    """Return nodes, quadrilaterals and the nodes of the skin, which begin at an angle of -135 degrees."""
+def expect_moderate(grading: float, elements: int) -> None:
+    """Refuse a grading whose largest cells would be larger than the radius.
+
+    Raises
+    ------
+    ValueError
+        With the largest and the least value for the number of elements.
+    """
+    most = (0.5 * elements) ** 2
+    if not 1.0 <= grading * most <= most**2:
+        words = f"grading is {grading:g}: give {1.0 / most:.3g} to {most:.3g} with {elements} elements"
+        raise ValueError(f"{words}, as others make cells larger than the radius")
+
+
+def disk_mesh(elements: int, grading: float) -> tuple[Floats, Integers, Integers]:
+    """Return nodes, quadrilaterals and the nodes of the skin, which begin at an angle of -135 degrees or near it."""
     across, layers = counts(elements)
     place = 2.0 * np.arange(across + 1) / across - 1.0
     x, y = np.meshgrid(place, place, indexing="ij")
@@ -36,4 +53,18 @@ def disk_mesh(elements: int) -> tuple[Floats, Integers, Integers]:
     around = np.concatenate([rim[None], number.size + np.arange(layers * rim.size).reshape(layers, -1)])
     outer = quadrilaterals_of(np.concatenate([around, around[:, :1]], axis=1))
     cells = np.concatenate([quadrilaterals_of(number).reshape(-1, 4), outer.reshape(-1, 4)])
-    return np.concatenate([core.reshape(-1, 2), *rings]), cells, around[-1]
+    return graded(np.concatenate([core.reshape(-1, 2), *rings]), grading), cells, around[-1]
+
+
+def graded(nodes: Floats, grading: float) -> Floats:
+    """Return the nodes of a disk of radius 1 drawn together at the lowest point, by a map of the disk onto itself.
+
+    The map ``(z - i a) / (1 + i a z)`` is conformal: it keeps the circle and all angles. It scales lengths by
+    ``grading^(-1/2)`` at the lowest point and by ``grading^(1/2)`` at the highest one.
+    """
+    if grading == 1.0:
+        return nodes
+    a = (np.sqrt(grading) - 1.0) / (np.sqrt(grading) + 1.0)
+    z = nodes[:, 0] + 1j * nodes[:, 1]
+    z = (z - 1j * a) / (1.0 + 1j * a * z)
+    return np.stack([z.real, z.imag], axis=1)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from percuss import Doc, Ge, Gt, Mesh, Unit
 from percuss_methods.shapes._plane import PlaneCells, PlaneShape, closed
-from percuss_methods.shapes._round import counts, disk_mesh
+from percuss_methods.shapes._round import Grading, counts, disk_mesh, expect_moderate
 
 if TYPE_CHECKING:
     from percuss import Floats
@@ -22,16 +22,29 @@ class Disk(PlaneShape):
     ``n sin(2 pi / n) / (2 pi)`` of the disk, with n edges around.
 
     Core and layers are refined together. With a single layer between core and circle the mesh would not converge.
+
+    A small contact at the lowest point needs small cells there alone: `grading` moves the nodes by
+    ``(z - i a) / (1 + i a z)`` with ``a = (grading^(1/2) - 1) / (grading^(1/2) + 1)``, which keeps circle and angles.
+    Cells are ``grading^(1/2)`` times smaller at the lowest point and larger at the highest one, and the area of the
+    polygon is smaller. The `angle` of the body turns the fine side to where it touches.
     """
 
     name = "disk"
     summary = "A disk of quadrilaterals or triangles"
     regions = ("skin",)
-    examples = ({"radius": 1.0, "elements": 8}, {"radius": 0.5, "elements": 4, "cells": "tri3"})
+    examples = (
+        {"radius": 1.0, "elements": 8},
+        {"radius": 0.5, "elements": 4, "cells": "tri3"},
+        {"radius": 1.0, "elements": 16, "grading": 9.0},
+    )
 
     radius: Annotated[float, Gt(0), Unit("length"), Doc("radius")]
     elements: Annotated[int, Ge(4), Unit("1"), Doc("number of cells across the diameter, before `refine`")]
     cells: PlaneCells = "quad4"
+    grading: Grading = 1.0
+
+    def __post_init__(self) -> None:
+        expect_moderate(self.grading, self.elements)
 
     def element_count(self, refine: float) -> int:
         """Return the number of cells."""
@@ -40,5 +53,5 @@ class Disk(PlaneShape):
 
     def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh of the disk about `at`."""
-        nodes, cells, skin = disk_mesh(self.refined(self.elements, refine))
+        nodes, cells, skin = disk_mesh(self.refined(self.elements, refine), self.grading)
         return Mesh(at + self.radius * nodes, self.as_cells(cells), {"skin": closed(skin)})

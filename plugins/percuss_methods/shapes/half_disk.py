@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss import Doc, Ge, Gt, Mesh, Unit
 from percuss_methods.shapes._plane import PlaneCells, PlaneShape, opened
-from percuss_methods.shapes._round import counts, disk_mesh
+from percuss_methods.shapes._round import Grading, counts, disk_mesh, expect_moderate
 
 if TYPE_CHECKING:
     from percuss import Floats
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class HalfDisk(PlaneShape):
     """The right half of a `disk`: as a body of revolution a ball, and half a disk where it meets its mirror image.
 
-    Formula: the cells of `disk` to the right of its centre.
+    Formula: the cells of `disk` to the right of its centre. With a `grading` below 1 the fine side is the upper one.
     """
 
     name = "half-disk"
@@ -30,6 +30,10 @@ class HalfDisk(PlaneShape):
     radius: Annotated[float, Gt(0), Unit("length"), Doc("radius")]
     elements: Annotated[int, Ge(4), Unit("1"), Doc("number of cells across the diameter, before `refine`")]
     cells: PlaneCells = "quad4"
+    grading: Grading = 1.0
+
+    def __post_init__(self) -> None:
+        expect_moderate(self.grading, self.elements)
 
     def element_count(self, refine: float) -> int:
         """Return the number of cells."""
@@ -38,7 +42,7 @@ class HalfDisk(PlaneShape):
 
     def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh of the half of the disk about `at`."""
-        nodes, cells, skin = disk_mesh(self.refined(self.elements, refine))
+        nodes, cells, skin = disk_mesh(self.refined(self.elements, refine), self.grading)
         kept, cells = np.unique(cells[nodes[cells, 0].mean(axis=1) > 0.0], return_inverse=True)
         nodes = nodes[kept]
         axis = np.flatnonzero(np.abs(nodes[:, 0]) < 1e-12)
