@@ -8,6 +8,7 @@ from percuss.certificate.verdict import certificate
 from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.results.exact_only import run_exact
+from percuss.results.ledger import angular_momentum_summary, open_accounts
 
 WU = "wu-predictor-corrector"
 LAWS = {
@@ -191,6 +192,68 @@ def test_spin_turns_a_body_about_its_centre_of_mass(cells):
     assert energy["initial"] == pytest.approx(0.5 * 0.2 * (0.2**2 + 0.1**2) + turning, rel=1e-12)
     assert result.summary["momentum"]["initial"] == pytest.approx([0.2 * 0.2, -0.1 * 0.2], abs=1e-15)
     assert energy["ledger_closed"]
+    angular = result.summary["angular_momentum"]
+    assert angular["initial"] == pytest.approx([2.0 * turning / 0.01], rel=1e-12)
+    assert angular["final"] == pytest.approx(angular["initial"], rel=1e-12)
+
+
+def cross(place, force):
+    return float((place[..., 0] * force[..., 1] - place[..., 1] * force[..., 0]).sum())
+
+
+@pytest.mark.parametrize("integrator", [WU, "velocity-verlet"])
+def test_angular_momentum_is_balanced_by_the_moments_of_impulses(integrator):
+    """A turned block meets another one that stands, and both have loads: of each impulse the moment is counted."""
+    bodies = {
+        "left": {**block(0.0, 0.5, [10, 4], 0.3, "tri3"), "spin": 0.02},
+        "right": {**block(1.0, 0.0, [10, 6], 0.3), "at": [1.0, 0.05], "fixed": [{"on": "bottom", "along": "y"}]},
+    }
+    loads = {
+        "push": {"constant": 0.02, "on": "left.top", "as": "pressure"}, "weight": {"gravity": [0.03, -0.1]},
+    }  # fmt: skip
+    case = percuss.load({
+        "percuss": 1, "bodies": bodies, "loads": loads, "time": {"courant": 0.5, "end": 1.5},
+        "contacts": {
+            "seam": {"between": ["left.right", "right.left"]},
+            "wall": {"body": "right.right", "wall": {"point": [2.01, 0.0], "normal": [-1.0, 0.0]}},
+        },
+        "method": {"integrator": integrator, "contact": {"name": "penalty", "beta_s": 0.25}},
+    })  # fmt: skip
+    model, march = Model(case), March(Model(case))
+    outcome = march.run()
+    nodes, mass = model.bodies.nodes - mean_place(model.bodies.nodes, model.bodies.mass), model.bodies.mass[:, None]
+    found = percuss.run(case).summary["angular_momentum"]
+    for velocity, told in ((outcome.starting_velocity, "initial"), (outcome.final_velocity, "final")):
+        assert found[told] == pytest.approx([cross(nodes, mass * velocity.reshape(-1, 2))], rel=1e-12)
+    duration = march.model.steps * model.dt
+    push = [0.02 * duration * cross(nodes[one.node], one.force) for one in model.loads.nodal_forces]
+    weight = duration * cross(nodes, mass * np.array([0.03, -0.1]))
+    assert found["impulse_of_loads"] == pytest.approx([sum(push) + weight], rel=0.05)  # half a step at the start
+    for name in ("impulse_of_loads", "impulse_of_supports", "impulse_of_contacts"):
+        assert abs(found[name][0]) > 1e-5
+    assert found["balanced"]
+    assert found["error"] < 1e-13
+    turned = outcome.final_velocity.reshape(-1, 2)
+    turned += 1e-6 * np.stack([-nodes[:, 1], nodes[:, 0]], axis=1)
+    open_account = angular_momentum_summary(march, outcome, 1e-3)
+    assert open_account["balanced"] is False
+    accounts = {**percuss.run(case).summary, "angular_momentum": open_account}
+    assert any("angular momentum does not balance" in words for words in open_accounts(accounts))
+
+
+def mean_place(nodes, mass):
+    return mass @ nodes / mass.sum()
+
+
+@pytest.mark.parametrize(("end", "warned"), [(1.5, False), (4.0, True)])
+def test_a_body_of_small_strains_that_turns_is_warned_of(end, warned):
+    """It becomes longer by 1/cos of the angle of a real body: sqrt(1 + angle^2)."""
+    body = {**block(0.0, 0.0, [10, 4], 0.3), "spin": 0.03}
+    case = percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "end": end}})
+    said = "body 'a' turns by 0.12 rad, but its strains hold for small rotations: the turn lengthens it by 0.72 %"
+    result = percuss.run(case)
+    assert any(said in note for note in result.summary["notes"]) is warned
+    assert (said in str(percuss.check(case))) is warned
 
 
 @pytest.mark.parametrize(("pairing", "points"), [("mortar", 2), ("node-to-segment", 2), ("gauss-points", 2)])

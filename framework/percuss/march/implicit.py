@@ -78,7 +78,7 @@ class ImplicitStepper:
         self.internal: Floats = np.zeros(self.mass.size)
         self.reaction: Floats = np.zeros(self.held.size)
         self.multiplier: Floats = np.zeros(len(self.order))
-        self._impulse = np.zeros(model.dim)
+        self._impulse = model.bodies.with_moment(model.bodies.centre, np.zeros(model.dim))
         self.step: Step
 
     # -- arrays that stay as they are ------------------------------------------------------------------------
@@ -219,7 +219,8 @@ class ImplicitStepper:
         total.internal_work += dt * float(mean(self.internal, internal) @ middle)
         single = (dt * mean_reaction) ** 2 / self.mass[self.held]
         total.step_energy = max(total.step_energy, float(single.max(initial=0.0)))
-        self._impulse += dt * mean_load.reshape(-1, self.model.dim).sum(axis=0)
+        bodies = self.model.bodies
+        self._impulse += dt * bodies.with_moment(bodies.nodes, mean_load.reshape(bodies.nodes.shape)).sum(axis=0)
         sound = account(step, dt * float(mean_load @ middle), n, self.u, self.v) and sound
         contacts = step.points.contacts
         force = np.bincount(step.points.law["contact"], multiplier, contacts.size)
@@ -252,7 +253,7 @@ class ImplicitStepper:
         raise NotImplementedError
 
     def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  it is summed step by step
-        """Return the impulse of the loads on all bodies so far, (dim,)."""
+        """Return the impulse of the loads on all bodies so far, with its moment."""
         return self._impulse.copy()
 
 

@@ -41,7 +41,11 @@ class LeapFrogStepper:
         self.u: Floats = np.zeros(model.bodies.n_nodes * model.dim)
         self.v[:] = starting_velocity(model).ravel()
         self.columns = len(model.case.loads) + 1
-        self._impulse = np.zeros(model.dim)
+        self._acting = [
+            (load.column, model.bodies.with_moment(model.bodies.nodes[load.node], load.force))
+            for load in model.loads.nodal_forces
+        ]
+        self._impulse = model.bodies.with_moment(model.bodies.centre, np.zeros(model.dim))
         self.step: Step
         self.parts: Sequence[Part[Any]]
 
@@ -102,20 +106,24 @@ class LeapFrogStepper:
         return amplitudes
 
     def load_impulse(self, amplitudes: Floats) -> Floats:
-        """Return the impulse of the loads on all bodies up to and including the steps of `amplitudes`, (dim,)."""
+        """Return the impulse of the loads up to and including the steps of `amplitudes`, with its moment."""
         model = self.model
         if model.case.loads:
-            total = np.zeros(model.dim)
+            total = np.zeros_like(self._impulse)
             # NumPy adds the terms of an array of its own in pairs, with less round-off.
             forces, accelerations = amplitudes[:, : self.columns].copy(), amplitudes[:, 2 * self.columns :].copy()
             sums = forces.sum(axis=0)
-            for nodal_force in model.loads.nodal_forces:
-                total += sums[nodal_force.column] * nodal_force.force
-            weights = np.array([body.mass.sum() for body in model.bodies.values()])
-            total += weights @ accelerations.sum(axis=0).reshape(-1, model.dim)
+            for column, force in self._acting:
+                total += sums[column] * force
+            bodies, of_bodies = model.bodies.values(), accelerations.sum(axis=0).reshape(-1, model.dim)
+            weights = np.array([body.mass.sum() for body in bodies])
+            total[: model.dim] += weights @ of_bodies
+            centres = np.array([body.centre for body in bodies])
+            moments = model.bodies.with_moment(centres, weights[:, None] * of_bodies)[:, model.dim :]
+            total[model.dim :] += moments.sum(axis=0)
             self._impulse += model.dt * total
         impulse = self._impulse.copy()
         for part in self.parts:
-            if (own := part.impulse()) is not None:
-                impulse += own
+            if (own := part.impulse()) is not None:  # of ends of bars, whose moments are not asked
+                impulse[: own.size] += own
         return impulse

@@ -61,7 +61,7 @@ class Outcome:
     starting_velocity: Floats  # at -dt/2
     kinetic_before: float  # kinetic energy at -dt/2
     totals: SimpleNamespace  # `March.totals`, before the trial step
-    load_impulse: Floats
+    load_impulse: Floats  # with its moment
     kernels: Kernels
     seconds: dict[str, float]
     status: str = "done"  # or "interrupted" or "unstable"
@@ -257,7 +257,7 @@ class March:
             starting_velocity=self.v.copy(),
             kinetic_before=0.0,
             totals=self.totals,
-            load_impulse=np.zeros(self.dim),
+            load_impulse=self.model.bodies.with_moment(self.model.bodies.centre, np.zeros(self.dim)),
             kernels=self.kernels,
             seconds=self.seconds,
         )

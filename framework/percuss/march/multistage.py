@@ -144,11 +144,15 @@ class MultistageStepper:
         return amplitudes
 
     def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step
-        """Return the impulse of the loads on all bodies so far, (dim,)."""
-        model, total = self.model, np.zeros(self.model.dim)
+        """Return the impulse of the loads on all bodies so far, with its moment."""
+        model, bodies = self.model, list(self.model.bodies.values())
+        total = model.bodies.with_moment(model.bodies.centre, np.zeros(model.dim))
         for force in model.loads.on_nodes:
-            total += self.amplitude_sums[force.column] * force.force
-        bodies = list(model.bodies.values())
+            total += self.amplitude_sums[force.column] * model.bodies.with_moment(
+                model.bodies.nodes[force.node], force.force
+            )
         for body_force, record in zip(model.loads.body_forces, self.body_forces, strict=True):
-            total += self.amplitude_sums[record.column] * bodies[body_force.body].mass.sum() * body_force.acceleration
+            body = bodies[body_force.body]
+            weight = self.amplitude_sums[record.column] * body.mass.sum() * body_force.acceleration
+            total += model.bodies.with_moment(body.centre, weight)
         return model.dt * total

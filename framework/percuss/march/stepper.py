@@ -57,4 +57,7 @@ class Stepper(Protocol):
         """
 
     def load_impulse(self, amplitudes: Any) -> Floats:
-        """Return the impulse of the loads on all bodies up to and including the steps of `amplitudes`, (dim,)."""
+        """Return the impulse of the loads up to and including the steps of `amplitudes`, with its moment.
+
+        Both are those on all bodies, as `percuss.mesh.bodies.Bodies.with_moment` returns them.
+        """

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Mesh
 
 
+# The components of a position and of a force whose product less the reverse is a moment, by the dimension of space.
+TURNS: dict[int, tuple[list[int], list[int]]] = {1: ([], []), 2: ([0], [1]), 3: ([1, 2, 0], [2, 0, 1])}
+
+
 class Bodies(Mapping[str, Body]):
     """The bodies of a model by name, in the order of the case.
 
@@ -73,6 +77,29 @@ class Bodies(Mapping[str, Body]):
         """The inverse of that mass, 0 at an end without mass, (nodes * dim,)."""
         mass = self.mass_of_dofs
         return np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
+
+    @cached_property
+    def centre(self) -> Floats:
+        """The centre of mass of all bodies at the start, (dim,)."""
+        centre: Floats = self.mass @ self.nodes / self.mass.sum()
+        return centre
+
+    def with_moment(self, place: Floats, force: Floats) -> Floats:
+        """Return forces and their moments about the centre of mass at the start.
+
+        Parameters
+        ----------
+        place, force : (..., dim) arrays
+            Places at the start, and the forces, impulses or momenta there.
+
+        Returns
+        -------
+        (..., dim + 0, 1 or 3) array
+            In one dimension there is no moment, in two there is one.
+        """
+        arm, (first, second) = place - self.centre, TURNS[self.dim]
+        moment = arm[..., first] * force[..., second] - arm[..., second] * force[..., first]
+        return np.concatenate([force, moment], axis=-1)
 
     @cached_property
     def about_axis(self) -> bool:

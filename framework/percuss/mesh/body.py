@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import percent
 from percuss.mesh.cell_stiffness import stiffness_of_cells
 from percuss.mesh.cells import cells_of, element_masses, has_cells, modulus_of, modulus_of_bar
 from percuss.mesh.surfaces import BodySurface, surface_of
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from percuss.case.specs import BodySpec
 
 
+MOST_TURNED = 0.05  # rad, which stretches a body of small strains by 0.12 %
 NEARLY_INCOMPRESSIBLE = 3.79  # modulus of longitudinal waves over Young's at a Poisson's ratio of .45
 
 
@@ -47,13 +50,39 @@ class Body:
         return f"body '{self.name}' is not linear: its {' and its '.join(nonlinear)} {verb} not declare `linear = True`"
 
     @property
+    def centre(self) -> Floats:
+        """Its centre of mass at the start, (dim,)."""
+        centre: Floats = self.mass @ self.mesh.nodes / self.mass.sum()
+        return centre
+
+    @property
     def nodal_velocity(self) -> Floats:
         """Velocity of its nodes at t = 0, (nodes, dim)."""
         velocity = np.tile(self.velocity, (self.mass.size, 1))
         if self.spec.spin:
-            arm = self.mesh.nodes - self.mass @ self.mesh.nodes / self.mass.sum()
+            arm = self.mesh.nodes - self.centre
             velocity += self.spec.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
         return velocity
+
+    @property
+    def of_small_strains(self) -> bool:
+        """Whether it is no bar and its element takes displacements as small: it stretches where it should turn."""
+        return self.mesh.line is None and self.spec.element.linear
+
+    def turned_by(self, displacement: Floats) -> float:
+        """Return the angle by which displacements of its nodes turn it in the mean, (nodes, 2) [rad]."""
+        arm = self.mesh.nodes - self.centre
+        about = arm[:, 0] * displacement[:, 1] - arm[:, 1] * displacement[:, 0]
+        return float(self.mass @ about / (self.mass @ (arm**2).sum(axis=1)))
+
+    def why_it_must_not_turn(self, angle: float) -> str:
+        """Why a motion that turns it by an angle is not that of a real body; empty if the angle is small [rad]."""
+        if not self.of_small_strains or not abs(angle) > MOST_TURNED:
+            return ""
+        return (
+            f"body '{self.name}' turns by {abs(angle):.2g} rad, but its strains hold for small rotations: the turn "
+            f"lengthens it by {percent(math.hypot(1.0, angle) - 1.0, 2)}, and its spin is not that of a real body"
+        )
 
     @property
     def why_too_stiff(self) -> str:

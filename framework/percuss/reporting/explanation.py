@@ -75,7 +75,7 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     yield Fact("title", case.title, ["", case.title or "Untitled case"], source)
     dimensions = f"{model.dim} dimension{'s' if model.dim > 1 else ''}"
     heading = f"Bodies ({model.bodies.n_nodes} nodes in {dimensions})"
-    yield _group("bodies", heading, (_body(body) for body in model.bodies.values()))
+    yield _group("bodies", heading, (_body(body, model.steps * model.dt) for body in model.bodies.values()))
     explained: set[str] = set()
     first = {point.name: p for p, point in reversed(list(enumerate(model.contact_points)))}
     contacts = [_contact(model, p, model.contact_points[p], explained) for p in sorted(first.values())]
@@ -127,8 +127,8 @@ def _numbers_as_text(values: Mapping[str, float]) -> dict[str, str]:
 # ---------------------------------------------------------------------------------------------- bodies, step
 
 
-def _body(body: Body) -> Fact:
-    """Return a body: its mesh, its material, and the speed of its waves."""
+def _body(body: Body, end: float) -> Fact:
+    """Return a body: its mesh, its material, the speed of its waves, and what is known against it until the end."""
     spec, material = body.spec, body.spec.material
     c = math.sqrt(body.modulus / material.rho)
     about: Entries = {"c": c, "why_not_linear": body.why_not_linear}
@@ -140,7 +140,7 @@ def _body(body: Body) -> Fact:
         f"{body.name}: {spec.shape.name} of {mesh}, {material.name} "
         f"({_assignments(_options(material, with_defaults=False))}), {section}{moves}{fixed}"
     )
-    details = [f"c = {c:.6g}{waves}", *([body.why_too_stiff] if body.why_too_stiff else [])]
+    details = [f"c = {c:.6g}{waves}", *filter(None, (body.why_too_stiff, body.why_it_must_not_turn(spec.spin * end)))]
     if body.why_not_linear:
         follows = "c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"
         details += [body.why_not_linear, follows]

@@ -78,6 +78,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     accounts: Accounts = {
         "energy": ledger.energy_summary(march, outcome, energies, largest_energy),
         "momentum": ledger.momentum_summary(march, outcome, largest_energy),
+        "angular_momentum": ledger.angular_momentum_summary(march, outcome, largest_energy),
     }
     if accounts["energy"]["ledger_closed"] is False and growth["kept"]:
         # with an open ledger the contact work is not the energy gained by the bodies, so nothing can be verified
@@ -124,7 +125,11 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
         )
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of a body may grow with time, with no bound")
-    warnings += filter(None, (body.why_too_stiff for body in march.model.bodies.values()))
+    bodies = march.model.bodies.values()
+    warnings += filter(None, (body.why_too_stiff for body in bodies))
+    moved = outcome.final_displacement.reshape(-1, march.dim)
+    for body in filter(lambda body: body.of_small_strains, bodies):
+        warnings += filter(None, [body.why_it_must_not_turn(body.turned_by(moved[body.start : body.stop]))])
     warnings += march.model.ignored_couplings()
     name, facts = march.model.case.method.integrator.name, march.model.facts
     if march.arrays.record.every > 1 and march.model.contact_points:

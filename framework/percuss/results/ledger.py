@@ -20,6 +20,7 @@ round-off. The remaining closure error is the change of the strain energy made b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -31,7 +32,14 @@ from percuss.certificate.verdict import Certificate
 from percuss.contact.points import BY_CURRENT, BY_END, BY_PART
 from percuss.march.march import March, Outcome
 from percuss.methods.interfaces import Floats
-from percuss.results.summary import Accounts, ContactSummary, EnergySummary, GrowthSummary, MomentumSummary
+from percuss.results.summary import (
+    Accounts,
+    AngularMomentumSummary,
+    ContactSummary,
+    EnergySummary,
+    GrowthSummary,
+    MomentumSummary,
+)
 from percuss.step.account import ROUNDING
 
 # Allowed closure error of the ledger over the largest energy, and allowed imbalance over the momentum.
@@ -189,7 +197,8 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
     for contact_point, impulse in zip(model.contact_points, outcome.sums.impulse, strict=True):
         if contact_point.at_wall:
             walls -= impulse * contact_point.normal
-    closure = after - before - outcome.load_impulse - supports - walls
+    loads = outcome.load_impulse[:dim]
+    closure = after - before - loads - supports - walls
     if model.bodies.about_axis:  # across the axis the momentum of a ring is 0, and its hoop forces balance
         closure[0] = before[0] = after[0] = supports[0] = walls[0] = 0.0
     # The magnitudes are summed, as the reactions at the two ends of a stretched bar are large and cancel.
@@ -199,7 +208,7 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
         started,
         float(np.abs(outcome.sums.impulse).sum()),
         support_impulse,
-        float(np.abs(outcome.load_impulse).max(initial=0.0)),
+        float(np.abs(loads).max(initial=0.0)),
         # Balanced forces bring no momentum: their round-off is relative to the momentum that their energy could bring.
         float(np.sqrt(2.0 * float(model.bodies.mass.sum()) * largest_energy)),
     )
@@ -207,9 +216,47 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
     return {
         "initial": before.tolist(),
         "final": after.tolist(),
-        "impulse_of_loads": outcome.load_impulse.tolist(),
+        "impulse_of_loads": loads.tolist(),
         "impulse_of_supports": supports.tolist(),
         "impulse_of_walls": walls.tolist(),
+        "error": imbalance / scale if scale > 0 else 0.0,
+        "balanced": None if outcome.status == "unstable" else bool(imbalance <= MOMENTUM_TOLERANCE * scale),
+    }
+
+
+def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> AngularMomentumSummary | None:
+    """Return angular momentum before the first and after the last step, and the moments of impulses in between.
+
+    All count about the centre of mass at the start and with the places at the start, as small strains do: internal
+    forces of linear elements have no moment so. None for bars, bodies of revolution and elements of large strains.
+    """
+    model, dim, bodies = march.model, march.dim, march.model.bodies
+    if bodies.about_axis or not all(body.of_small_strains for body in bodies.values()):
+        return None
+    velocities = outcome.starting_velocity.reshape(-1, dim), outcome.final_velocity.reshape(-1, dim)
+    momenta = [bodies.with_moment(bodies.nodes, bodies.mass[:, None] * velocity)[:, dim:] for velocity in velocities]
+    held, pressed = np.zeros((1, momenta[0].shape[1])), np.zeros((1, momenta[0].shape[1]))
+    if model.loads.constraints:
+        at = bodies.nodes[[constraint.node for constraint in model.loads.constraints]]
+        directions = np.array([constraint.direction for constraint in model.loads.constraints])
+        held = bodies.with_moment(at, model.dt * outcome.reactions[:, None] * directions)[:, dim:]
+    if model.contact_points:
+        pressed = np.array([
+            sum(bodies.with_moment(bodies.nodes[node], impulse * normal)[dim:] for node, normal in point.gradient)
+            for point, impulse in zip(model.contact_points, outcome.sums.impulse, strict=True)
+        ])  # fmt: skip
+    before, after, supports, contacts = (moments.sum(axis=0) for moments in (*momenta, held, pressed))
+    loads = outcome.load_impulse[dim:]
+    inertia = float(bodies.mass @ ((bodies.nodes - bodies.centre) ** 2).sum(axis=1))
+    sums = [float(np.abs(moments).sum()) for moments in (*momenta, held, pressed, loads)]
+    scale = max(*sums, math.sqrt(2.0 * inertia * largest_energy))
+    imbalance = float(np.abs(after - before - loads - supports - contacts).max())
+    return {
+        "initial": before.tolist(),
+        "final": after.tolist(),
+        "impulse_of_loads": loads.tolist(),
+        "impulse_of_supports": supports.tolist(),
+        "impulse_of_contacts": contacts.tolist(),
         "error": imbalance / scale if scale > 0 else 0.0,
         "balanced": None if outcome.status == "unstable" else bool(imbalance <= MOMENTUM_TOLERANCE * scale),
     }
@@ -244,6 +291,12 @@ def open_accounts(summary: Accounts) -> list[str]:
         messages.append(
             f"momentum does not balance: {percent(momentum['error'], 2)} of it comes from no load, support or wall, so "
             "that the forces inside the bodies do not add up to zero"
+        )
+    angular = summary.get("angular_momentum")
+    if angular is not None and angular["balanced"] is False:
+        messages.append(
+            f"angular momentum does not balance: {percent(angular['error'], 2)} of it comes from no load, support or "
+            "contact, so that the forces inside the bodies turn them"
         )
     return messages
 

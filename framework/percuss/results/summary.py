@@ -69,6 +69,21 @@ class MomentumSummary(TypedDict):
     balanced: bool | None
 
 
+class AngularMomentumSummary(TypedDict):
+    """Angular momenta before the first and after the last step, the moments of impulses, and the error of their sum.
+
+    All count about the centre of mass of all bodies at the start, with the places at the start.
+    """
+
+    initial: list[float]
+    final: list[float]
+    impulse_of_loads: list[float]
+    impulse_of_supports: list[float]
+    impulse_of_contacts: list[float]
+    error: float
+    balanced: bool | None
+
+
 class GrowthSummary(TypedDict):
     """Energy growth of a run, and whether it is within the guarantee of its pair of methods.
 
@@ -166,10 +181,11 @@ class ExactEntries(TypedDict):
 
 
 class Accounts(TypedDict):
-    """The energy and momentum accounts of a run."""
+    """The energy and momentum accounts of a run; angular momentum is not counted of bars and bodies of revolution."""
 
     energy: EnergySummary
     momentum: MomentumSummary
+    angular_momentum: AngularMomentumSummary | None
 
 
 class Summary(ExactEntries, Accounts):
