@@ -9,13 +9,14 @@ import os
 import shutil
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: threads cost more than they bring
-# Tests, types and compiled functions are many objects that stay: the search for garbage among them takes long.
-gc.set_threshold(50_000)
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from percuss.testing.draws import without_constants_of_modules
+
+# Tests, types and compiled functions are many objects that stay: the search for garbage among them takes long.
+gc.set_threshold(50_000)
 
 settings.register_profile(
     "quick", max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]

@@ -11,7 +11,7 @@ import numpy as np
 
 from percuss.case.quantities import percent
 from percuss.mesh.cell_stiffness import stiffness_of_cells
-from percuss.mesh.cells import cells_of, element_masses, has_cells, modulus_of, modulus_of_bar
+from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, modulus_of, modulus_of_bar
 from percuss.mesh.surfaces import BodySurface, surface_of
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, Mesh
 
@@ -67,7 +67,7 @@ class Body:
     @property
     def of_small_strains(self) -> bool:
         """Whether it is no bar and its element takes displacements as small: it stretches where it should turn."""
-        return self.mesh.line is None and self.spec.element.linear
+        return is_solid(self.spec.element) and self.spec.element.linear
 
     def turned_by(self, displacement: Floats) -> float:
         """Return the angle by which displacements of its nodes turn it in the mean, (nodes, 2) [rad]."""
