@@ -53,7 +53,8 @@ def test_a_run_with_a_large_error_names_better_runs_that_it_made(coarse: Path) -
         assert percent(text) == pytest.approx(again, rel=0.05)
         assert again < largest_error(told)
     searching = re.search(rf"`percuss (recommend {coarse} [^`]*)` searches more", done.stderr).group(1)
-    found = percuss_command(*searching.split(), "--runs", "10", "--contact", "lagrange", "--workers", "1")
+    few = ("--runs", "10", "--contact", "lagrange", "--workers", "1")
+    found = percuss_command(*searching.split(), *few, cwd=coarse.parent)
     assert re.search("(?m)^(Cheapest: |No run meets the bounds; the nearest is )", found.stdout), found.stderr
 
 

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from percuss.case.arguments import expect_files, expect_mapping_or_path
-from percuss.errors import InputError, wrong_input
+from percuss.errors import InputError, shortened, wrong_input
 from percuss.filelock import BusyError, NotWritableError, locked
 from percuss.files import expect_no_input, expect_place, expect_writable
 from percuss.jsonable import Data, Entries
@@ -274,4 +274,5 @@ def _other_study(file: Path, identity: Data, keys: set[str]) -> InputError | Non
 
 def _described(identity: Data) -> str:
     title = f"'{identity.get('title')}'" if identity.get("title") else "one without a title"
-    return f"{title} of {identity.get('file') or 'a mapping'}"
+    cases = ", ".join(map(str, identity.get("cases") or ()))
+    return f"{title} of {identity.get('file') or shortened(cases)}"
