@@ -49,7 +49,7 @@ class FakeStudy:
             "plugins": [{"file": "damped.py", "sha256": "0f" * 32}],
             "command": ["percuss", "study", "two bars.yaml", "-o", "two-bars.db"],
         }
-        self.table = table
+        self.table, self.units = table, given.get("units", {})
         self.kept = kept or {}
         self.path = Path("fake.sqlite")
         self.files, self.row_commands = [], ([], [])

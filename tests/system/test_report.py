@@ -201,6 +201,10 @@ def test_columns_are_told_apart(small):
     assert known.varied == ("method.contact.beta_s", "time.courant", "refine")
     assert list(known.measures)[:3] == ["force_error_l1", "force_error_l2", "impulse_error"]
     assert known.measures["noise"] == "noise of the force [%]"
+    assert known.measures["penetration"] == "largest penetration"
+    named = copy.deepcopy(small)
+    named.units = {"length": "mm"}
+    assert study_data.columns(named).measures["penetration"] == "largest penetration [mm]"
     assert "fragile" not in known.measures
 
 

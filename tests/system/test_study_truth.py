@@ -278,6 +278,14 @@ def test_a_file_of_another_study_is_refused_and_left_as_it_is(tmp_path):
     assert percuss.study(one, out, workers=1).found == 2
 
 
+def test_a_study_has_the_units_that_all_its_cases_name(tmp_path):
+    write_case(tmp_path, units={"length": "m", "force": "N"})
+    write_case(tmp_path, "other.yaml", units={"length": "mm", "force": "N"})
+    cases = [str(tmp_path / name) for name in ("case.yaml", "other.yaml")]
+    study = percuss.study(given(tmp_path) | {"cases": cases}, tmp_path / "a.sqlite", workers=1)
+    assert percuss.open_study(study.path).units == {"force": "N"}
+
+
 def test_a_study_that_moves_together_with_its_rows_is_the_same(tmp_path):
     (tmp_path / "here").mkdir()
     one = written(tmp_path / "here", vary={"time.courant": [0.3, 0.4]})

@@ -278,7 +278,7 @@ def test_a_step_above_that_of_the_bodies_is_stopped_and_explained(compiled):
     stop = result.summary["stop"]
     assert 0 < stop["step"] < 3000
     assert f"step {stop['step']}, time {stop['step'] * result.summary['dt']:.9g}" in message
-    assert f"node {stop['node']} (node {stop['node']} of body 'a')" in message
+    assert f", node {stop['node']} of body 'a': " in message
     assert "Courant number 1.05" in message
     assert result.status == "unstable"
     assert result.summary["steps"] == stop["step"]

@@ -168,6 +168,11 @@ def with_unit(label: str, unit: str, names: Mapping[str, str]) -> str:
     return f"{label} [{name}]" if name else label
 
 
+def in_unit(value: float, digits: int, unit: str, names: Mapping[str, str]) -> str:
+    """Return a number with the name of its unit, as ``4.8e-07 s``, where the case names it."""
+    return f"{value:.{digits}g} {unit_name(unit, names)}".rstrip()
+
+
 def values_at(entry: Any, path: str) -> Iterator[Any]:
     """Yield the values at a dotted path into a summary, in which a star stands for all entries."""
     key, _, rest = path.partition(".")

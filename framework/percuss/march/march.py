@@ -447,12 +447,12 @@ class March:
         finite = np.isfinite(self.u) & np.isfinite(self.v)
         kind: Kind
         if contact_work_exceeded:
-            kind, description = "contact work", "the work of the contacts exceeds all energy put in many times"
+            kind, description = "contact work", "the work of the contacts is many times all energy put in"
         elif not solved:
             kind = "not solved"
             description = f"the equation of contacts that share an end was not solved in {SWEEPS} sweeps"
         else:
-            kind, description = "energy", "the kinetic energy exceeds all energy put in many times"
+            kind, description = "energy", "the kinetic energy is many times all energy put in"
             if not self._kinetic(self.v) + total.began_with + total.largest_work + total.step_energy < LARGEST_ENERGY:
                 description = f"the energy exceeds {LARGEST_ENERGY:g}, beyond which numbers overflow"
         if not finite.all():

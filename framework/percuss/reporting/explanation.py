@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.case.options import options_of
+from percuss.case.quantities import in_unit
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.bound_law import OF_END_FORCE
@@ -69,7 +70,8 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     case = model.case
     engine, _, why_not_exact = engine_for(model, (model.steps + 1) * model.dt)
     name, refused = engine.name if engine else "", case.time.on_unstable == "stop"
-    words = list(check_verdict(model.steps, model.dt, verdict, name, why_not_exact, refused=refused))
+    dt = in_unit(model.dt, 6, "time", case.data.get("units") or {})
+    words = list(check_verdict(model.steps, dt, verdict, name, why_not_exact, refused=refused))
     yield Fact("verdict", words, words)
     source = [f"source: {case.source}"] if case.source else []
     yield Fact("title", case.title, ["", case.title or "Untitled case"], source)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.case.arguments import expect_suffix
-from percuss.case.quantities import QUANTITIES, with_unit
+from percuss.case.quantities import QUANTITIES, in_unit, with_unit
 from percuss.errors import PercussError, printable
 from percuss.files import PACKAGE, replacing
 from percuss.jsonable import Data, Entries
@@ -74,7 +74,7 @@ def subtitle_lines(result: Result) -> list[str]:
         laws.setdefault(f"{law} ({values})" if values else law, []).append(contact)
     laws_in_words = [law if len(laws) == 1 else f"{', '.join(contacts)}: {law}" for law, contacts in laws.items()]
     methods = [f"{resolved.get('integrator')} integrator", f"{resolved.get('mass')} mass", *laws_in_words]
-    dt = f"Δt = {number(summary['dt'])}"
+    dt = f"Δt = {in_unit(summary['dt'], 4, 'time', result.units)}"
     steps = [f"Courant number {number(summary.get('courant'))}", dt, f"{summary['steps']} steps", result.status, *units]
     return ["  ·  ".join(methods if laws_in_words else [*methods, "no contact"]), "  ·  ".join(steps)]
 

@@ -58,7 +58,7 @@ def notebook_html(result: Result) -> str:
     head = f'<div style="font-size:16px;font-weight:bold">{title}</div>'
     bad = "".join(f'<div style="{BAND}">{escape(line)}</div>' for line in warning_lines(result))
     table = "".join(
-        f"<tr>{_cell(name, head=True)}{_cell(words)}</tr>" for name, words in (facts | balances(result.summary)).items()
+        f"<tr>{_cell(name, head=True)}{_cell(words)}</tr>" for name, words in (facts | balances(result)).items()
     )
     contacts, picture_html = _contacts(result), _picture(result, axis_end(result))
     return f'<div style="{CARD}">{head}{bad}<table style="{TABLE}">{table}</table>{contacts}{picture_html}</div>'

@@ -59,7 +59,7 @@ SPREAD = 0.64
 
 def snapshot(study: Study) -> Study:
     """Return a study with everything read once that a report asks for: a study reads its file at each access."""
-    names = ("title", "spec", "provenance", "columns", "histories", "files", "row_commands", "with_histories")
+    names = ("title", "spec", "units", "provenance", "columns", "histories", "files", "row_commands", "with_histories")
     read = {name: getattr(study, name) for name in names}
     return cast("Study", SimpleNamespace(**read, table=_with_lists_as_texts(study.table)))
 
@@ -260,8 +260,8 @@ def profile_chart(
     """Return the chart of the performance profiles by the best or the median of one measure, over all rows."""
     profile = study_data.profile(table, name, problem_set, statistic)
     left = [
-        (problem_set.left_out, "that not every pair was set"),
-        (profile.unknown, "in which no run is done, or a run is still to be made or has no such number"),
+        (problem_set.left_out, "that were not run with every pair"),
+        (profile.unknown, "in which no run is done, or a run is still to be made or lacks the number"),
     ]
     parts = [f"{count_of(count, 'problem')} {why}" for count, why in left if count]
     note = [
@@ -275,7 +275,7 @@ def profile_chart(
     largest = float(np.concatenate([*finite, np.ones(1)]).max())
     end = max(1.5, largest**1.05)
     lines = {pair: np.array(profile_steps(ratios, end)) for pair, ratios in profile.ratios.items() if profile.counted}
-    empty = "" if profile.counted else "There is no problem that every pair was set and that could be judged."
+    empty = "" if profile.counted else "No problem that was run with every pair could be judged."
     return ProfileChart(
         f"{roles.measures[name].removesuffix(' [%]')} over that of the best pair", end, lines, " ".join(note), empty
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.case.quantities import QUANTITIES, of_column
+from percuss.case.quantities import QUANTITIES, of_column, with_unit
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import Floats, Integers
 from percuss.studies import perform
@@ -132,10 +132,10 @@ def columns(study: Study) -> ColumnRoles:
     named = dict.fromkeys([*(name for name in MEASURES if name in study.columns), *study.columns])
     values = {name: numbers(study.table[name]) for name in named if name in others}
     measured = [name for name, column in values.items() if column is not None and np.isfinite(column).any()]
-    labels = {
-        name: (MEASURES.get(name) or of_column(name).label.replace("_", " ")) + " [%]" * of_column(name).is_fraction
-        for name in measured
-    }
+    labels = {}
+    for name, quantity in ((name, of_column(name)) for name in measured):
+        label = MEASURES.get(name) or quantity.label.replace("_", " ")
+        labels[name] = with_unit(label, quantity.unit, study.units) + " [%]" * quantity.is_fraction
     if {"seconds", "seconds.march"} <= set(labels):
         labels["seconds"] += ", the least of its repeats"
     return ColumnRoles(tuple(varied), labels, tuple(name for name in COSTS if name in labels))

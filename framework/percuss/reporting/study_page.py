@@ -282,7 +282,8 @@ def _losses_html(table: pd.DataFrame) -> str:
         return still or "<p>Every run came to its end.</p>"
     lines = []
     for group in groups[:MOST_REASONS]:
-        reason, source = escape(group["reason"] or "no reason given"), escape(group["said_by"])
+        reason = escape(group["reason"] or "no reason given").replace("\n", "<br>")
+        source = escape(group["said_by"])
         status = f'<span class="status">{escape(group["status"])}</span>'
         said_by = f' <span class="soft">(said by {source})</span>' if source else ""
         lines.append([status, f"{group['count']:,}", escape(group["method"]), reason + said_by])

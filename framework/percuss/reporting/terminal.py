@@ -13,6 +13,7 @@ from percuss.case.quantities import (
     QUANTITIES,
     STUDY_TABLE,
     TRUE_ERRORS,
+    in_unit,
     of_column,
     percent,
     ranking,
@@ -51,9 +52,10 @@ def result_lines(result: Result) -> Iterator[Piece]:
     summary = result.summary
     yield (result.title or "untitled case", "bold"), f": {result.status}"
     if result.marched:
+        dt = in_unit(summary["dt"], 6, "time", result.units)
         yield (
             f"{result.provenance['resolved']['integrator']}, "
-            f"{summary['steps']} steps of {summary['dt']:.6g} (Courant number {summary['courant']:.4g}), "
+            f"{summary['steps']} steps of {dt} (Courant number {summary['courant']:.4g}), "
             f"{'compiled' if summary['compiled'] else 'plain Python'}, marched in {summary['seconds']['march']:.3g} s"
         )
     else:
@@ -68,7 +70,7 @@ def result_lines(result: Result) -> Iterator[Piece]:
         yield from _error_lines(summary)
     elif summary["exact_reason"]:
         yield f"exact solution: {summary['exact_reason']}"
-    yield from (" ".join(balance) for balance in balances(summary).items())
+    yield from (f"{what}: {balance}" for what, balance in balances(result).items())
 
 
 def contact_columns(result: Result, digits_of_errors: int = 6, none: str = "-") -> list[Column]:
@@ -91,13 +93,14 @@ def contact_columns(result: Result, digits_of_errors: int = 6, none: str = "-") 
     return columns
 
 
-def balances(summary: Data) -> dict[str, str]:
+def balances(result: Result) -> dict[str, str]:
     """Return in words the energies and works, and how well they and the momentum balance."""
-    energy, momentum = summary["energy"], summary["momentum"]
-    balance = "do NOT balance: off by" if momentum.get("balanced") is False else "balance to"
+    energy, momentum = result.summary["energy"], result.summary["momentum"]
+    balance = "NOT balanced: off by" if momentum.get("balanced") is False else "balanced to"
     return {
-        "energy": f"{number_text(energy['initial'])} at first, {number_text(energy['final'])} at last, "
-        f"{number_text(energy['max'])} at most; external work {number_text(energy['external_work'])}, "
+        with_unit("energy", "energy", result.units): f"{number_text(energy['initial'])} at the start, "
+        f"{number_text(energy['final'])} at the end, at most {number_text(energy['max'])}; "
+        f"external work {number_text(energy['external_work'])}, "
         f"contact work {number_text(energy.get('contact_work', 0.0), 4)}; {ledger_words(energy)}",
         "momentum and impulses": f"{balance} {percent(momentum['error'], 2)}",
     }

@@ -30,7 +30,7 @@ ACCEPTABLE = 0.5  # largest error of a law that is worth a try
 ROUND_OFF = 1e-10  # a smaller error or change of energy is none
 MOST_REASONS, MOST_NAMED = 12, 3
 # What differs from run to run in a reason.
-PLACE = re.compile(r"( at step \d+, time \S+)?, node \d+ \(node \d+ of body '[^']*'\)( limits the step)?")
+PLACE = re.compile(r"( at step \d+, time \S+)?, node \d+ of body '[^']*'( limits the step)?")
 
 
 def run_verdict(result: Result, others: Alternatives | None, next_command: str) -> Iterator[str]:
@@ -222,14 +222,14 @@ def is_number(value: object) -> bool:
 
 
 def check_verdict(
-    steps: int, dt: float, certificate: Certificate, solution: str, why_not: str, *, refused: bool
+    steps: int, dt: str, certificate: Certificate, solution: str, why_not: str, *, refused: bool
 ) -> Iterator[str]:
     """Yield three sentences on a case before its run: whether it will run, whether it is stable, what judges it.
 
     Parameters
     ----------
     steps, dt
-        Number of steps, and the time step.
+        Number of steps, and the time step as text.
     certificate
         Certificate of the case.
     solution, why_not
@@ -243,7 +243,7 @@ def check_verdict(
         runs = "will not run" if refused else "runs although it is unstable, as the case asks (on_unstable: warn)"
         yield f"It {runs}. To be stable, {certificate['cure']}."
     else:
-        yield f"It will run: {steps} steps of {dt:.6g}."
+        yield f"It will run: {steps} steps of {dt}."
     yield {
         "yes": f"It is stable{of_critical}.",
         "no": f"It is unstable{of_critical}.",

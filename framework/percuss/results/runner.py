@@ -215,7 +215,7 @@ def _work_of(model: Model) -> tuple[object, ...]:
 
 def stop_message(stop: StopSummary) -> str:
     """Return the message for a stopped run: reason, step, time, node and likely cause."""
-    where = f"node {stop['node']} (node {stop['node_in_body']} of body '{stop['body']}')"
+    where = f"node {stop['node_in_body']} of body '{stop['body']}'"
     if stop["what"] == NOT_STARTED:
         happened = f"not started: the certificate says unstable, {where} limits the step"
     else:

@@ -190,9 +190,15 @@ def _begin(
         "spec": as_json_data(spec.data),
         "columns": {column.name: column.what for column in spec.rows.columns},
         "commands": commands.templates,
+        "units": _common_units([case.data.get("units") or {} for case in spec.cases.values()]),
     }
     provenance = {**machine(), "cores": os.cpu_count(), "plugins": plugins, "command": command}
     store.begin(facts, provenance, plan, files_of(spec, bench))
+
+
+def _common_units(of_cases: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """Return the names of units that all cases give."""
+    return {kind: name for kind, name in of_cases[0].items() if all(units.get(kind) == name for units in of_cases)}
 
 
 @contextmanager

@@ -52,6 +52,11 @@ class Study:
         return {**(self._store.facts().get("columns") or {}), "seconds": SECONDS}
 
     @property
+    def units(self) -> dict[str, str]:
+        """Names of the units by kind, as ``{"length": "m"}``, that all cases of the study give."""
+        return self._store.facts().get("units") or {}
+
+    @property
     def provenance(self) -> Entries:
         """Versions, machine and plug-ins of the last session that ran the study; ``sessions`` has them all.
 
