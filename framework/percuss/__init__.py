@@ -34,5 +34,5 @@ def _did_you_mean(name):
 
 
 def __dir__():
-    """Return the names of the module, including those that are not imported yet."""
-    return sorted([*globals(), *_MODULE_OF])
+    """Return the public names, including those that are not imported yet."""
+    return sorted(_MODULE_OF)

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import percuss
 from percuss.case import source
 from percuss.case.case import load
 from percuss.case.source import Source
@@ -135,6 +136,23 @@ def test_a_space_in_a_list_is_told(capsys):
     assert ended.value.code == 2
     expected = "percuss: expected a list without spaces, found 'penalty, lagrange'\n  Write penalty,lagrange\n"
     assert capsys.readouterr().err == expected
+    with pytest.raises(SystemExit):
+        expect_no_space_in_lists(["run", "case.yaml", "--set", "refine=2,", "time.courant=1"])
+    assert "\n  Write --set refine=2 --set time.courant=1\n" in capsys.readouterr().err
+
+
+def test_a_plugin_given_as_a_case_or_a_method(folder):
+    Path("mine.py").write_text("x = 1\n")
+    with pytest.raises(InputError, match=r"found a Python file\n  Name it as --plugin mine\.py"):
+        load("mine.py")
+    with pytest.raises(InputError, match=r"Name the file as --plugin mine\.py"):
+        percuss.plugins("mine.py")
+
+
+def test_the_nearest_file_of_rows_is_named(folder):
+    Path("mine.sqlite").touch()
+    with pytest.raises(InputError, match=r"Did you mean 'mine\.sqlite'"):
+        open_study("mine")
 
 
 def test_a_mapping_has_paths_for_places():

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
 COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
+GROUPED = re.compile(r"[-+]?\d{1,3}(?:[ _'’]\d{3})+(?:\.\d+)?")
+SHARE = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*%")
 WITH_UNIT = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?)\s*([^\W\d_%][^\s,;]*)", re.IGNORECASE)
 PREFIXED = re.compile(r"([kMGmµun])(Pa|m|s|N|g|J)")
 POWERS = {"k": 3, "M": 6, "G": 9, "m": -3, "µ": -6, "u": -6, "n": -9}
@@ -29,9 +31,13 @@ TEXTS = (
 
 
 def number_advice(text: str) -> str:
-    """Return advice for a text instead of a number: a decimal comma or a unit; else nothing."""
+    """Return advice for a text instead of a number: a comma, groups of digits, a share, a unit; else nothing."""
     if COMMA.fullmatch(text):
-        return f"Write {text.replace(',', '.')}: the decimal mark is a point."
+        return comma_advice(text)
+    if GROUPED.fullmatch(text):
+        return f"Write {re.sub('[^-+.0-9]', '', text)}: digits stand together."
+    if share := SHARE.fullmatch(text):
+        return f"Write {float(share[1]) / 100:g}."
     given = WITH_UNIT.fullmatch(text)
     if given is None:
         return ""
@@ -43,6 +49,12 @@ def number_advice(text: str) -> str:
     # Without the point and the sign YAML 1.1 reads a text.
     scaled = f"{mantissa}{'' if '.' in mantissa else '.0'}e{int(exponent or 0) + POWERS[prefixed[1]]:+d}"
     return f"Write the number alone: {scaled} if your unit is {prefixed[2]}, {number} if {unit}."
+
+
+def comma_advice(text: str) -> str:
+    """Return advice for a number with a comma, which also stands between groups of three digits."""
+    thousands = f" or {text.replace(',', '')}" if re.fullmatch(r"[-+]?\d{1,3},\d{3}", text) else ""
+    return f"Write {text.replace(',', '.')}{thousands}: the decimal mark is a point."
 
 
 def name_advice(word: str, family: str, *registries: Registry) -> str:

@@ -118,6 +118,8 @@ class Source:
                 content = stream.read(MAX_BYTES + 1)
             if other_kind := file_advice(name, content):
                 raise wrong_input(name, f"expected a YAML file, found {other_kind[0]}", other_kind[1])
+            if file.suffix == ".py":
+                raise wrong_input(name, "expected a YAML file, found a Python file", f"Name it as --plugin {name}.")
             text = content.decode("utf-8-sig") if len(content) <= MAX_BYTES else None
         except FileNotFoundError:
             beside = [entry.name for entry in file.parent.glob("*.y*ml")] if file.parent.is_dir() else []

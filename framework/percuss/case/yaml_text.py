@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from percuss.case.hints import comma_advice
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import NAME_PATTERN
 
@@ -231,7 +232,7 @@ class _Document:
             wrong = self.mistakes[-1] if self.mistakes else None
             split = key.isdigit() and data[key] is None and isinstance(before, int)
             if split and wrong is not None and wrong.position == position:
-                self.mistakes[-1] = wrong._replace(advice=f"Write {before}.{key}: the decimal mark is a point.")
+                self.mistakes[-1] = wrong._replace(advice=comma_advice(f"{before},{key}"))
         return data
 
     def key(self, event: Any, path: KeyPath) -> str:

@@ -84,8 +84,11 @@ def expect_no_space_in_lists(arguments: list[str]) -> None:
     for option, before, after in zip(arguments, arguments[1:], arguments[2:], strict=False):
         of_option = option.startswith("-") or (before.startswith("--") and "=" in before)
         if of_option and before.endswith(",") and not after.startswith("-") and not Path(after).is_file():
-            print(f"percuss: expected a list without spaces, found '{before} {after}'", file=sys.stderr)
-            print(f"  Write {before}{after}", file=sys.stderr)
+            several = option == "--set" and "=" in after
+            expected = "one value for each --set" if several else "a list without spaces"
+            print(f"percuss: expected {expected}, found '{before} {after}'", file=sys.stderr)
+            advice = f"--set {before.removesuffix(',')} --set {after}" if several else f"{before}{after}"
+            print(f"  Write {advice}", file=sys.stderr)
             sys.exit(2)
 
 

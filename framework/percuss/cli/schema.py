@@ -11,7 +11,10 @@ def schema(
     plugin: Plugins = None,
     study: Annotated[bool, option("--study", "Print the schema of a study file.")] = False,
 ) -> None:
-    """Print the JSON schema of a case or a study, for editors."""
+    """Print the JSON schema of a case or a study, for editors.
+
+    An editor finds the saved schema by the first line of a case: # yaml-language-server: $schema=FILE
+    """
     with reporting(as_json=False):
         from percuss.cli import verbs
 

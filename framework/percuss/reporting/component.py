@@ -89,7 +89,8 @@ def components_named(registry: Registry, name: str, place: str) -> list[tuple[st
     keys = [key for key in registry.components if key[1] == name]
     if not keys:
         names = {key[1] for key in registry.components}
-        raise InputError([Problem(place, "", f"unknown component '{name}'", suggestion(name, names))])
+        advice = f"Name the file as --plugin {name}." if name.endswith(".py") else suggestion(name, names)
+        raise InputError([Problem(place, "", f"unknown component '{name}'", advice)])
     return keys
 
 

@@ -127,6 +127,7 @@ def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
     """Yield the table of a comparison, one line per run."""
     varied = list(dict.fromkeys(path for row in rows for path in row.varied))
     values = [metrics(row) if row.status in {"done", "interrupted"} else {} for row in rows]
+    units = next((row.result.units for row in rows if row.result is not None), {})
     columns = [words(name, (getattr(row, name) for row in rows)) for name in ("integrator", "contact")]
     columns += [Column(path, [number_text(row.varied.get(path)) for row in rows]) for path in varied]
     # The last numbers are left out first, and the state of the runs only after all that has nothing to say.
@@ -134,7 +135,7 @@ def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
     for rank, key in enumerate((*COMPARISON_TABLE, "seconds")):
         digits = 3 if key in {*TRUE_ERRORS, "seconds", "penetration"} else 5
         quantity = QUANTITIES.get(key)
-        head = quantity.head if quantity is not None else "s"
+        head = with_unit(quantity.head, quantity.unit, units) if quantity is not None else "s"
         cells = [(quantity.text if quantity is not None else number_text)(of_row.get(key), digits) for of_row in values]
         columns.append(Column(head, cells, drop=1 + rank))
     yield Table(columns, title)

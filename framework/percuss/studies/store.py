@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from percuss.case.hints import file_advice
-from percuss.errors import InputError, UnwrittenError, shortened, wrong_input
+from percuss.errors import InputError, UnwrittenError, nearest, shortened, wrong_input
 from percuss.files import is_file, is_folder, place_whole
 from percuss.jsonable import Data, Entries
 from percuss.methods.source_digest import content_digest
@@ -78,7 +78,9 @@ class Store:
         there = is_file(self.path)
         if not new and not there:
             message = "expected the file of a study, found nothing that can be read"
-            raise self._error(message, "Make one with `percuss study`.")
+            near = nearest(self.path.stem, [file.stem for file in self.path.parent.glob("*.sqlite")])
+            advice = f"Did you mean '{self.path.with_name(near)}.sqlite'?" if near else "Make one with `percuss study`."
+            raise self._error(message, advice)
         self._begun = there and (not new or self.path.stat().st_size > 0)
         if self._begun:
             with self._open() as db:
