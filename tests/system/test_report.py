@@ -526,7 +526,7 @@ def test_cost_is_that_of_the_method_alone(small):
     study.columns = dict.fromkeys(("node_steps", "seconds", "force_error_l1"), "what it is")
     known = study_data.columns(study)
     assert known.costs == ("node_steps", "seconds")
-    assert known.measures["seconds"] == "seconds of the march alone"
+    assert known.measures["seconds"] == "seconds of the time steps"
     result = percuss.run(percuss.load(TWO_BARS))
     assert metric(result, "node_steps") == result.summary["steps"] * (20 + 1 + 40 + 1)
 

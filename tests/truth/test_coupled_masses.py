@@ -480,7 +480,7 @@ def test_what_only_the_step_itself_could_tell_is_unknown():
     ):
         certificate = ran(case, change).summary["certificate"]
         assert certificate["stable"] == "unknown", change
-        assert "the mass reciprocal, which couples nodes, is examined with linear laws alone" in certificate["why"]
+        assert "the mass reciprocal, which couples nodes, is examined only with linear laws" in certificate["why"]
         assert reason in certificate["why"]
         with pytest.raises(percuss.InputError, match="which couples nodes"):
             ran(case, change | {"time.courant": "auto"})

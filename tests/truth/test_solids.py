@@ -396,7 +396,7 @@ def test_automatic_stiffness_of_a_strip_is_that_of_its_bar(integrator, pairing):
 
 REFUSED = {
     "an area": ({"bodies.left.area": 1}, "bodies.left.area: block has no cross-section"),
-    "a speed": ({"bodies.left.velocity": 1}, "expected a vector, as body 'left' is along no line, found 1"),
+    "a speed": ({"bodies.left.velocity": 1}, "expected a vector, as body 'left' lies along no line, found 1"),
     "an element of bars": (
         {"bodies.left.element": "bar"},
         "expected an element for the quad cells of block, found bar",
@@ -498,7 +498,7 @@ REFUSED = {
     ),
     "a bar beside": (
         {"bodies.b": {"bar": {"length": 1.0, "elements": 2}, "area": 1.0, "material": {"young": 1.0, "density": 1.0}}},
-        "expected bars alone or no bar, found the bar 'b' beside 'left'",
+        "expected only bars or none, found the bar 'b' beside 'left'",
     ),
 }
 

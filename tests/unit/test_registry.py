@@ -524,7 +524,7 @@ VERSIONS = {
     "newer": ("4", "MyLaw is written for contract 4, this percuss has contract 3: upgrade percuss"),
     "older": (
         "1",
-        "MyLaw is written for contract 1, this percuss has contract 3 and keeps those from 2 on: change it "
+        "MyLaw is written for contract 1, this percuss has contract 3 and accepts 2 and later: change it "
         "(contract 2: `bind` takes 2 arguments; contract 3: `bind` takes 3 arguments), then state contract_version = 3",
     ),
     "no number": ("'two'", "MyLaw has the contract_version 'two'; expected a whole number from 1, now 3"),
@@ -579,7 +579,7 @@ NAMES = {
     "no module": (
         "import percuss.laws",
         f"ModuleNotFoundError: {HERE} has no module 'percuss.laws'; "
-        "a plug-in imports from percuss and percuss.testing alone",
+        "a plug-in imports only from percuss and percuss.testing",
     ),
     "attribute": (
         "import percuss\nLaw = percuss.ContactLow",

@@ -281,7 +281,7 @@ class CrossChecks:
                     self.wrong((*path, key), f"a body of revolution has no {key}", "Drop it.", key=True)
         for key in ("velocity", "at"):
             if key in given and not isinstance(given[key], tuple):
-                message = f"expected a vector, as body '{name}' is along no line, found {found(given[key])}"
+                message = f"expected a vector, as body '{name}' lies along no line, found {found(given[key])}"
                 self.wrong((*path, key), message, "Give a number for each direction.")
 
     def _check_material(self, path: KeyPath, shape: Shape, material: Material, plane: str | None) -> None:

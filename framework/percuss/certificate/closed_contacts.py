@@ -159,7 +159,7 @@ def _reason_unknown(linear: LinearLaw | None, law: str, *, multistage: bool) -> 
         Whether the integrator is a multi-stage scheme.
     """
     if linear is None:
-        return f"{law} has a kernel of its own, and is no line in gap and acceleration"
+        return f"{law} has a kernel of its own and is not linear in gap and acceleration"
     end = linear.at == "end"
     sigma, gap, rate = np.asarray(linear.sigma), np.asarray(linear.gap), np.asarray(linear.rate)
     weighs_rate = bool(rate.any())

@@ -258,7 +258,9 @@ class OperatorCriterion:
                 slow = closed
         if slow is None:
             return Assessment("stable")
-        may_grow = f"with contacts {quoted(self.names, slow)} closed it may grow, too slowly to be told from rounding"
+        may_grow = (
+            f"with contacts {quoted(self.names, slow)} closed it may grow, too slowly to distinguish from rounding"
+        )
         return Assessment("unknown", list(slow), doubt=f"{reason}; {may_grow}")
 
 

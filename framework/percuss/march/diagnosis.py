@@ -140,7 +140,7 @@ def refuse_array_writing(error: Exception) -> None:
     prefix = f"{location[1]}:{location[2]}: " if location else ""
     raise PluginError(
         f"{prefix}a kernel changes what it was handed to read (bound arrays, the trial): a kernel of a contact law may "
-        "write to the multiplier, `trial.after` and `trial.shift` alone, and keeps nothing between calls"
+        "write only to the multiplier, `trial.after` and `trial.shift`, and keeps nothing between calls"
     )
 
 

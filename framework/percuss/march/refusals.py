@@ -62,14 +62,14 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
     about = [body.spec.plane == "axisymmetric" for body in model.bodies.values()]
     if any(about) and not all(about):
         turning, flat = list(model.bodies)[about.index(True)], list(model.bodies)[about.index(False)]
-        message = f"expected bodies of revolution alone or none, found '{turning}' beside '{flat}'"
+        message = f"expected only bodies of revolution or none, found '{turning}' beside '{flat}'"
         yield case.problem(("bodies", turning, "plane"), message, "Give all bodies the plane axisymmetric.")
     if bars:
-        message = f"expected bars alone or no bar, found the bar '{bars[0]}' beside '{other}'"
+        message = f"expected only bars or none, found the bar '{bars[0]}' beside '{other}'"
         yield case.problem(("bodies", bars[0]), message, "Bars and other bodies in one case are not built.")
     if model.facts.built_for_bars:
         message = f"expected another integrator for '{other}', which is no bar, found {method.integrator.name}"
-        yield case.problem(("method", "integrator"), message, "It is built for bars alone: take central-difference.")
+        yield case.problem(("method", "integrator"), message, "It works for bars only: take central-difference.")
     for bound_law in model.laws:
         reason = (
             "its kernel uses the coupling of contacts" if bound_law.linear is None and bound_law.law.uses_coupling else
@@ -79,7 +79,7 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
         )  # fmt: skip
         if reason:
             message = f"expected another law for '{other}', which is no bar, found {bound_law.law.name}"
-            advice = f"{reason[0].upper()}{reason[1:]}, which is built for bars alone."
+            advice = f"{reason[0].upper()}{reason[1:]}, which works for bars only."
             yield case.problem(("method", "contact"), message, advice)
         rigid = bound_law.linear is not None and not np.all(bound_law.linear.sigma)
         for name in dict.fromkeys(model.contact_points[p].name for p in bound_law.where) if rigid else ():

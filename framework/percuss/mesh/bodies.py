@@ -122,7 +122,7 @@ class Bodies(Mapping[str, Body]):
         """
         bars = {body.name: body for body in self._bodies if isinstance(body, Bar)}
         if len(bars) < len(self):
-            raise TypeError("what is of bars alone was asked of another body")
+            raise TypeError("only bars have this")
         return bars
 
     def at(self, node: int) -> Body:

@@ -72,7 +72,7 @@ def nodal_masses(case: Case, spec: BodySpec, body: BodyMesh, ends: Collection[st
     if has_cells(spec.element):
         kinds = ", ".join(mesh.cells)
         message = f"expected elements of two nodes at ends in contact with the mass {method.name}, found cells {kinds}"
-        advice = f"{BALANCE[0].upper()}{BALANCE[1:]}, which is solved for two-node elements alone: take another mass."
+        advice = f"{BALANCE[0].upper()}{BALANCE[1:]}, which is solved for two-node elements only: take another mass."
         raise InputError([case.problem(("bodies", spec.name), message, advice)])
     nodal = answer(method, "nodal_in_contact", element_mass, lumping, may_lack_mass)
     return np.asarray(nodal, dtype=float), may_lack_mass
@@ -103,7 +103,7 @@ def inverse_mass(case: Case, spec: BodySpec, body: BodyMesh, mass: Floats) -> Fl
         message = (
             f"expected elements of two nodes with the mass {method.name}, found cells {', '.join(body.mesh.cells)}"
         )
-        advice = "It couples the nodes of lines of two-node elements alone: take another mass."
+        advice = "It couples the nodes of two-node elements along lines only: take another mass."
         raise InputError([case.problem(("bodies", spec.name), message, advice)])
     masses, lumping = element_masses(spec.element, body, spec.material.rho), lumping_of(spec.element, body)
     matrix = answer(method, "inverse", masses, lumping)

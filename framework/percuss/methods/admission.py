@@ -147,5 +147,5 @@ def _check_version(component: type[Component]) -> None:
     if stated < oldest:
         since = "; ".join(f"contract {version}: {CHANGES[version]}" for version in range(stated + 1, current + 1))
         raise PluginError(
-            f"{written} and keeps those from {oldest} on: change it ({since}), then state contract_version = {current}"
+            f"{written} and accepts {oldest} and later: change it ({since}), then state contract_version = {current}"
         )

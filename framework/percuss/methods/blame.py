@@ -197,7 +197,7 @@ def error_text(error: BaseException) -> str:
     text = _text_of(error)
     present = f"percuss {version.__version__} (contract {version.CONTRACT})"
     if isinstance(error, ModuleNotFoundError) and (error.name or "").startswith("percuss."):
-        text = f"{present} has no module '{error.name}'; a plug-in imports from percuss and percuss.testing alone"
+        text = f"{present} has no module '{error.name}'; a plug-in imports only from percuss and percuss.testing"
     elif isinstance(error, ImportError) and (missing := _NAME_MISSING.match(text)):
         name, module = missing.groups()
         near = nearest(name, getattr(sys.modules.get(module), "__all__", ()))

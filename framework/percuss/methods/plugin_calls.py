@@ -79,7 +79,7 @@ def _own_state(component: Component) -> str:
 
 DIFFERENT = (
     "gives another answer when it is asked the same again: it keeps state between calls, draws random numbers or reads "
-    "the clock; its answer follows from its options and its arguments alone"
+    "the clock; its answer must follow only from its options and its arguments"
 )
 
 
@@ -102,7 +102,7 @@ def kernel_faults(component: Component, name: str, advice: str = "") -> Iterator
     except Exception as error:
         text = f"{name}: {described(error)}"
         if isinstance(error, ValueError) and "read-only" in str(error):
-            text = f"{name} changes what it was handed to read; it writes its result alone"
+            text = f"{name} changes what it was handed to read; it may write only its result"
         if isinstance(error, IndexError):
             text += advice
         raise breach(component, name, text, line_in_plugin(error)) from error

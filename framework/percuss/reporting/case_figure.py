@@ -39,7 +39,7 @@ def case_figure(model: Model) -> Figure:
         If a body of the case is a bar.
     """
     if model.bodies.of_lines:
-        advice = "Bars are told in words by `percuss check`, and drawn by `percuss run --plot`."
+        advice = "`percuss check` describes bars in words; `percuss run --plot` draws them."
         raise InputError([Problem(model.case.origin.name, "", "expected bodies in two dimensions to draw", advice)])
     low, high = model.bodies.nodes.min(axis=0), model.bodies.nodes.max(axis=0)
     size = float((high - low).max())

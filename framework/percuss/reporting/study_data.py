@@ -97,7 +97,7 @@ def in_order(values: Sequence[str]) -> list[str]:
 MEASURES = {
     **{name: quantity.label for name, quantity in QUANTITIES.items() if quantity.against_exact},
     **{name: quantity.label for name, quantity in QUANTITIES.items() if quantity.path or quantity.metric},
-    **dict.fromkeys(("seconds.march", "seconds"), "seconds of the march alone"),
+    **dict.fromkeys(("seconds.march", "seconds"), "seconds of the time steps"),
 }
 
 # Measures of the cost of a run; the first does not depend on the machine.

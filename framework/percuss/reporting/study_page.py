@@ -289,7 +289,7 @@ def _losses_html(table: pd.DataFrame) -> str:
         lines.append([status, f"{group['count']:,}", escape(group["method"]), reason + said_by])
     left = sum(group["count"] for group in groups[MOST_REASONS:])
     more = f"<p>{left:,} more runs have rarer reasons; the table has them.</p>" if left else ""
-    note = '<p class="soft">Runs whose reasons differ by numbers alone are one line, with the words of the first.</p>'
+    note = '<p class="soft">Runs whose reasons differ only in numbers share a line, with the reason of the first.</p>'
     return still + note + _table_html(["status", "runs", "method", "reason"], lines) + more
 
 
@@ -366,8 +366,8 @@ def _files_html(study: Study) -> str:
     if not files:
         return "<p>No files were kept with this study.</p>"
     note = (
-        '<p class="soft">As they were read when the study was run last. Of a file that is too large to be kept, '
-        "or no text, there is the digest alone.</p>"
+        '<p class="soft">The files as the study read them last. A file that is too large to be kept, or is not text, '
+        "has only its digest.</p>"
     )
     return note + "".join(
         f'<details class="file"><summary><code>{escape(one_line(file.path))}</code> '

@@ -122,7 +122,7 @@ def encounters(march: March, outcome: Outcome, arrays: Entries) -> list[str]:
             notes.append(
                 f"contact '{contact_point.name}' presses from time {since:.6g} on although its ends have slid off each "
                 f"other: they are {beside[off].max():.3g} apart sideways, and {width:.3g} wide; a contact of two ends "
-                "knows their distance along its normal alone"
+                "knows only their distance along its normal"
             )
     return notes
 

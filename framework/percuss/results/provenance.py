@@ -245,7 +245,7 @@ def _files_at_their_place(provenance: Data, plugins: Sequence[Path], name: str) 
             message = f"needs {component} ({family}) of {origin['distribution']} {origin['version']}"
             problems.append(Problem(name, "", f"{message}, which is not registered here", "Install that plug-in."))
         elif reason := _why_not_the_same(origin["file"], provenance["single_files"].get(origin["file"], {})):
-            advice = "A result never brings code that is run: name the file with --plugin, in whatever state it is."
+            advice = "A result never brings code that is run: name the file with --plugin, even if it has changed."
             problems.append(Problem(name, "", f"needs {component} ({family}) of {origin['file']}: {reason}", advice))
         else:
             files[Path(origin["file"])] = None

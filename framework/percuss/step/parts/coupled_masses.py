@@ -281,9 +281,9 @@ def feature(model: ModelArrays) -> Feature | None:
         by_pencil_alone=f"the mass {mass} couples nodes: only the pencil covers it",
         unknown_above_theta_of_one=(
             "above theta = 1 contact may damp all of a bar of one or two elements, and the step itself is examined "
-            "with diagonal masses alone"
+            "only with diagonal masses"
         ),
-        examined=f"the mass {mass}, which couples nodes, is examined with linear laws alone",
+        examined=f"the mass {mass}, which couples nodes, is examined only with linear laws",
     )
 
 

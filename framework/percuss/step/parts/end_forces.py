@@ -303,13 +303,13 @@ def refusals(model: ModelArrays) -> Iterator[RefusedPair]:
         what = f"{law} sees or pushes the force of end elements"
         bodies = {model.bodies.at(node).name: node for p in bound_law.where for node in model.contact_points[p].nodes}
         if model.multistage:
-            reason = f"{what}, which is evaluated in leap-frog schemes alone"
+            reason = f"{what}, which only leap-frog schemes evaluate"
         elif why := model.why_without("end forces", bound_law.where):
             reason = f"{what}, {why}"
         for node in bodies.values():
             body = model.bodies.at(node)
             if body.of_cells:
-                reason = f"{what}, which is known of two-node elements alone: body '{body.name}' has {_kinds(body)}"
+                reason = f"{what}, which only two-node elements have: body '{body.name}' has {_kinds(body)}"
             elif body.why_not_linear:
                 reason = f"{what} by their stiffness, and {body.why_not_linear}"
         if reason:

@@ -180,7 +180,7 @@ def feature(model: ModelArrays) -> Feature | None:
         no_row_kernel=True,
         no_waves=f"waves are measured of ends with mass; the mass {mass} leaves ends in contact without",
         by_pencil_alone=f"the mass {mass} leaves ends without mass: only the pencil covers it",
-        examined="ends without mass are examined with linear laws in gap or gap rate alone",
+        examined="ends without mass are examined only with linear laws in gap or gap rate",
     )
 
 
@@ -232,7 +232,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
             yield case.problem(("method", "mass"), message, "Give the body more elements.")
         if body.why_not_linear:
             message = f"expected linear bodies, as {name} leaves ends without mass, found that {body.why_not_linear}"
-            advice = f"{BALANCE[0].upper()}{BALANCE[1:]}, which is solved for linear bodies alone: take another mass."
+            advice = f"{BALANCE[0].upper()}{BALANCE[1:]}, which is solved for linear bodies only: take another mass."
             yield case.problem(("method", "mass"), message, advice)
     for bound_law in model.laws:
         law, reason = bound_law.law, ""
@@ -252,7 +252,7 @@ def _why_no_balance(bound_law: BoundLaw) -> str:
     """Return why a law gives no force in static balance with an end without mass; empty if it does."""
     name, linear = bound_law.law.name, bound_law.linear
     if linear is None:
-        return f"{BALANCE}, and {name} is no line: its kernel takes the gap as given, which its force changes"
+        return f"{BALANCE}, and {name} is not linear: its kernel takes the gap as given, which its force changes"
     if np.any(linear.acceleration):
         return f"{BALANCE}, and {name} weighs the gap acceleration, to which an end without mass adds no inertia"
     return ""

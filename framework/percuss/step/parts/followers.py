@@ -154,7 +154,7 @@ def _why_unknown(model: ModelArrays) -> str:
     for follower in model.loads.followers:
         name = f"load '{follower.load.name}' follows the motion of an end"
         if follower.load.start > 0 or follower.load.stop < end:
-            return f"{name} during a part of the run alone"
+            return f"{name} during only a part of the run"
         if _stiffness_and_damping(follower, end) is None:
             return f"{name}, and its force is no sum of a spring and a dashpot"
     return ""

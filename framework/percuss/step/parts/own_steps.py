@@ -202,7 +202,7 @@ def _why_unknown(model: ModelArrays) -> str:
         return f"load '{force.load.name}' {at_end}, under {name}"
     if model.contact_points and model.period > LONGEST_PERIOD:
         return (
-            f"under {name} the bodies act together in every {model.period}-th step alone, and periods of up to "
+            f"under {name} the bodies act together in every {model.period}-th step only, and periods of up to "
             f"{LONGEST_PERIOD} steps are examined"
         )
     return ""

@@ -76,7 +76,7 @@ def check_blocks(subject: Subject) -> None:
             if not other <= allowed:
                 raise CheckFailed(f"the run {words} differs by {per_cent(other)} of its peak")
     if not ran:
-        raise NotApplicable("no example of it is one of bodies in two dimensions")
+        raise NotApplicable("none of its examples has bodies in two dimensions")
 
 
 # --------------------------------------------------------------------------------------------------- elements
@@ -178,7 +178,7 @@ def check_solid_stress(subject: Subject) -> None:
     """
     solids = [solid for _, material in subject.made() for solid in solid_kernels(material)]
     if not solids:
-        raise NotApplicable("no example of it is one of bodies that are no bars")
+        raise NotApplicable("none of its examples has bodies other than bars")
     for solid in solids:
         _check_solid(solid)
 
