@@ -239,7 +239,7 @@ def leaking(tmp_path):
 def test_accounts_that_do_not_close_are_told_by_every_command(leaking):
     done = command("run", leaking)
     assert done.returncode == 1
-    assert "do NOT balance" in done.stdout
+    assert "momentum and impulses: NOT balanced: off by" in done.stdout
     assert "not a valid result: momentum does not balance" in done.stdout
     result = ran(leaking)
     assert result.summary["momentum"]["balanced"] is False
