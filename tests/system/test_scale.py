@@ -1,8 +1,10 @@
 """The memory that a node takes, which the framework states, and the fit of the benchmark of growth."""
 
 import json
+import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +12,12 @@ import pytest
 from benchmarks.scale import SERIES, exponent, once
 
 import pages
+import percuss
 from percuss.certificate.step_itself import MOST_ALONE
-from percuss.mesh.size_limits import BYTES_PER_NODE
+from percuss.march.march import March
+from percuss.march.model import Model
+from percuss.march.recording import recordable
+from percuss.mesh.size_limits import BYTES_PER_NODE, BYTES_PER_SOLID_NODE, bytes_in_words
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -27,8 +33,92 @@ def test_certificate_and_run_of_a_million_elements_take_less_memory_than_is_stat
     assert 40 < measured["memory"] / measured["nodes"] < BYTES_PER_NODE
 
 
+SOLID = """
+import json, sys
+import percuss
+from benchmarks.scale import peak_memory
+
+def block(across, cells):
+    body = {"block": {"size": [1, 1], "elements": [across, across], "cells": cells}, "at": [0.0, 0.0],
+            "material": {"young": 1, "density": 1, "poisson": 0.3}, "velocity": [0.0, -0.01]}
+    contact = {"floor": {"body": "a.bottom", "wall": [0.0, 0.0]}}
+    time = {"courant": 0.5, "steps": 9}
+    return percuss.load({"percuss": 1, "bodies": {"a": body}, "contacts": contact, "time": time})
+
+percuss.run(block(4, sys.argv[2]))
+before, case = peak_memory(), block(int(sys.argv[1]), sys.argv[2])
+found = percuss.check(case).data["estimate"]["bytes"]
+percuss.run(case)
+print(json.dumps([found, peak_memory() - before]))
+"""
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("across", "cells"), [(60, "quad4"), (200, "quad4"), (200, "tri3")])
+def test_the_estimated_memory_of_a_body_in_two_dimensions_is_near_that_of_its_run(across, cells):
+    pytest.importorskip("resource")
+    command = [sys.executable, "-c", SOLID, str(across), cells]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "tests")}
+    told = subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout
+    estimated, taken = json.loads(told.splitlines()[-1])
+    assert 0.5 < estimated / taken < 2.0
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("hunek", {"refine": 4}),
+        ("cradle", {}),
+        ("fifty-impacts", {}),
+        ("smooth-pulse", {"refine": 2}),
+        ("preloaded", {}),
+        ("hunek", {"method.integrator": "chung-lee", "method.contact": "penalty"}),
+        ("tilted-blocks", {"refine": 2}),
+        ("strip-unlike", {}),
+        ("strip-unlike", {"record.every": 20}),
+        ("disk-on-wall", {"refine": 0.5}),
+        ("disk-on-wall", {"refine": 0.5, "bodies.disk.disk.cells": "tri3"}),
+    ],
+)
+def test_the_estimated_time_of_the_steps_is_within_a_factor_of_three(name, changes):
+    case = percuss.load(ROOT / "cases" / f"{name}.yaml").with_overrides(changes)
+    percuss.run(case)  # compiles
+    times = []
+    for _ in range(3):
+        march = March(recordable(Model(case)))
+        before = time.process_time()
+        march.run()
+        times.append(time.process_time() - before)
+    estimated = percuss.check(case).data["estimate"]["seconds"]
+    assert 1.0 / 3.0 < estimated / min(times) < 3.0
+
+
+def test_the_estimate_follows_elements_steps_and_records():
+    case = percuss.load(ROOT / "cases" / "tilted-blocks.yaml")
+
+    def estimate(**changes):
+        found = percuss.check(case.with_overrides(changes))
+        return found.text, found.data["estimate"]["seconds"], found.data["estimate"]["bytes"]
+
+    text, seconds, size = estimate()
+    assert "the steps take less than 1 s once they are compiled, and the run about" in text
+    assert bytes_in_words(size) in text
+    _, fewer_records, _ = estimate(**{"record.every": 1000})
+    assert fewer_records - 1e-3 == pytest.approx(0.5 * (seconds - 1e-3), rel=0.1)
+    text, finer, more = estimate(**{"refine": 4, "time.end": 600})
+    assert finer == pytest.approx(100 * 4**3 * (seconds - 1e-3), rel=0.1)
+    assert f"the steps take about {finer:.0f} s" in text
+    assert more > 10 * size
+    implicit = {"method.integrator": "implicit-hht", "method.contact": "lagrange"}
+    found = percuss.check(percuss.load(ROOT / "cases" / "hunek.yaml").with_overrides(implicit))
+    assert found.data["estimate"]["seconds"] is None
+    assert "take an unknown time" in found.text
+
+
 def test_the_page_states_the_memory_of_a_node():
     assert f"at most {BYTES_PER_NODE} bytes for each node and dimension" in pages.everything()
+    assert f"of bodies in two dimensions about {BYTES_PER_SOLID_NODE / 1000:.0f} kilobytes" in pages.everything()
 
 
 def test_the_page_states_of_how_many_contacts_each_one_is_closed_alone():

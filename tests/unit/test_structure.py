@@ -408,7 +408,8 @@ ABOUT_LINES = {
 PART_THERE = {
     "case/case.py", "certificate/assembled.py", "certificate/closed_step.py", "certificate/criteria.py", "cli/run.py",
     "contact/contact_points.py", "contact/point_rows.py", "contact/paired_surfaces.py", "contact/binding.py",
-    "march/recording.py", "march/refusals.py", "mesh/bodies.py", "mesh/cells.py", "mesh/kernel_trial.py",
+    "march/estimate.py", "march/recording.py", "march/refusals.py", "mesh/bodies.py", "mesh/cells.py",
+    "mesh/kernel_trial.py",
     "mesh/loads.py", "mesh/size_limits.py", "mesh/spots.py", "mesh/stresses.py", "methods/interfaces/body.py",
     "methods/plugin_calls.py", "reporting/case_figure.py", "reporting/explanation.py", "results/fields.py",
     "step/parts/of_surfaces.py",

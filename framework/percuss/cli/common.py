@@ -310,16 +310,10 @@ def exact_solution_shown() -> Iterator[None]:
 
 def _progress_line(done: int, total: int, unit: str, elapsed: float) -> str:
     """Return the line that tells the progress where there is no terminal."""
+    from percuss.reporting.tables import duration
+
     left = f", about {duration(elapsed * (total - done) / done)} to go" if done else ""
     return f"{done} of {total} {unit} after {duration(elapsed)}{left}"
-
-
-def duration(seconds: float) -> str:
-    """Return a time in seconds, minutes or hours, in words."""
-    for unit, size in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.0f} {unit}"
-    return f"{seconds:.0f} s"
 
 
 def tell(text: str) -> None:

@@ -81,13 +81,15 @@ def study(
 
 def _forecast_lines(found: Data, workers: int) -> Iterator[str]:
     """Yield how many runs a study has, which of them can be made, and what these cost."""
+    from percuss.reporting.tables import duration
+
     can_run, part = f"{found['counts'].get('waiting', 0)} can run", found["examined"] < found["runs"]
     yield f"{found['title'] or 'untitled study'}: {found['runs']} runs; none was stored"
     if part:
         yield f"examined: {found['examined']} runs at equal distances, of which {can_run}"
     if found["seconds"] is not None:
         cores = f"{workers} worker{'s' if workers != 1 else ''}"
-        time = f"roughly {common.duration(found['seconds'])} with {cores} by the time of the cheapest run"
+        time = f"roughly {duration(found['seconds'])} with {cores} by the time of the cheapest run"
         whose = "all runs, estimated from these" if part else can_run
         yield f"{whose}: {found['node_steps']:.3g} steps times nodes, {time}"
 

@@ -46,6 +46,11 @@ class Shapes(NamedTuple):
     field_every: int
     field: tuple[int, int]
 
+    @property
+    def bytes_of_histories(self) -> float:
+        """Memory of the histories and of their copies [bytes]."""
+        return 8.0 * COPIES * self.rows * (sum(self.columns.values()) + TIMES)
+
 
 def probe_nodes(model: Model) -> list[list[tuple[int, float]]]:
     """Return the nodes of each probe, with their shares in its displacement and velocity."""
@@ -135,7 +140,7 @@ def recordable(model: Model) -> Model:
     case = model.case
     problems: list[Problem] = []
     shapes = record_shapes(model)
-    size_bytes = 8.0 * COPIES * shapes.rows * (sum(shapes.columns.values()) + TIMES)
+    size_bytes = shapes.bytes_of_histories
     if not size_limits.fits_in_memory(size_bytes):
         every = case.record.every * 10 ** math.ceil(
             math.log10(size_bytes / (size_limits.MEMORY_SHARE * (size_limits.memory() or 1)))
@@ -152,6 +157,11 @@ def recordable(model: Model) -> Model:
     return model
 
 
+def bytes_of_snapshots(snapshots: int, columns: int) -> float:
+    """Return the memory of snapshots and of their copies [bytes]."""
+    return 8.0 * COPIES * snapshots * columns
+
+
 def refuse_large(case: Case, snapshots: int, columns: int, problems: Sequence[Problem] = ()) -> None:
     """Refuse snapshots that do not fit into memory, together with other problems.
 
@@ -160,7 +170,7 @@ def refuse_large(case: Case, snapshots: int, columns: int, problems: Sequence[Pr
     InputError
         With all problems.
     """
-    size_bytes = 8.0 * COPIES * snapshots * columns
+    size_bytes = bytes_of_snapshots(snapshots, columns)
     if not size_limits.fits_in_memory(size_bytes):
         message = (
             f"expected snapshots that fit into memory, found {snapshots:.4g}, which take "

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Mesh
 
-BYTES_PER_NODE = 400  # for the certificate and the run together, for each node and dimension
+BYTES_PER_NODE = 400  # of bars, for the certificate and the run together, for each node and dimension
+BYTES_PER_SOLID_NODE = 12_000  # of other bodies, roughly; most are factors of the certificate
 MOST_STEPS = 2**40
 ALWAYS_FITS = 2.0**26  # bytes for which no machine is asked how much memory it has
 MEMORY_SHARE = 0.8  # largest share of the memory that a run may use
@@ -59,6 +60,11 @@ def memory_in_words() -> str:
     return f"and there are {bytes_in_words(limit)}" if limit is not None else "more than there is"
 
 
+def bytes_of_nodes(count: float, dim: int, *, of_bar: bool) -> float:
+    """Return the memory [bytes] that certificate and run take for `count` nodes of a body."""
+    return count * (BYTES_PER_NODE * dim if of_bar else BYTES_PER_SOLID_NODE)
+
+
 def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
     """Return the mesh of a body, or refuse it if its nodes do not fit into memory.
 
@@ -76,10 +82,10 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
         if count is None:
             dim = start.size if type(spec.shape).cell != "line" else 1
             count = len(cells_of(answer(spec.shape, "mesh", start, 1))) * case.refine**dim if case.refine > 1 else 0
-        nodes = 1  # for each element
+        nodes = 0.5 if spec.shape.cell == "triangle" else 1.0  # for each element
         if has_cells(spec.element) and spec.shape.cell == "line":
             nodes = answer(spec.element, "reference_nodes").size - 1
-        size = float(BYTES_PER_NODE) * count * nodes * start.size
+        size = bytes_of_nodes(count * nodes, start.size, of_bar=spec.shape.cell == "line")
         path = path if fits_in_memory(size / case.refine) else body
         if fits_in_memory(size):
             mesh = mesh_of_element(spec.element, answer(spec.shape, "mesh", start, case.refine))

@@ -14,10 +14,13 @@ from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.bound_law import OF_END_FORCE
 from percuss.jsonable import Data, Entries
+from percuss.march.estimate import bytes_of_run, seconds_of_steps
 from percuss.march.recording import recordable
 from percuss.mesh.cells import cells_of
+from percuss.mesh.size_limits import bytes_in_words
 from percuss.methods.interfaces import Component
 from percuss.reporting.component import Explanation, docs
+from percuss.reporting.tables import duration
 from percuss.reporting.verdict import check_verdict
 from percuss.results.encounters import expected_meetings
 from percuss.results.exact import engine_for
@@ -84,6 +87,10 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     yield _group("contacts", "Contacts" if contacts else "No contact", contacts)
     yield _group("loads", "Loads" if case.loads else "", (_load(spec) for spec in case.loads.values()))
     yield _step(model, verdict)
+    seconds, size = seconds_of_steps(model), bytes_of_run(model)
+    time = "an unknown time" if seconds is None else "less than 1 s" if seconds < 1.0 else f"about {duration(seconds)}"
+    takes = f"the steps take {time} once they are compiled, and the run about {bytes_in_words(size)} of memory"
+    yield Fact("estimate", {"seconds": seconds, "bytes": size}, [], [f"{takes}, estimated"])
     yield Fact("nodes", model.bodies.n_nodes)
     yield Fact("certificate", verdict, ["Stability of the closed linear step"], [verdict["why"]])
     measured = _measured_energy(model, verdict["energy"])

@@ -194,3 +194,11 @@ def _broken(text: str, width: int) -> list[str]:
                 lines.append("")
             lines[-1] += piece
     return [line.rstrip() for line in lines if line.strip()] or [""]
+
+
+def duration(seconds: float) -> str:
+    """Return a time in seconds, minutes or hours, in words."""
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"
