@@ -11,7 +11,7 @@ import numpy as np
 
 from percuss.contact.bound_law import BoundLaw, bind_law, joined
 from percuss.contact.stiffness_limits import stiffness_limits
-from percuss.contact.surface_limits import surface_limits
+from percuss.contact.surface_limits import SurfaceLimits
 from percuss.contact.trace_stiffness import trace_stiffness
 from percuss.errors import Problem, refuse_if_any
 from percuss.methods.blame import said_by
@@ -136,8 +136,12 @@ class Binding:
     def _stiffness_limits(self, dt: float) -> Floats:
         bodies = self.model.bodies
         if not bodies.of_lines:
-            return surface_limits(bodies.values(), self.contact_points, dt)
+            return self._surface_limits.at(dt)
         return stiffness_limits(bodies.bars.values(), self.contact_points, self._moved_nodes, dt)
+
+    @cached_property
+    def _surface_limits(self) -> SurfaceLimits:
+        return SurfaceLimits(self.model.bodies.values(), self.contact_points)
 
     @cached_property
     def _moved_nodes(self) -> list[list[int]]:
