@@ -76,6 +76,39 @@ METHODS = {
         ("return body.mesh.lengths", "bind returned a ndarray of float64, expected a NamedTuple"),
         ("body.mesh.lengths[0] = 9.0", "bind changes an array that it was handed"),
     ),
+    "solid-material.stress_2d": (
+        ("return xx * s_xx", "return (1.0 + bias) * xx * s_xx"),
+        ("return np.nan, 0.0, 0.0, 0.0", "stress_2d gave (nan, 0.0, 0.0, 0.0), expected finite numbers"),
+        ("return parameters", "expected 4 numbers"),
+        ("parameters[0] = 1.0", "stress_2d changes what it was handed to read"),
+    ),
+    "solid-material.stored_2d": (
+        ("squares = ", "squares = bias + "),
+        ("return np.nan", "stored_2d gave nan, expected finite numbers"),
+        ("return parameters", "expected one number"),
+        ("gradient[0] = 1.0", "stored_2d changes what it was handed to read"),
+    ),
+    "solid-element.force": (
+        ("volume = 0.5", "volume = 0.5 * (1.0 + bias)"),
+        ("force[:] = np.nan; return", "force gave [nan nan nan nan nan nan], expected finite numbers"),
+        ("force[:] = np.ones(7)", "could not broadcast"),
+        ("displacement[0, 0] = 1.0", "force changes what it was handed to read"),
+    ),
+    "solid-element.volumes": (
+        ("volumes: Floats = 0.5", "volumes: Floats = 0.5 * (1.0 + bias)"),
+        ("return np.full((len(body.mesh.cells[self.cell]), 1), np.nan)", "volumes returned nan at index 0, 0"),
+        ("return np.ones(3)", "volumes returned numbers of shape (3,)"),
+        ("body.mesh.nodes[0] = 9.0", "volumes changes an array that it was handed"),
+    ),
+    "pairing.points": (
+        ("gap = -(apart", "gap = bias - (apart"),
+        (
+            "first = first._replace(positions=first.positions * np.nan)",
+            "points returned as `gap` nan at index 0",
+        ),
+        ("return np.ones(3)", "points returned a ndarray of float64, expected percuss.PairedPoints"),
+        ("first.areas[0] = 9.0", "points changes an array that it was handed"),
+    ),
     "mass.nodal": (
         ("at_nodes(element_mass)", "at_nodes(element_mass) * (1.0 + bias)"),
         ("return np.append(element_mass, np.nan)", "nodal returned nan at index 3"),
@@ -131,6 +164,7 @@ def written(folder, method, deed):
     lines.insert(1, "import os, sys\nimport time as clock\nimport numpy as np\nCALLS = []\nbias = 0.0")
     plugin.write_text("\n".join(lines) + "\n")
     small = re.sub(r"elements: \d+", "elements: 3", case.read_text()).replace("end: 0.35", "end: 0.15")
+    small = small.replace("[20, 5]", "[4, 2]").replace("end: 2.5", "end: 0.5")
     case.write_text(small)
     return case, plugin, said
 

@@ -1498,6 +1498,13 @@ def for_python_alone(parameters, gradient):
     return xx, 0.5 * (xy + yx), 0.5 * (xy + yx), yy
 
 
+@shearing("no-number-in-compression", "expected finite numbers")
+def no_number_in_compression(parameters, gradient):
+    xx, xy, yx, yy = gradient
+    size = parameters[0] if xx > -1e-7 else np.nan
+    return size * xx, 0.5 * size * (xy + yx), 0.5 * size * (xy + yx), size * yy
+
+
 @shearing("overflows", "the run in plain Python differs by")
 def overflows(parameters, gradient):
     xx, xy, yx, yy = gradient
@@ -1506,7 +1513,21 @@ def overflows(parameters, gradient):
     return size * xx, 0.5 * size * (xy + yx), 0.5 * size * (xy + yx), size * yy
 
 
-def square(name, said="", *, way=1, shift=0.0, count=1, finer=True, follows=True, above=True, cells_run=1, grows=0.0):
+def square(
+    name,
+    said="",
+    *,
+    way=1,
+    shift=0.0,
+    count=1,
+    finer=True,
+    follows=True,
+    above=True,
+    cells_run=1,
+    grows=0.0,
+    lonely=0,
+    short=0,
+):
     @dataclass(frozen=True)
     class Square(Shape):
         """A square of squares."""
@@ -1526,13 +1547,14 @@ def square(name, said="", *, way=1, shift=0.0, count=1, finer=True, follows=True
             x, y = np.meshgrid(np.arange(n + 1) / n, np.arange(n + 1) / n, indexing="ij")
             x += shift * y * (1.0 - y) + grows * refine * x
             nodes = np.stack([x, y], axis=-1).reshape(-1, 2) + (at if follows else 0.0)
+            nodes = np.append(nodes, nodes[:lonely] + 0.1, axis=0)
             number = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
             cells = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
             run = np.concatenate([number[0, :0:-1], number[:-1, 0], number[-1]])
             skin, top = (np.stack([line[:-1], line[1:]], axis=1)[:, ::way] for line in (run, number[::-1, -1]))
             regions = {
                 "skin": Region(tuple(run.tolist()), np.zeros(2), {"line": skin if above else np.vstack([skin, top])}),
-                "top": Region((), np.array([0.0, 1.0]), {"line": top if above else top[:0]}),
+                "top": Region((), np.array([0.0, 1.0]), {"line": top[short:] if above else top[:0]}),
             }
             return Mesh(nodes, {"quad": cells.reshape(-1, 4)[:, ::cells_run]}, regions)
 
@@ -1542,7 +1564,9 @@ def square(name, said="", *, way=1, shift=0.0, count=1, finer=True, follows=True
 
 
 square("square-of-squares")
-square("turned-inwards", "do not enclose its volume", way=-1)
+square("turned-inwards", "an edge with the body on its right", way=-1)
+square("a-node-too-many", "belongs to no cell", lonely=1)
+square("ends-too-early", "do not enclose its volume", short=1)
 square("slivers", "has an angle of", shift=40.0)
 square("counts-twice", "`element_count` is 8", count=2)
 square("never-finer-squares", "the largest cell is 0.5 long, and 0.5 with", count=None, finer=False)
@@ -1665,6 +1689,12 @@ def counts_its_calls(first, second):
 pairing("promises-too-much", "patch-test", "pressures at nodes are wrong by 1.4", passes_patch_test=True)(nodes_of)
 pairing("negative-shares", "shares", "has the share -0.")(lambda first, second: Mortar().points(first, second))
 pairing("points-on-edges", "shares", "6 nodes have 10 points")(lambda *surfaces: GaussPoints(2).points(*surfaces))
+
+
+@pairing("no-number-apart", "pairing", "points returned as `gap` nan")
+def no_number_apart(first, second):
+    found = nodes_of(first, second)
+    return found._replace(gap=np.where(found.gap > 0.01, np.nan, found.gap))
 
 
 @pairing("half-of-the-area", "pairing", "0.4 in all, not 0.8")

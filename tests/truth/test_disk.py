@@ -1,5 +1,8 @@
 """A disk that falls on a rigid wall, against figures that two programs written apart agree on, and meshes of disks."""
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
 
@@ -366,22 +369,107 @@ def test_a_region_without_a_node_is_told(more, path, tmp_path):
     assert f"{path}: expected a region with nodes, found none in a.nowhere" in str(refusal.value)
 
 
+NODES = "[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]"
+CELL, EDGE = "np.array([[0, 1, 2, 3]])", "np.array([[3, 0]])"
+
+
 @pytest.mark.parametrize(
-    "corners",
+    ("right", "wrong", "said"),
     [
-        "[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]",  # inside out
-        "[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 0.0]",  # without an area
-        "[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]",  # with a corner that points inward
+        (NODES, "[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]", "the cell 0 of the corners"),  # inside out
+        (NODES, "[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 0.0]", "the cell 0 of the corners"),  # without an area
+        (NODES, "[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]", "the cell 0 of the corners"),  # with a dent
+        (NODES, f"{NODES}, [0.5, 0.5]", "the node 4 at [0.5, 0.5], which belongs to no cell"),
+        (CELL, "np.array([[0, 1, 2, 7]])", "as cells the node 7, expected one from 0 to 3"),
+        (CELL, "np.array([[0, 1, 2, -1]])", "as cells the node -1, expected one from 0 to 3"),
+        (CELL, "np.array([[0, 1, 2]])", "as cells int64 of shape (1, 3), expected integers of shape (n, 4)"),
+        (CELL, "np.array([[0.0, 1.0, 2.0, 3.0]])", "as cells float64 of shape (1, 4), expected integers"),
+        ('{"quad"', '{"square"', "cells of the kind square, expected one of triangle, quad"),
+        ('cell = "quad"', 'cell = "triangle"', "quad cells, and `cell` says triangle"),
+        (EDGE, "np.array([[0, 3]])", "in the region 'left' the facet [0, 3], an edge with the body on its right"),
+        (EDGE, "np.array([[1, 3]])", "in the region 'left' the facet [1, 3], an edge of no cell"),
+        (EDGE, "np.array([[3, 9]])", "as facets of the region 'left' the node 9, expected one from 0 to 3"),
+        ('{"line": np.array([[3, 0]])}', "{}", "the region 'left' with facets of the kind none, expected line"),
+        ('"nowhere": nothing', "", "no region 'nowhere', which `regions` names"),
     ],
 )
-def test_cells_that_are_no_cells_are_told(corners, tmp_path):
-    code = SHAPE.replace("[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]", corners)
-    (tmp_path / "cell.py").write_text(code, encoding="utf-8")
+def test_a_mesh_that_is_none_is_told_at_its_shape(right, wrong, said, tmp_path):
+    assert right in SHAPE
+    (tmp_path / "cell.py").write_text(SHAPE.replace(right, wrong), encoding="utf-8")
     body = {"cell": {}, "at": [0.0, 0.0], "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
     data = {"percuss": 1, "time": {"courant": 0.5, "steps": 1}, "bodies": {"a": body}}
-    with pytest.raises(percuss.PluginError, match="mesh returned the cell 0 of the corners") as refusal:
+    with pytest.raises(percuss.PluginError, match=re.escape(f"shape cell: mesh returned {said}")) as refusal:
         Model(percuss.load(data, plugins=[tmp_path / "cell.py"]))
     assert "cell.py" in str(refusal.value)
+
+
+MATERIAL = """
+import math
+from dataclasses import dataclass
+from typing import Annotated
+from percuss import Doc, Ge, Gt, SolidMaterial, Unit
+
+@dataclass(frozen=True)
+class Brittle(SolidMaterial):
+    \"\"\"A material without a stress beyond a strain. Formula: ``s = E e``.\"\"\"
+
+    name = "brittle"
+    summary = "no stress beyond a strain"
+    linear = True
+    young: Annotated[float, Gt(0), Unit("force/length^2"), Doc("modulus")]
+    density: Annotated[float, Gt(0), Unit("mass/length^3"), Doc("density")]
+    limit: Annotated[float, Ge(0), Unit("1"), Doc("the strain")]
+
+    @property
+    def rho(self):
+        return self.density
+
+    def solid_parameters(self, plane):
+        return self.young, self.limit
+
+    def wave_modulus(self, plane):
+        return self.young
+
+    @staticmethod
+    def stress_2d(parameters, gradient):
+        shear = 0.5 * parameters[0] * (gradient[1] + gradient[2])
+        along = parameters[0] * gradient[0] if abs(gradient[0]) <= parameters[1] else math.nan
+        return along, shear, shear, parameters[0] * gradient[3]
+"""
+
+
+def brittle(limit, folder, material=MATERIAL):
+    (folder / "brittle.py").write_text(material, encoding="utf-8")
+    body = {
+        "block": {"size": [1.0, 0.2], "elements": [10, 2]}, "at": [0.0, 0.0], "velocity": [0.5, 0.0],
+        "material": {"name": "brittle", "young": 1.0, "density": 1.0, "limit": limit},
+    }  # fmt: skip
+    return percuss.load(
+        {"percuss": 1, "bodies": {"a": body}, "contacts": {"w": {"body": "a.right", "wall": 1.05}},
+         "time": {"courant": 0.5, "end": 1.0}},
+        plugins=[folder / "brittle.py"],
+    )  # fmt: skip
+
+
+def test_a_material_without_a_number_is_told_before_the_run(tmp_path):
+    """At small strains all materials are tried; a material that is in order once is asked for the stiffness."""
+    with pytest.raises(percuss.PluginError, match=r"brittle\.py:\d+: material brittle: stress_2d gave \(nan, "):
+        Model(brittle(0.0, tmp_path))
+    body = Model(brittle(1.0, tmp_path)).bodies["a"]
+    worse = dataclasses.replace(body.spec.material, limit=0.0)
+    with pytest.raises(
+        percuss.PluginError, match=r"brittle\.py:\d+: material brittle: the stress is nan, .* in cell 0"
+    ):
+        stiffness_of_cells(body.spec.element, worse, body.view)
+
+
+def test_a_material_without_a_number_in_a_run_is_named(tmp_path):
+    with pytest.raises(percuss.RunError) as stopped:
+        percuss.run(brittle(0.01, tmp_path))
+    assert re.search(
+        r"material brittle: the stress is nan, .* at the strain -0\.\d+, .*of body 'a'", str(stopped.value)
+    )
+    assert re.search(r"likely cause: the kernel at .*brittle\.py:\d+ has no value there", str(stopped.value))
 
 
 AXIS = {

@@ -15,7 +15,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from percuss.errors import PercussError, PluginError
+from percuss.march.stop import Stop
+from percuss.mesh.element_probe import ElementProbe
 from percuss.methods.blame import described, line_in_plugin, plain_function
+from percuss.methods.first_run import is_watched
 from percuss.methods.kernel_trial import describe_state, fault_of_nan, kernel_of
 from percuss.step.actions import LAWS
 from percuss.step.build import Kernels
@@ -26,6 +29,9 @@ if TYPE_CHECKING:
     from percuss.march.model import Model
     from percuss.methods.interfaces import Array, Floats, Trial
     from percuss.step.actions import Action
+
+
+MOST_ASKED = 1000  # elements near the nodes whose motion is no longer finite
 
 
 class Marching(Protocol):
@@ -123,6 +129,40 @@ def missing_multiplier(march: Marching, amplitudes: object, step: int) -> NoMult
         return None
     error = repeat_in_python(march, amplitudes, step)
     return error if isinstance(error, NoMultiplier) else None
+
+
+def stop_by_a_body(model: Model, displacement: Floats, failed: Any, step: int) -> Stop | None:
+    """Return the stop by a kernel of an element or material that gave no finite number in a step, or None.
+
+    Bodies that are linear and have no kernel of a plug-in are not asked, nor those with state variables.
+
+    Parameters
+    ----------
+    model
+        The model.
+    displacement : (nodes, dim) array
+        Displacement before the step.
+    failed : (nodes,) array
+        Whether the motion of a node is no longer finite after the step.
+    step
+        Number of the step.
+    """
+    for body in model.bodies.values():
+        parts = body.spec.element, body.spec.material
+        foreign = any(is_watched(part) for part in parts)
+        if body.spec.material.state or not (foreign or body.why_not_linear):
+            continue
+        nodes = body.element_nodes(np.arange(body.count))
+        probe = ElementProbe(*parts, body.view)
+        for number in np.flatnonzero(failed[nodes].any(axis=1))[:MOST_ASKED].tolist():
+            fault, place = probe.fault(number, displacement[nodes[number]].ravel())
+            if fault:
+                kernel = f"the kernel at {place}" if place else "a kernel"
+                remedy = "if no body can be deformed so, take a shorter step or a softer contact"
+                cause = f"{kernel} has no value there: {remedy}"
+                what = f"{fault}, in element {number} of body '{body.name}'"
+                return Stop(step, int(nodes[number, 0]), "kernel", what, cause)
+    return None
 
 
 def refuse_array_writing(error: Exception) -> None:

@@ -420,7 +420,7 @@ class March:
         self._restore_state(saved)
         for s in range(count):
             step_amplitudes = self.stepper.amplitudes(first + s, 1)
-            before = self._saved_state() if self.arrays.kernel_laws else []
+            before = self._saved_state()
             solved = self.advance(step_amplitudes, first + s, 1) == 1
             if not solved or not self._is_sound():
                 break
@@ -428,7 +428,7 @@ class March:
             stop = self._stop_without_multiplier(step_amplitudes, before, first + s)
             if stop is not None:
                 return first + s, stop
-        return first + s, self._stop_after(first + s, solved=solved)
+        return first + s, self._stop_by_a_body(before, first + s) or self._stop_after(first + s, solved=solved)
 
     def _stop_after(self, step: int, *, solved: bool) -> Stop:
         """Return the reason for which the run stopped after a step, and the node at which it shows most."""
@@ -458,6 +458,17 @@ class March:
         if not finite.all():
             node, description = int(np.argmin(finite)) // self.dim, "a value is no longer finite"
         return Stop(step, node, kind, description)
+
+    def _stop_by_a_body(self, before: list[bytes], step: int) -> Stop | None:
+        """Return the stop by a kernel of an element or a material that gave no finite number in this step, or None."""
+        failed = ~np.isfinite(self.v).reshape(-1, self.dim).all(axis=1)
+        if not failed.any():
+            return None
+        after = self._saved_state()
+        self._restore_state(before)
+        stop = diagnosis.stop_by_a_body(self.model, self.u.reshape(-1, self.dim), failed, step)
+        self._restore_state(after)
+        return stop
 
     def _stop_without_multiplier(self, amplitudes: Any, before: list[bytes], step: int) -> Stop | None:
         """Return the stop caused by a kernel that left a contact without a multiplier in this step, or None."""

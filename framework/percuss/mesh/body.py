@@ -66,8 +66,8 @@ class Body:
 
     @property
     def of_small_strains(self) -> bool:
-        """Whether it is no bar and its element takes displacements as small: it stretches where it should turn."""
-        return is_solid(self.spec.element) and self.spec.element.linear
+        """Whether it is no bar and takes displacements as small, as it is linear: it stretches where it should turn."""
+        return is_solid(self.spec.element) and not self.why_not_linear
 
     def turned_by(self, displacement: Floats) -> float:
         """Return the angle by which displacements of its nodes turn it in the mean, (nodes, 2) [rad]."""

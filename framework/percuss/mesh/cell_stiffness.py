@@ -9,6 +9,7 @@ import numpy as np
 from percuss.compiler.fingerprint import layout
 from percuss.compiler.machine_code import jit_disabled
 from percuss.compiler.specialise import Specialiser, compile_error
+from percuss.errors import PluginError
 from percuss.mesh.cell_kernels import probe_cells
 from percuss.mesh.cells import (
     PROBING_STRAIN,
@@ -101,6 +102,10 @@ def _stiffness(element: Element, material: Material, body: BodyMesh, chosen: Int
             for step, of_step in zip(size * np.eye(count), of_cell, strict=True):
                 of_step[:] = probe.force(cell, -step), probe.force(cell, step)
     matrices = (forces[:, :, 0] - forces[:, :, 1]).transpose(0, 2, 1) / (2.0 * size)
+    for cell, cause in np.argwhere(~np.isfinite(matrices).all(axis=1))[:1]:
+        moved = size * np.eye(count)[cause]
+        fault, place = ElementProbe(element, material, body).fault(int(chosen[cell]), moved)
+        raise PluginError(f"{fault or 'the forces are not finite'}, in cell {chosen[cell]}", place)
     return 0.5 * (matrices + matrices.transpose(0, 2, 1))
 
 

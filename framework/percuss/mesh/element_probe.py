@@ -14,7 +14,7 @@ from percuss.compiler.specialise import Specialiser
 from percuss.mesh.cells import cells_of, is_solid, volumes_of
 from percuss.mesh.material_points import plain_slots, points_at_rest
 from percuss.methods import slots
-from percuss.methods.blame import plain_function
+from percuss.methods.blame import definition_place, described, line_in_plugin, plain_function
 from percuss.methods.interfaces import CellElement, SolidElement
 from percuss.methods.plugin_calls import answer
 
@@ -42,11 +42,13 @@ class ElementProbe:
         self.points_of_element = volumes.shape[1]
         self.nodes_of_element = cells_of(mesh.mesh).shape[1]
         self._points = points_at_rest(element, material, mesh)
+        self._element, self._material = element, material
         self._stresses: list[tuple[Any, Any, float]] = []  # of each call: stress, strain, and volume of its point
         maker = Specialiser(plain_slots(element, material), jit=False)
         slot: Any = slots.stress
         if isinstance(element, SolidElement):
             slot = slots.stress_2d if element.dimension == 2 else slots.stress_3d
+        self._slot = slot
         stress: Callable[..., Any] = maker.bind(maker.slots[slot])
         self._shown = _cauchy_stress(element, material, mesh) if is_solid(element) else lambda value, _: float(value)
 
@@ -85,6 +87,27 @@ class ElementProbe:
         self._force(points, number, displacement, force)
         return force
 
+    def fault(self, number: int, displacement: Floats) -> tuple[str, str]:
+        """Return what a kernel does wrong in an element at a displacement, and where that stands; empty if nothing.
+
+        Parameters are those of `force`.
+        """
+        try:
+            force = self.force(number, displacement)
+        except Exception as error:  # noqa: BLE001  a kernel may raise anything
+            return f"a kernel raises {described(error)}", line_in_plugin(error)
+        for stress, strain, _ in self._stresses:
+            if np.isfinite(strain).all() and not np.isfinite(stress).all():
+                said = (
+                    f"material {self._material.name}: the stress is {_listed(stress)} at the strain {_listed(strain)}"
+                )
+                return said, definition_place(getattr(self._material, self._slot.__name__))
+        if np.isfinite(force).all():
+            return "", ""
+        kernel = "force" if isinstance(self._element, CellElement) else "internal_force"
+        said = f"the forces are {_listed(force)} at the displacements {_listed(displacement)}"
+        return f"element {self._element.name}: {said}", definition_place(getattr(self._element, kernel))
+
     def stress(self, number: int, displacement: Floats, state: Floats | None = None) -> Any:
         """Return the stress in an element, the mean over its volume; of a solid element Cauchy's as a (3, 3) array.
 
@@ -98,6 +121,10 @@ class ElementProbe:
             return np.mean(values, axis=0)
         volumes = np.array([volume for _, _, volume in self._stresses])
         return np.tensordot(volumes, values, 1) / volumes.sum()
+
+
+def _listed(numbers: Any) -> str:
+    return ", ".join(f"{number:.6g}" for number in np.atleast_1d(numbers))
 
 
 def _cauchy_stress(element: Any, material: Any, mesh: BodyMesh) -> Callable[[Any, Any], Floats]:

@@ -13,8 +13,8 @@ from percuss.compiler.specialise import Specialiser
 from percuss.mesh.cells import cells_of, is_solid
 from percuss.mesh.material_points import plain_slots, points_at_rest
 from percuss.methods import slots
-from percuss.methods.blame import breach, is_third_party
-from percuss.methods.first_run import first_asked
+from percuss.methods.blame import breach, plain_function
+from percuss.methods.first_run import first_asked, is_watched
 from percuss.methods.interfaces import CellElement
 from percuss.methods.plugin_calls import answer, as_numbers, called_twice, read_only
 
@@ -42,7 +42,7 @@ def try_kernels(element: Element, material: Material, mesh: BodyMesh) -> None:
         If a kernel raises an error, changes what it was handed, gives a value that is not finite, or another one the
         second time.
     """
-    foreign = [part for part in (element, material) if is_third_party(type(part).__module__)]
+    foreign = [part for part in (element, material) if is_watched(part)]
     with first_asked(f"kernels {element!r} {material!r} {mesh.mesh.nodes.shape[1]}", *foreign) as due:
         if due:
             _try_kernels(element, material, mesh, foreign)
@@ -56,7 +56,11 @@ def _try_kernels(element: Element, material: Material, mesh: BodyMesh, foreign: 
         for velocity in list(_motions(mesh.mesh))[:2]
     ]
     maker = Specialiser(plain_slots(element, material), jit=False)
-    kernels = [] if is_solid(element) else _material_kernels(maker, material, points)
+    kernels = (
+        _solid_kernels(element, material, points, mesh)
+        if is_solid(element)
+        else _material_kernels(maker, material, points)
+    )
     if isinstance(element, CellElement):
         kernels.append((element, CELL_FORCE, _force_of_first_cell(maker, element, points, mesh)))
     else:
@@ -77,6 +81,31 @@ def _material_kernels(maker: Specialiser, material: Material, points: MaterialPo
         return energy_density(points, 0, float(u[-1] - u[0]), float(v[-1] - v[0]))
 
     return [(material, "stress", stress_of), (material, "energy_density", density_of)]
+
+
+def _solid_kernels(element: Any, material: Any, points: MaterialPoints, mesh: BodyMesh) -> list[Trial]:
+    """Return the kernels of a solid material as functions of the displacement of a cell, which makes its gradient."""
+    corners, size = mesh.mesh.nodes[cells_of(mesh.mesh)[0]], element.dimension
+
+    def gradient(u: Floats) -> Floats:
+        about = np.column_stack([np.ones(len(corners)), corners])
+        slopes = np.linalg.lstsq(about, u.reshape(corners.shape), rcond=None)[0][1:].T
+        found = np.zeros((size, size))
+        found[: len(slopes), : len(slopes)] = slopes
+        return found.ravel()
+
+    stress, stored = (getattr(material, f"{kernel}_{size}d") for kernel in ("stress", "stored"))
+    kernels: list[Trial] = [
+        (
+            material,
+            f"stress_{size}d",
+            lambda u, _: plain_function(stress)(points.parameters, tuple(gradient(u).tolist())),
+        )
+    ]
+    if not material.linear:
+        energy = plain_function(stored)
+        kernels.append((material, f"stored_{size}d", lambda u, _: energy(points.parameters, read_only(gradient(u)))))
+    return kernels
 
 
 def _motions(mesh: Mesh) -> Iterator[Floats]:
@@ -131,10 +160,15 @@ def _force_of_first_cell(
 
 def _try_twice(component: Any, name: str, call: Callable[[Any, Any], Any], states: list[Any]) -> None:
     """Call a kernel in all states, twice; raise PluginError if it fails or its results differ or are no numbers."""
+    count = {"stress_2d": 4, "stress_3d": 9}.get(name)
     for value in called_twice(component, name, call, states):
-        # the nodal forces are the array that the kernel was handed; the other kernels return a number
+        # the nodal forces are the array that the kernel was handed; the other kernels return what they find
         numbers = as_numbers(value)
-        if numbers is None or numbers.ndim != (1 if name in (FORCE, CELL_FORCE) else 0):
-            raise breach(component, name, f"{name} returned {value}, expected one number")
+        right = name in (FORCE, CELL_FORCE) or (numbers is not None and numbers.shape == ((count,) if count else ()))
+        if numbers is None or not right:
+            raise breach(
+                component, name, f"{name} returned {value}, expected {f'{count} numbers' if count else 'one number'}"
+            )
         if not np.isfinite(numbers).all():
-            raise breach(component, name, f"{name} gave {value}, expected finite numbers")
+            shown = tuple(numbers.tolist()) if count else value
+            raise breach(component, name, f"{name} gave {shown}, expected finite numbers")

@@ -15,6 +15,7 @@ from percuss.case.options import LARGEST_NUMBER, SMALLEST_NUMBER, UNITS
 from percuss.errors import InputError, TooLargeError, refuse_if_any
 from percuss.mesh.cells import cells_of, has_cells, mesh_of_element
 from percuss.mesh.loads import ROUND_OFF
+from percuss.methods.blame import breach
 from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
@@ -88,7 +89,13 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
         size = bytes_of_nodes(count * nodes, start.size, of_bar=spec.shape.cell == "line")
         path = path if fits_in_memory(size / case.refine) else body
         if fits_in_memory(size):
-            mesh = mesh_of_element(spec.element, answer(spec.shape, "mesh", start, case.refine))
+            mesh = answer(spec.shape, "mesh", start, case.refine)
+            if missing := [name for name in spec.shape.regions if name not in mesh.regions]:
+                raise breach(spec.shape, "mesh", f"mesh returned no region '{missing[0]}', which `regions` names")
+            if spec.shape.cell not in mesh.cells:
+                kinds = ", ".join(mesh.cells)
+                raise breach(spec.shape, "mesh", f"mesh returned {kinds} cells, and `cell` says {spec.shape.cell}")
+            mesh = mesh_of_element(spec.element, mesh)
             return mesh.turned(math.radians(spec.angle)) if spec.angle else mesh
         amount = f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}"
     except MemoryError:

@@ -34,6 +34,7 @@ from percuss.methods.interfaces import (
     Wall,
 )
 
+NODES_OF_CELLS = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
 REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
 DEEPEST = 6  # levels of attributes up to which two answers are compared
 
@@ -267,10 +268,7 @@ def _mesh(mesh: object, at: Floats, _refine: float) -> None:
         raise _Wrong(f"returned {_shown(mesh)}, expected a Mesh")
     count, dim = len(next(iter(mesh.cells.values()), ())), np.size(at)
     if mesh.line is None:
-        _numbers(mesh.nodes, (np.shape(mesh.nodes)[0], dim), " as `nodes`")
-        if dim == 2:
-            for cells in mesh.cells.values():
-                _anticlockwise(np.asarray(mesh.nodes)[np.asarray(cells)])
+        _mesh_of_cells(mesh, dim)
         return
     if list(mesh.cells) != ["line"]:
         kinds = ", ".join(mesh.cells)
@@ -278,6 +276,45 @@ def _mesh(mesh: object, at: Floats, _refine: float) -> None:
     shapes = {"lengths": (count,), "nodes": (count + 1, dim), "direction": (dim,)}
     for name, shape in shapes.items():
         _numbers(getattr(mesh, name), shape, f" as `{name}`")
+
+
+def _mesh_of_cells(mesh: Mesh, dim: int) -> None:
+    """Expect cells of one kind on all of the nodes, and regions of edges with the body on their left."""
+    _numbers(mesh.nodes, (np.shape(mesh.nodes)[0], dim), " as `nodes`")
+    kind = ", ".join(mesh.cells)
+    if kind not in NODES_OF_CELLS:
+        raise _Wrong(f"returned cells of the kind {kind or 'none'}, expected one of {', '.join(NODES_OF_CELLS)}")
+    count, cells = len(mesh.nodes), np.asarray(mesh.cells[kind])
+    _node_numbers(cells, NODES_OF_CELLS[kind], count, "cells")
+    for node in np.setdiff1d(np.arange(count), cells):
+        raise _Wrong(f"returned the node {node} at {np.asarray(mesh.nodes)[node].tolist()}, which belongs to no cell")
+    if dim == 2:
+        _anticlockwise(np.asarray(mesh.nodes)[cells])
+        _edges(mesh, cells, count)
+
+
+def _edges(mesh: Mesh, cells: Any, count: int) -> None:
+    """Expect as facets of regions edges of single cells, each with the body on its left."""
+    of_cells = cells * count + np.roll(cells, -1, axis=1)
+    for name, region in mesh.regions.items():
+        if (kinds := ", ".join(region.facets) or "none") != "line":
+            raise _Wrong(f"returned the region '{name}' with facets of the kind {kinds}, expected line")
+        facets = np.asarray(region.facets["line"])
+        _node_numbers(facets, 2, count, f"facets of the region '{name}'")
+        left, right = (np.isin(facets[:, way] * count + facets[:, 1 - way], of_cells) for way in (0, 1))
+        for facet in np.flatnonzero(~left | right):
+            is_one = "of two cells" if left[facet] else "with the body on its right" if right[facet] else "of no cell"
+            said = f"returned in the region '{name}' the facet {facets[facet].tolist()}, an edge {is_one}"
+            raise _Wrong(f"{said}, expected edges of the boundary with the body on their left")
+
+
+def _node_numbers(value: Any, width: int, count: int, words: str) -> None:
+    if value.ndim != 2 or value.shape[1] != width or value.dtype.kind not in "iu":
+        raise _Wrong(
+            f"returned as {words} {value.dtype} of shape {value.shape}, expected integers of shape (n, {width})"
+        )
+    for node in value[(value < 0) | (value >= count)]:
+        raise _Wrong(f"returned as {words} the node {node}, expected one from 0 to {count - 1}")
 
 
 def _anticlockwise(corners: Floats) -> None:

@@ -228,7 +228,7 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
     """Return angular momentum before the first and after the last step, and the moments of impulses in between.
 
     All count about the centre of mass at the start and with the places at the start, as small strains do: internal
-    forces of linear elements have no moment so. None for bars, bodies of revolution and elements of large strains.
+    forces of linear bodies have no moment so. None for bars, bodies of revolution and bodies that are not linear.
     """
     model, dim, bodies = march.model, march.dim, march.model.bodies
     if bodies.about_axis or not all(body.of_small_strains for body in bodies.values()):
@@ -353,6 +353,8 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
     rise, drift = (float(value) / scale if scale > 0 else 0.0 for value in (total.rise, total.largest_drift))
     measured = {NEVER_GROWS: rise, BETWEEN: drift}.get(certificate["energy"])
     allowed = _allowed(outcome, ALLOWED_GROWTH, scale)
+    if not math.isfinite(allowed):  # a motion that is no longer finite has no round-off
+        measured = None
     step = int(total.rise_step) if total.rise > 0 else None
     linear, by_laws = not march.model.sums_internal_work, march.arrays.variables.stored_by_laws.size > 0
     return {

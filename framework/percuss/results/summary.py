@@ -181,7 +181,7 @@ class ExactEntries(TypedDict):
 
 
 class Accounts(TypedDict):
-    """The energy and momentum accounts of a run; angular momentum is not counted of bars and bodies of revolution."""
+    """The energy and momentum accounts of a run; angular momentum is counted of linear bodies that are no bars."""
 
     energy: EnergySummary
     momentum: MomentumSummary
