@@ -380,10 +380,10 @@ CELL, EDGE = "np.array([[0, 1, 2, 3]])", "np.array([[3, 0]])"
         (NODES, "[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 0.0]", "the cell 0 of the corners"),  # without an area
         (NODES, "[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]", "the cell 0 of the corners"),  # with a dent
         (NODES, f"{NODES}, [0.5, 0.5]", "the node 4 at [0.5, 0.5], which belongs to no cell"),
-        (CELL, "np.array([[0, 1, 2, 7]])", "as cells the node 7, expected one from 0 to 3"),
-        (CELL, "np.array([[0, 1, 2, -1]])", "as cells the node -1, expected one from 0 to 3"),
-        (CELL, "np.array([[0, 1, 2]])", "as cells int64 of shape (1, 3), expected integers of shape (n, 4)"),
-        (CELL, "np.array([[0.0, 1.0, 2.0, 3.0]])", "as cells float64 of shape (1, 4), expected integers"),
+        (CELL, "np.array([[0, 1, 2, 7]])", "as `cells` the node 7, expected one from 0 to 3"),
+        (CELL, "np.array([[0, 1, 2, -1]])", "as `cells` the node -1, expected one from 0 to 3"),
+        (CELL, "np.array([[0, 1, 2]])", "as `cells` int64 of shape (1, 3), expected integers of shape (n, 4)"),
+        (CELL, "np.array([[0.0, 1.0, 2.0, 3.0]])", "as `cells` float64 of shape (1, 4), expected integers"),
         ('{"quad"', '{"square"', "cells of the kind square, expected one of triangle, quad"),
         ('cell = "quad"', 'cell = "triangle"', "quad cells, and `cell` says triangle"),
         (EDGE, "np.array([[0, 3]])", "in the region 'left' the facet [0, 3], an edge with the body on its right"),

@@ -285,7 +285,7 @@ def _mesh_of_cells(mesh: Mesh, dim: int) -> None:
     if kind not in NODES_OF_CELLS:
         raise _Wrong(f"returned cells of the kind {kind or 'none'}, expected one of {', '.join(NODES_OF_CELLS)}")
     count, cells = len(mesh.nodes), np.asarray(mesh.cells[kind])
-    _node_numbers(cells, NODES_OF_CELLS[kind], count, "cells")
+    _node_numbers(cells, NODES_OF_CELLS[kind], count, "`cells`")
     for node in np.setdiff1d(np.arange(count), cells):
         raise _Wrong(f"returned the node {node} at {np.asarray(mesh.nodes)[node].tolist()}, which belongs to no cell")
     if dim == 2:
