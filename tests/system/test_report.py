@@ -1049,7 +1049,7 @@ def test_a_click_never_leads_to_an_empty_chart(browser, pages, several):
             row = page.locator("#table .tabulator-row.picked")
             assert keys[bare] in row.inner_text()
             assert f"({keys[bare]})" in page.inner_text("#force-note")
-            assert "no histories" in page.inner_text("#force-note") or "keeps no force" in page.inner_text(
+            assert "kept no forces" in page.inner_text("#force-note") or "keeps no force" in page.inner_text(
                 "#force-note"
             )
             assert "A click shows its row" in page.evaluate("(row) => tipOfRun(row)", bare)

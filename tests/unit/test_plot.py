@@ -410,7 +410,7 @@ def test_a_comparison_overlays_the_runs_and_lists_the_others(good, unstable, tmp
     assert "_lagrange $x" in told
     assert re.search(r"too fast: unstable at [\d.]+", told)
     assert "not shown: nitsche: is refused: no stress" in told
-    assert "contact force in 3 of 4 runs" in told
+    assert "contact force of 3 of 4 runs" in told
     assert axes.get_ylim()[1] < 2 * max(good.arrays["contact_force"].max(), other.arrays["contact_force"].max())
     figures.write(tmp_path / "a.svg", comparison_figure.comparison_figure(rows))
     assert (tmp_path / "a.svg").read_bytes().startswith(MAGIC[".svg"])

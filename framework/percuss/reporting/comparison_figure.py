@@ -57,7 +57,7 @@ def comparison_figure(rows: Sequence[Data]) -> Figure:
     names = runs[0][1].coordinates["contact"] if runs else []
     apart = len(runs) > OVERLAY
     down = -(-len(runs) // 3) if apart else min(max(len(names), 1), MOST_PANELS)
-    notes = [f"{FORCE[0]} in {len(runs)} of {len(rows)} runs"]
+    notes = [f"{FORCE[0]} of {f'{len(runs)} of ' if others else ''}{len(rows)} runs"]
     if not apart:
         notes += contacts_left_out(names)
     height = max(4.6, 1.9 + 2.4 * down) + 0.2 * len(lost)

@@ -798,7 +798,7 @@ function pairs([time, force]) {
 
 function drawForce() {
   if (!Object.keys(page.histories).length) {
-    $("force-note").textContent = `This study kept no histories.${markedWords()}`;
+    $("force-note").textContent = `This study kept no forces: "keep: {histories: 200}" in its file keeps 200 points of each.${markedWords()}`;
     for (const id of ["force", "force-legend", "unpick"]) $(id).hidden = true;
     return;
   }
