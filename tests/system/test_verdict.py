@@ -162,11 +162,11 @@ def test_a_check_begins_with_three_answers(coarse: Path, changes: tuple[str, ...
 
 
 def test_one_reason_is_told_once_with_the_number_of_its_runs() -> None:
-    where = "node {0} (node {0} of body 'steel')"
+    where = "node {0} of body 'steel'"
     why = f"not started: the certificate says unstable, {where} limits the step\n  cause: a step"
     runs = [("unstable", why.format(10 * k), f"i + l{k % 5}") for k in range(6)]
     assert list(failures([*runs, ("done", "", "i + l9")])) == [
         "6 unstable: i + l0, i + l1, i + l2 and 2 more: not started: the certificate says unstable"
     ]
     (alone,) = failures(runs[:1])
-    assert alone.endswith("node 0 (node 0 of body 'steel') limits the step; cause: a step")
+    assert alone.endswith("node 0 of body 'steel' limits the step; cause: a step")

@@ -9,6 +9,7 @@ import numpy as np
 
 from percuss.blas import one_blas_thread
 from percuss.case.cross_checks import after_the_end
+from percuss.case.quantities import percent
 from percuss.certificate.assessment import Answer, Assessment, Criterion, quoted
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
 from percuss.certificate.criteria import RunCriterion, contact_names, operator_criterion, step_criterion
@@ -330,7 +331,7 @@ def _compare_with_critical(dt: float, critical: float, combination: str, *, stab
     if np.isnan(critical):
         nothing = "nothing grows in any set of closed contacts; the critical step is not known"
         return "yes", f"at the step {dt:.6g} {nothing}"
-    return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}"
+    return "yes", f"the step is {percent(margin, 6)} of {critical:.6g}, the critical step {combination}"
 
 
 def _energy_guarantee(model: Model, assessment: Assessment, verdict: Verdict) -> tuple[str, str]:
