@@ -402,6 +402,7 @@ REFUSED = {
         "expected an element for the quad cells of block, found bar",
     ),
     "an element of triangles": ({"bodies.left.element": "tri3"}, "found tri3, which is for triangle cells"),
+    "quadratic cells": ({"bodies.left.element": "quadratic-bar"}, "found quadratic-bar, which is for line3 cells"),
     "no ratio": ({"bodies.left.material.poisson": None}, "bodies.left.material.poisson: missing"),
     "overlap": ({"bodies.right.at": [0.5, 0.0]}, "found an overlap of 0.5 at [1.0, 0.0] (by node-to-segment)"),
     "overlap of a corner": (

@@ -124,8 +124,7 @@ def test_theta_of_a_penalty_is_the_published_one(cells, slender, published):
     """Over that of bars, 2 beta_s at a wall and 4 beta_s of a pair, at the critical step of the free bodies.
 
     It is the largest of three Poisson's ratios, on cells that are so many times as high over the surface as wide. Of
-    nodes against quadrilaterals the figures are those found here: the published 1.28 and .82 are largest of hexahedra
-    too.
+    nodes against quadrilaterals the figures are those found here; the published 1.28 and .82 stand for hexahedra too.
     """
     kinds = ((NODES, (4,)), (GAUSS, (4,)), (NODES, (4, 5)), (GAUSS, (4, 5)), (MORTAR, (4, 5)))
     for (pairing, across), expected in zip(kinds, published, strict=True):

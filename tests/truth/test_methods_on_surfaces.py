@@ -1,0 +1,188 @@
+"""Every law with every integrator and pairing on two blocks, regions in two contacts, corners, and tied blocks."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import percuss
+from strategies import REGISTRY, is_refused
+
+WU, CENTRAL = "wu-predictor-corrector", "central-difference"
+NODES, GAUSS, MORTAR = "node-to-segment", "gauss-points", "mortar"
+FIRST_OPTIONS = {name: next(iter(REGISTRY.get("contacts", name).examples), {}) for name in REGISTRY.names("contacts")}
+
+
+def block(at, speed, elements, size=(1.0, 0.4), poisson=0.3, **more):
+    return {
+        "block": {"size": list(size), "elements": list(elements)}, "at": list(at), "velocity": list(speed),
+        "material": {"young": 1.0, "density": 1.0, "poisson": poisson}, **more,
+    }  # fmt: skip
+
+
+def case(bodies, contacts, integrator=WU, law=None, pairing=MORTAR, end=4.0, **more):
+    method = {"integrator": integrator, "contact": law or "regularised-lagrange", "pairing": pairing}
+    return percuss.load({
+        "percuss": 1, "bodies": bodies, "contacts": contacts, "method": method,
+        "time": {"courant": 0.4, "end": end}, **more,
+    })  # fmt: skip
+
+
+def bar(at, speed, area=0.4, elements=10, direction=None, length=1.0, **more):
+    line = {"length": length, "elements": elements} | ({"direction": direction} if direction else {})
+    return {"bar": line, "area": area, "at": at, "velocity": speed,
+            "material": {"young": 1.0, "density": 1.0}, **more}  # fmt: skip
+
+
+# What does not go together on surfaces, beside what pairs of methods refuse each other whatever the bodies.
+NOT_BUILT = {
+    "asynchronous": "It works for bars only",
+    "implicit-hht": "It works for bars only",
+    "nitsche": "which works for bars only",
+    "uzawa": "uses the coupling of contacts, which works for bars only",
+    "energy-conserving-penalty": "uses the coupling of contacts, which works for bars only",
+    "decomposition-contact-response": "It shifts the ends of its contacts, which works for bars only",
+}
+RIGID = {"lagrange", "moreau-jean", "paoli-schatzman", "tied"}
+QUICK = {
+    (WU, "tied", MORTAR), (WU, "cohesive", GAUSS), (CENTRAL, "walton-braun", NODES), ("noh-bathe", "penalty", MORTAR),
+    ("chung-lee", "penalty", NODES), ("asynchronous", "penalty", MORTAR), (WU, "uzawa", MORTAR),
+    (CENTRAL, "decomposition-contact-response", NODES), (WU, "moreau-jean", GAUSS),
+}  # fmt: skip
+ALL = list(itertools.product(REGISTRY.names("integrators"), REGISTRY.names("contacts"), REGISTRY.names("pairings")))
+
+
+@pytest.mark.parametrize(
+    ("integrator", "law", "pairing"),
+    [pytest.param(*each, marks=() if each in QUICK else pytest.mark.deep) for each in ALL],
+)
+def test_each_method_runs_with_closed_accounts_or_is_refused_with_a_reason(integrator, law, pairing):
+    pair = {"a": block((0, 0), (0.01, 0.02), (6, 2)), "b": block((1, 0), (-0.01, 0.02), (6, 3))}
+    seam = {"s": {"between": ["a.right", "b.left"]}}
+    made = case(pair, seam, integrator, {"name": law, **FIRST_OPTIONS[law]}, pairing)
+    reasons = [why for name, why in NOT_BUILT.items() if name in (integrator, law)]
+    if law in RIGID and pairing == GAUSS:
+        reasons.append("expected a law with a compliance on gauss-points")
+    if is_refused(integrator, {"name": law, **FIRST_OPTIONS[law]}):
+        reasons = ["is refused by"]
+    if reasons:
+        with pytest.raises(percuss.PercussError) as refusal:
+            percuss.run(made)
+        assert all(why in str(refusal.value) for why in reasons)
+        return
+    result = percuss.run(made)
+    summary = result.summary
+    assert summary["energy"]["ledger_closed"] in (True, None)  # None: what a multi-stage scheme takes is no error
+    assert summary["momentum"]["balanced"]
+    assert summary["angular_momentum"]["balanced"]
+    assert summary["energy_growth"]["kept"] is not False
+    assert summary["contacts"]["s"]["impulse"] != 0.0
+
+
+# ---------------------------------------------------------------------------- regions in two contacts, and corners
+
+
+@pytest.mark.parametrize("pairing", [NODES, GAUSS, MORTAR])
+def test_a_block_in_a_corner_is_a_bar_along_each_wall(pairing):
+    """Without contraction its motion along one axis knows nothing of the other; one node touches both walls."""
+    square = {"a": block((0, 0), (-0.01, -0.02), (10, 10), (1.0, 1.0), 0.0)}
+    walls = {
+        "left": {"body": "a.left", "wall": {"point": [-0.01, 0.0], "normal": [1.0, 0.0]}},
+        "floor": {"body": "a.bottom", "wall": {"point": [0.0, -0.01], "normal": [0.0, 1.0]}},
+    }
+    found = percuss.run(case(square, walls, pairing=pairing, record={"probes": ["a.right", "a.top"]}))
+    u, forces = found.arrays["displacement"], found.arrays["contact_force"]
+    for k, (contact, speed) in enumerate((("left", -0.01), ("floor", -0.02))):
+        line = percuss.run(case(
+            {"a": bar(0.0, speed, 1.0)}, {"w": {"body": "a.left", "wall": -0.01}}, record={"probes": ["a.right"]}
+        ))  # fmt: skip
+        force = line.arrays["contact_force"][:, 0]
+        assert np.abs(forces[:, k] - force).max() < 1e-10 * force.max(), contact
+        along = line.arrays["displacement"][:, 0, 0]
+        assert np.abs(u[:, k, k] - along).max() < 1e-12 * np.abs(along).max()
+    assert found.summary["angular_momentum"]["balanced"]
+
+
+@pytest.mark.parametrize("pairing", [NODES, GAUSS, MORTAR])
+def test_a_region_in_two_contacts_presses_both_as_one_bar(pairing):
+    """A strip meets two half as wide, whose ends meet its middle node: together they are one bar, half of it each."""
+    bodies = {
+        "a": block((0, 0), (0.5, 0), (10, 4), (1.0, 0.4), 0.0),
+        "low": block((1, 0), (-0.5, 0), (10, 2), (1.0, 0.2), 0.0),
+        "high": block((1, 0.2), (-0.5, 0), (10, 2), (1.0, 0.2), 0.0),
+    }
+    seams = {"below": {"between": ["low.left", "a.right"]}, "above": {"between": ["high.left", "a.right"]}}
+    found = percuss.run(case(bodies, seams, pairing=pairing, end=2.5))
+    seam = {"s": {"between": ["a.right", "b.left"]}}
+    line = percuss.run(case({"a": bar(0.0, 0.5), "b": bar(1.0, -0.5)}, seam, end=2.5))
+    force = line.arrays["contact_force"][:, 0]
+    assert force.max() > 0.1
+    for k in range(2):
+        assert np.abs(found.arrays["contact_force"][:, k] - 0.5 * force).max() < 1e-10 * force.max()
+    assert found.summary["energy"]["ledger_closed"]
+
+
+@pytest.mark.parametrize("pairing", [NODES, GAUSS, MORTAR])
+def test_a_region_that_carries_the_points_of_two_contacts_keeps_its_accounts(pairing):
+    """A strip hits one block and slides past a wall above; its corner is in both contacts."""
+    bodies = {
+        "a": block((0, 0), (0.05, 0.02), (8, 4), angle=2.0), "b": block((1.02, -0.1), (0, 0), (8, 5)),
+        "c": block((1.02, 0.31), (0, 0), (8, 3), (1.0, 0.2)),
+    }  # fmt: skip
+    contacts = {
+        "low": {"between": ["a.right", "b.left"]}, "high": {"between": ["a.right", "c.left"]},
+        "lid": {"body": "a.top", "wall": {"point": [0.0, 0.43], "normal": [0.0, -1.0]}},
+    }  # fmt: skip
+    for integrator in (WU, CENTRAL):
+        law = {"name": "regularised-lagrange" if integrator == WU else "penalty"}
+        summary = percuss.run(case(bodies, contacts, integrator, law, pairing)).summary
+        assert all(contact["impulse"] > 0.0 for contact in summary["contacts"].values())
+        assert summary["energy"]["ledger_error"] < 1e-13
+        assert summary["momentum"]["balanced"]
+        assert summary["angular_momentum"]["balanced"]
+        if integrator == WU:
+            assert summary["certificate"]["energy"] == "never grows"
+            assert summary["energy"]["max"] <= summary["energy"]["initial"] * (1.0 + 1e-12)
+
+
+# --------------------------------------------------------------------------------------------------------- ties
+
+
+@pytest.mark.parametrize("integrator", [WU, CENTRAL])
+@pytest.mark.parametrize("pairing", [NODES, MORTAR])
+def test_blocks_that_are_tied_are_one_block(integrator, pairing):
+    """Between rollers, where no shear arises at the seam: a tie holds what is normal to it."""
+    rollers = {"fixed": [{"on": "bottom", "along": "y"}, {"on": "top", "along": "y"}]}
+    load = {"push": {"ramp": {"value": 0.01, "duration": 0.5}, "on": "a.left", "as": "pressure"}}
+    halves = {"a": block((0, 0), (0, 0), (10, 4), **rollers), "b": block((1, 0), (0, 0), (10, 4), **rollers)}
+    whole = {"a": block((0, 0), (0, 0), (20, 4), (2.0, 0.4), **rollers)}
+    found, expected = (
+        percuss.run(percuss.load({
+            "percuss": 1, "bodies": bodies, "contacts": contacts, "loads": load,
+            "method": {"integrator": integrator, "contact": "tied", "pairing": pairing},
+            "time": {"step": 0.02, "end": 4.0}, "record": {"probes": ["a.left"]},
+        }))
+        for bodies, contacts in ((halves, {"s": {"between": ["a.right", "b.left"]}}), (whole, {}))
+    )  # fmt: skip
+    u, of_one = found.arrays["displacement"], expected.arrays["displacement"]
+    assert of_one.max() > 1e-3
+    assert np.abs(u - of_one).max() < 1e-12 * np.abs(of_one).max()
+    assert found.summary["energy"]["ledger_closed"]
+
+
+@pytest.mark.parametrize("across", [(4, 4), (3, 5)])
+def test_tied_prisms_of_unlike_meshes_are_one_bar(across):
+    halves = {
+        "a": block((0, 0), (0.5, 0), (10, across[0]), poisson=0.0),
+        "b": block((1, 0), (0, 0), (10, across[1]), poisson=0.0),
+    }
+    probes = {"record": {"probes": ["a.left", "b.right"]}}
+    seam = {"s": {"between": ["a.right", "b.left"]}}
+    time = {"time.courant": None, "time.step": 0.02}
+    found = percuss.run(case(halves, seam, law="tied", **probes).with_overrides(time))
+    bars = {"a": bar(0.0, 0.5), "b": bar(1.0, 0.0)}
+    line = percuss.run(case(bars, seam, law="tied", **probes).with_overrides(time))
+    u, along = found.arrays["displacement"], line.arrays["displacement"][..., 0]
+    assert line.arrays["contact_force"].min() < -0.05  # it pulls, too
+    assert np.abs(u[..., 0] - along).max() < 1e-10 * np.abs(along).max()
+    assert np.abs(u[..., 1]).max() < 1e-10 * np.abs(along).max()
