@@ -5,6 +5,7 @@ Marks: `deep` tests are left out unless asked for (``-m deep``), `slow` ones tak
 
 import contextlib
 import gc
+import math
 import os
 import shutil
 
@@ -55,6 +56,14 @@ def pytest_collection_finish():
 def pytest_xdist_auto_num_workers(config):
     """Return one worker more than there are processors: tests of pages and studies wait for other processes."""
     return (os.cpu_count() or 1) + 1
+
+
+@pytest.fixture(scope="module")
+def unadvised():
+    """Take every error of a run for small, so that it tries no other runs for its advice, which takes two seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("percuss.studies.alternatives.LARGE_ERROR", math.inf)
+        yield
 
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

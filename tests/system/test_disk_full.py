@@ -14,6 +14,8 @@ import places
 from command_line import percuss_command
 from strategies import hunek
 
+pytestmark = pytest.mark.usefixtures("unadvised")
+
 ROW = {"percuss-study": 1, "cases": ["case.yaml"], "vary": {"method.contact.ratio": [1.0, 2.0]}}
 
 
@@ -34,7 +36,7 @@ def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("full")
     (folder / "case.yaml").write_text(yaml.safe_dump(hunek(4, end=0.2)))
     (folder / "study.yaml").write_text(yaml.safe_dump(ROW))
-    done = percuss_command("study", "study.yaml", "-o", "rows.sqlite", "--workers", "1", cwd=folder, plain=True)
+    done = percuss_command("study", "study.yaml", "-o", "rows.sqlite", "--workers", "1", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder
 
@@ -82,20 +84,20 @@ def test_rows_that_do_not_fit_leave_those_before(study, tmp_path):
     """The file of a study grows while it runs: what does not fit any more is made by the next call."""
     rows = tmp_path / "rows.sqlite"
     with full_disk(1000):
-        done = percuss_command("study", "study.yaml", "-o", rows, "--workers", "1", cwd=study, plain=True)
+        done = percuss_command("study", "study.yaml", "-o", rows, "--workers", "1", cwd=study)
     assert done.returncode == 2
     assert f"{rows}: cannot be written: " in done.stderr
     assert not list(tmp_path.iterdir())
     words = ["study", "long.yaml", "-o", rows, "--workers", "1"]
     (study / "long.yaml").write_text(yaml.safe_dump({**ROW, "set": {"time.end": 40}, "keep": {"histories": 10_000}}))
     with full_disk(50_000):  # enough to begin with, and for what SQLite needs for itself
-        done = percuss_command(*words, cwd=study, plain=True)
+        done = percuss_command(*words, cwd=study)
     assert done.returncode == 2, done.stderr
     assert f"{rows}: cannot be written to: " in done.stderr
     assert "all rows stored before are kept" in done.stderr
     made = percuss.open_study(rows).counts.get("done", 0)
     assert made < 2
-    done = percuss_command(*words, cwd=study, plain=True)
+    done = percuss_command(*words, cwd=study)
     assert done.returncode == 0, done.stderr
     assert percuss.open_study(rows).counts == {"done": 2}
 

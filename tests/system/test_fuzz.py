@@ -16,11 +16,13 @@ import percuss
 from bad_input import GOOD, SHARES, Bench, Ground
 from percuss.errors import PercussError
 
+pytestmark = pytest.mark.usefixtures("unadvised")
+
 COUNT = int(os.environ.get("PERCUSS_FUZZ", "2000"))
 QUICK = {
     "case": 60,
     "value": 60,
-    "edge": 60,
+    "edge": 30,
     "table": 40,
     "result": 40,
     "store": 12,

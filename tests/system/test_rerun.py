@@ -14,6 +14,8 @@ from percuss.methods import source_digest
 from percuss.results import provenance
 from strategies import hunek
 
+pytestmark = pytest.mark.usefixtures("unadvised")
+
 LAW = """\
 from dataclasses import dataclass
 from percuss import ContactLaw, LinearLaw
