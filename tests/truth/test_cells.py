@@ -19,6 +19,13 @@ from strategies import CORE, FIRST, LEAPFROG, REGISTRY, hunek, is_refused, large
 
 SPECTRAL = [{"name": "spectral-bar", "order": order} for order in (1, 2, 3, 4)]
 ELEMENTS = ["quadratic-bar", *SPECTRAL[1:]]
+
+
+def with_deep(quick, *deep):
+    """Return elements as parameters of a test, of which some are deep: their kernels are compiled for seconds."""
+    return [*quick, *(pytest.param(element, marks=pytest.mark.deep) for element in deep)]
+
+
 STEEL = {"young": 100.0, "density": 0.01}  # waves run at 100
 
 
@@ -139,7 +146,7 @@ def test_courant_number_one_is_the_critical_step_of_the_exact_matrices(element):
         assert 100.0 * model.dt / (2.0 / 6.0) == pytest.approx(1.0 / np.sqrt(6.0), rel=1e-12)
 
 
-@pytest.mark.parametrize("element", ELEMENTS, ids=element_id)
+@pytest.mark.parametrize("element", with_deep(["quadratic-bar", SPECTRAL[2]], SPECTRAL[1], SPECTRAL[3]), ids=element_id)
 def test_a_run_stays_bounded_at_the_critical_step_and_grows_beyond_it(element):
     case = bar(element, 3)  # free, as a support takes the mode of the highest frequency away
     case["loads"] = {"push": {"constant": 1.0, "on": "a.right"}}
@@ -148,7 +155,7 @@ def test_a_run_stays_bounded_at_the_critical_step_and_grows_beyond_it(element):
         verdict = certificate(model_of(changed))
         assert verdict["stable"] == ("yes" if stable else "no")
         try:
-            energy = run(changed, compiled=False).arrays["elastic_energy"]
+            energy = run(changed).arrays["elastic_energy"]
             grows = bool(largest(energy) > 10.0 * largest(energy[:100]))
         except percuss.RunError:
             grows = True
@@ -219,7 +226,7 @@ def test_a_run_is_that_of_dense_matrices(element, integrator):
     np.testing.assert_allclose(found, history[: found.size], rtol=0, atol=1e-8 * largest(np.array(history)))
 
 
-@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[2]], ids=element_id)
+@pytest.mark.parametrize("element", with_deep(["quadratic-bar"], SPECTRAL[2]), ids=element_id)
 def test_a_viscous_run_is_that_of_dense_matrices(element):
     case = bar(element, 4, velocity=0.3)
     case["loads"] = {"push": {"constant": 1.5, "on": "a.right"}}
@@ -380,7 +387,7 @@ def test_the_stress_of_an_element_is_the_mean_over_its_length(element):
     np.testing.assert_allclose(stress, expected, rtol=1e-7, atol=1e-7 * 100.0)
 
 
-@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[0], SPECTRAL[2]], ids=element_id)
+@pytest.mark.parametrize("element", with_deep(["quadratic-bar", SPECTRAL[0]], SPECTRAL[2]), ids=element_id)
 def test_materials_remember_at_every_quadrature_point(element):
     steel = {"name": "bilinear-plastic", "young": 100.0, "density": 0.01, "yield_stress": 0.02, "tangent": 0.2}
     case = impact(element, {"name": "penalty"}, n=8)

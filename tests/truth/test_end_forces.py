@@ -77,7 +77,7 @@ def with_law(case, law, integrator=CD, **time):
 
 
 def ran(case, law, integrator=CD, **time):
-    return run(with_law(case, law, integrator, **time), compiled=False)
+    return run(with_law(case, law, integrator, **time))
 
 
 # ------------------------------------------------------------------------------------------------ the reference
@@ -578,7 +578,7 @@ def test_a_bar_of_one_element_hands_its_push_to_the_support_beside():
 @pytest.mark.parametrize(
     ("integrator", "changes", "reason"),
     [
-        ("velocity-verlet", {}, "evaluated in leap-frog schemes alone"),
+        ("velocity-verlet", {}, "which only leap-frog schemes evaluate"),
         ({"name": "viscous-central-difference", "viscosity": 0.1}, {}, "has a viscous part"),
         (CD, {"method.mass": "redistributed"}, "an end without mass is in static balance with it"),
         (CD, {"bodies.a.element": "quadratic-bar"}, "body 'a' has cells line3"),

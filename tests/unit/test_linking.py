@@ -233,6 +233,14 @@ ALL = [
     *({"method.mass": name} for name in REGISTRY.names("masses")),
     *(scheme | bodies for scheme in SCHEMES for bodies in BODIES),
 ]
+# Each scheme with bars, and two of them with each element and material; each other pair is compiled for seconds.
+EACH = ("central-difference", "noh-bathe")
+
+
+def is_deep(changes):
+    """Whether a pair of scheme and bodies is left to the whole check."""
+    bodies = changes.get("bodies.short.element", "bar"), "bodies.short.material" in changes
+    return bodies != ("bar", False) and changes.get("method.integrator", EACH[0]) not in EACH
 
 
 def words(changes):
@@ -240,7 +248,11 @@ def words(changes):
 
 
 @pytest.mark.skipif(jit_disabled(), reason="compilation is switched off")
-@pytest.mark.parametrize("changes", ALL, ids=words)
+@pytest.mark.parametrize(
+    "changes",
+    [pytest.param(changes, marks=pytest.mark.deep if is_deep(changes) else ()) for changes in ALL],
+    ids=words,
+)
 def test_every_registered_method_is_compiled(changes):
     """Plain Python gives the same numbers, a hundred times slower: nothing else would show that a kernel is none."""
     base = hunek(4, integrator="central-difference", contact="penalty", end=0.05)
