@@ -19,10 +19,12 @@ from percuss_methods.contacts.uzawa import Uzawa
 from percuss_methods.contacts.walton_braun import WaltonBraun
 from percuss_methods.elements.bar import BarElement
 from percuss_methods.elements.green_bar import GreenBarElement
+from percuss_methods.elements.hex8 import Hex8
 from percuss_methods.elements.quad4 import Quad4
 from percuss_methods.elements.quad4_axisymmetric import Quad4Axisymmetric
 from percuss_methods.elements.quadratic_bar import QuadraticBarElement
 from percuss_methods.elements.spectral_bar import SpectralBarElement
+from percuss_methods.elements.tet4 import Tet4
 from percuss_methods.elements.tri3 import Tri3
 from percuss_methods.elements.tri3_axisymmetric import Tri3Axisymmetric
 from percuss_methods.integrators.asynchronous import Asynchronous
@@ -58,6 +60,7 @@ from percuss_methods.measures.ripple import Ripple
 from percuss_methods.pairings.gauss_points import GaussPoints
 from percuss_methods.pairings.mortar import Mortar
 from percuss_methods.pairings.node_to_segment import NodeToSegment
+from percuss_methods.shapes.ball import Ball
 from percuss_methods.shapes.bar import Bar
 from percuss_methods.shapes.block import Block
 from percuss_methods.shapes.disk import Disk
@@ -134,7 +137,7 @@ def percuss_loads() -> list[type]:
 @hookimpl
 def percuss_shapes() -> list[type]:
     """Return the built-in shapes."""
-    return [Bar, Block, Disk, HalfDisk, Ring]
+    return [Ball, Bar, Block, Disk, HalfDisk, Ring]
 
 
 @hookimpl
@@ -145,8 +148,10 @@ def percuss_elements() -> list[type]:
         GreenBarElement,
         QuadraticBarElement,
         SpectralBarElement,
+        Hex8,
         Quad4,
         Quad4Axisymmetric,
+        Tet4,
         Tri3,
         Tri3Axisymmetric,
     ]

@@ -395,7 +395,7 @@ def test_automatic_stiffness_of_a_strip_is_that_of_its_bar(integrator, pairing):
 
 
 REFUSED = {
-    "an area": ({"bodies.left.area": 1}, "bodies.left.area: block has no cross-section"),
+    "an area": ({"bodies.left.area": 1}, "bodies.left.area: block is a body in two dimensions, which has no area"),
     "a speed": ({"bodies.left.velocity": 1}, "expected a vector, as body 'left' lies along no line, found 1"),
     "an element of bars": (
         {"bodies.left.element": "bar"},
@@ -462,7 +462,7 @@ REFUSED = {
                 "material": {"young": 1.0, "density": 1.0},
             }
         },
-        "bodies.left.spin: bar is along a line, and has no spin",
+        "bodies.left.spin: bar is a body along a line, which has no spin",
     ),
     "a probe outside": (
         {"record.probes": [{"body": "left", "at": [0.5, 0.3]}]},

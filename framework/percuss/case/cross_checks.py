@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from percuss.case.defaults import DEFAULTS, WITHOUT_BARS
+from percuss.case.defaults import DEFAULTS, IN_SPACE, WITHOUT_BARS
 from percuss.case.source import Source
 from percuss.case.specs import (
     Address,
@@ -90,7 +90,8 @@ def completed(case: CaseSection, dimension: int, source: Source, registry: Regis
         bodies[name] = replace(body, name=name, at=padded(start), element=_element_of(body, registry))
     method = case.method
     if any(body.shape.cell != "line" for body in bodies.values()):
-        pairing: Any = method.pairing or registry.get("pairings", DEFAULTS["pairings"])()
+        usual = {**DEFAULTS, **(IN_SPACE if dimension == 3 else {})}
+        pairing: Any = method.pairing or registry.get("pairings", usual["pairings"])()
         law: Any = method.contact
         if source.get(("method", "contact")) is None:
             law = registry.get("contacts", WITHOUT_BARS["contacts"])()
@@ -131,6 +132,16 @@ def _elements_of(cell: str, registry: Registry, plane: str | None) -> list[Any]:
     classes: list[Any] = [registry.get("elements", name) for name in registry.names("elements")]
     about_axis = plane == "axisymmetric"
     return [one for one in classes if one.cell == cell and getattr(one, "about_axis", False) == about_axis]
+
+
+KINDS = {1: "a body along a line", 2: "a body in two dimensions", 3: "a body in three dimensions"}
+# Keys without a meaning, by kind of body.
+NOT_OF = {
+    "a body along a line": ("thickness", "angle", "axis", "spin"),
+    "a body of revolution": ("area", "thickness", "angle", "axis", "spin"),
+    "a body in two dimensions": ("area", "axis"),
+    "a body in three dimensions": ("area", "thickness", "plane"),
+}
 
 
 class CrossChecks:
@@ -232,10 +243,10 @@ class CrossChecks:
     def _check_bodies(self) -> None:
         for name, path, given, body in self._parts("bodies"):
             key = self._component_key("shapes", given)
-            ends = getattr(self.reader.registry.get("shapes", key), "regions", None) if key else None
-            self.ends[name] = ends = ends or None
             # The shape and the vectors may be right where the body is wrong.
             shape = body.shape if body is not None else self.reader.part((*path, key))
+            ends = getattr(shape or (self.reader.registry.get("shapes", key) if key else None), "regions", None)
+            self.ends[name] = ends = ends or None
             if shape is not None and (dimension := shape.dimension()) is not None:
                 self.vectors.append(((*path, key), int(dimension)))
             if shape is not None:
@@ -260,29 +271,29 @@ class CrossChecks:
                     self.wrong(at, f"the end '{end}' is fixed twice", "Keep one.")
 
     def _check_section(self, name: str, path: KeyPath, given: Mapping[str, Any], shape: Shape) -> None:
-        """Report an area that is missing or has no meaning, a thickness without one, and a velocity along no line."""
-        if shape.cell == "line":
+        """Report an area that is missing, what has no meaning for a body of this kind, and vectors that are none."""
+        dimension = 1 if shape.cell == "line" else shape.dimension() or 2
+        kind = "a body of revolution" if given.get("plane") == "axisymmetric" and dimension == 2 else KINDS[dimension]
+        for key in NOT_OF[kind]:
+            if key in given:
+                self.wrong((*path, key), f"{shape.name} is {kind}, which has no {key}", "Drop it.", key=True)
+        if dimension == 1:
             if "area" not in given:
                 message, advice = "missing (cross-section [length^2])", "Add `area:` to the body."
                 self.wrong((*path, "area"), message, advice, key=True)
-            if "thickness" in given:
-                self.wrong((*path, "thickness"), f"{shape.name} has an `area`, and no thickness", "Drop it.", key=True)
-            for key in ("angle", "spin"):
-                if key in given:
-                    message = f"{shape.name} is along a line, and has no {key}"
-                    self.wrong((*path, key), message, "Drop it.", key=True)
             return
-        if "area" in given:
-            advice = "Drop it, or give a `thickness` in two dimensions."
-            self.wrong((*path, "area"), f"{shape.name} has no cross-section", advice, key=True)
-        if given.get("plane") == "axisymmetric":
-            for key in ("thickness", "angle", "spin"):
-                if key in given:
-                    self.wrong((*path, key), f"a body of revolution has no {key}", "Drop it.", key=True)
-        for key in ("velocity", "at"):
+        for key in ("axis", "spin"):
+            self._note_vector((*path, key), given.get(key))
+        if dimension == 3 and given.get("angle") and not given.get("axis"):
+            self.wrong((*path, "axis"), "missing (the vector about which it is turned)", "Add `axis:`.", key=True)
+        vectors = ("velocity", "at", "spin") if dimension == 3 else ("velocity", "at")
+        for key in vectors:
             if key in given and not isinstance(given[key], tuple):
                 message = f"expected a vector, as body '{name}' lies along no line, found {found(given[key])}"
                 self.wrong((*path, key), message, "Give a number for each direction.")
+        if dimension == 2 and isinstance(given.get("spin"), tuple):
+            message = f"expected a number, as body '{name}' turns in its plane, found {found(given['spin'])}"
+            self.wrong((*path, "spin"), message, "Positive is anticlockwise.")
 
     def _check_material(self, path: KeyPath, shape: Shape, material: Material, plane: str | None) -> None:
         """Report a material that is not for a body of this shape, and what it lacks."""

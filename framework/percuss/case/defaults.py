@@ -11,3 +11,4 @@ DEFAULTS = {
 }
 # Of a case with bodies that are no bars, in place of those above.
 WITHOUT_BARS = {"contacts": "regularised-lagrange"}
+IN_SPACE = {"pairings": "gauss-points"}

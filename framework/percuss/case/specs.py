@@ -222,11 +222,21 @@ class BodySpec(Section):
     velocity: Annotated[
         float | Vector, Unit("length/time"), Doc("initial velocity: a number along the body, or a vector")
     ] = 0.0
-    angle: Annotated[float, Unit("degrees"), Doc("by which the mesh is turned about its middle, in two dimensions")] = (
-        0.0
-    )
+    angle: Annotated[float, Unit("degrees"), Doc("by which the mesh is turned about its middle")] = 0.0
+    axis: (
+        Annotated[
+            Vector,
+            AfterValidator(_nonzero),
+            Expects("a vector that is not zero, as [0, 0, 1]"),
+            Unit("1"),
+            Doc("vector about which the mesh is turned, in three dimensions"),
+        ]
+        | None
+    ) = None
     spin: Annotated[
-        float, Unit("1/time"), Doc("initial angular velocity about the centre of mass, in two dimensions")
+        float | Vector,
+        Unit("1/time"),
+        Doc("initial angular velocity about the centre of mass: a number in two dimensions, else a vector"),
     ] = 0.0
     fixed: Annotated[
         tuple[Annotated[str | Roller, Expects("an end, or a mapping as {on: right, along: x}")], ...],

@@ -114,7 +114,7 @@ def _prism(body: Body, axis: Floats) -> Prism:
         raise NotARowOfPrisms(f"body '{body.name}' is no prism along the axis")
     if _across(body.velocity, axis) > ROUND_OFF * np.linalg.norm(body.velocity):
         raise NotARowOfPrisms(f"body '{body.name}' moves across the axis")
-    if body.spec.spin:
+    if np.any(body.spec.spin):
         raise NotARowOfPrisms(f"body '{body.name}' turns")
     _check_sides(body, sides, axis)
     points = np.concatenate(faces)

@@ -23,6 +23,13 @@ MOST_TURNED = 0.05  # rad, which stretches a body of small strains by 0.12 %
 NEARLY_INCOMPRESSIBLE = 3.79  # modulus of longitudinal waves over Young's at a Poisson's ratio of .45
 
 
+def in_space(vectors: Floats) -> Floats:
+    """Return vectors in one to three dimensions as vectors in three, (n, 3)."""
+    whole = np.zeros((len(vectors), 3))
+    whole[:, : vectors.shape[1]] = vectors
+    return whole
+
+
 @dataclass(frozen=True)
 class Body:
     """One body: its mesh, masses and element properties, and its range of nodes in the model."""
@@ -59,9 +66,9 @@ class Body:
     def nodal_velocity(self) -> Floats:
         """Velocity of its nodes at t = 0, (nodes, dim)."""
         velocity = np.tile(self.velocity, (self.mass.size, 1))
-        if self.spec.spin:
-            arm = self.mesh.nodes - self.centre
-            velocity += self.spec.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        if np.any(self.spec.spin):
+            spin = self.spec.spin if isinstance(self.spec.spin, tuple) else (0.0, 0.0, self.spec.spin)
+            velocity += np.cross(spin, in_space(self.mesh.nodes - self.centre))[:, : self.velocity.size]
         return velocity
 
     @property
@@ -70,10 +77,10 @@ class Body:
         return is_solid(self.spec.element) and not self.why_not_linear
 
     def turned_by(self, displacement: Floats) -> float:
-        """Return the angle by which displacements of its nodes turn it in the mean, (nodes, 2) [rad]."""
-        arm = self.mesh.nodes - self.centre
-        about = arm[:, 0] * displacement[:, 1] - arm[:, 1] * displacement[:, 0]
-        return float(self.mass @ about / (self.mass @ (arm**2).sum(axis=1)))
+        """Return the angle by which displacements of its nodes turn it in the mean, (nodes, dim) [rad]."""
+        arm, mass = in_space(self.mesh.nodes - self.centre), self.mass
+        inertia = mass @ (arm**2).sum(axis=1) * np.eye(3) - np.einsum("n,ni,nj->ij", mass, arm, arm)
+        return float(np.linalg.norm(np.linalg.solve(inertia, mass @ np.cross(arm, in_space(displacement)))))
 
     def why_it_must_not_turn(self, angle: float) -> str:
         """Why a motion that turns it by an angle is not that of a real body; empty if the angle is small [rad]."""

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 BYTES_PER_NODE = 400  # of bars, for the certificate and the run together, for each node and dimension
 BYTES_PER_SOLID_NODE = 12_000  # of other bodies, roughly; most are factors of the certificate
 MOST_STEPS = 2**40
+OUT_OF_PLANE = (0.0, 0.0, 1.0)
 ALWAYS_FITS = 2.0**26  # bytes for which no machine is asked how much memory it has
 MEMORY_SHARE = 0.8  # largest share of the memory that a run may use
 
@@ -96,7 +97,7 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
                 kinds = ", ".join(mesh.cells)
                 raise breach(spec.shape, "mesh", f"mesh returned {kinds} cells, and `cell` says {spec.shape.cell}")
             mesh = mesh_of_element(spec.element, mesh)
-            return mesh.turned(math.radians(spec.angle)) if spec.angle else mesh
+            return mesh.turned(math.radians(spec.angle), spec.axis or OUT_OF_PLANE) if spec.angle else mesh
         amount = f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}"
     except MemoryError:
         pass

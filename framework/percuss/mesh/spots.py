@@ -9,6 +9,7 @@ import numpy as np
 from percuss.case.specs import Spot
 from percuss.case.type_words import found
 from percuss.mesh.cells import cells_of
+from percuss.methods.interfaces.pairing import SQUARE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Mesh
 
 OUTSIDE = 1e-9  # of a cell; a point that lies so far outside is on its boundary
-NEWTON = 20  # steps of the search for the place of a point in a quadrilateral
+NEWTON = 20  # steps of the search for the place of a point in a quadrilateral or a hexahedron
 
 
 def outside(case: Case, bodies: Mapping[str, Body]) -> Iterator[Problem]:
@@ -37,7 +38,7 @@ def outside(case: Case, bodies: Mapping[str, Body]) -> Iterator[Problem]:
 def shares_at(body: Body, spot: Any) -> list[tuple[int, float]]:
     """Return nodes of the model, each with its share in the motion at a point of a body; nothing if it lies outside.
 
-    In a line of nodes the motion is linear between neighbours, in a triangle linear and in a quadrilateral bilinear.
+    In a line of nodes the motion is linear between neighbours, in any cell that of its shape functions.
     """
     point = np.zeros(body.mesh.nodes.shape[1])
     point[: len(spot.at)] = spot.at
@@ -66,15 +67,17 @@ def _shares_in(mesh: Mesh, point: Floats) -> list[tuple[int, float]]:
 
 
 def _shares(corners: Floats, point: Floats) -> Floats:
-    """Return the shape functions of a triangle or a quadrilateral at a point; negative ones if it lies outside."""
-    if len(corners) == 3:
-        shares: Floats = np.linalg.solve(np.vstack([corners.T, np.ones(3)]), np.append(point, 1.0))
+    """Return the shape functions of a cell at a point; negative ones if it lies outside."""
+    count, dim = corners.shape
+    if count == dim + 1:  # a triangle or a tetrahedron
+        shares: Floats = np.linalg.solve(np.vstack([corners.T, np.ones(count)]), np.append(point, 1.0))
         return shares
-    at = np.zeros(2)
-    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    at = np.zeros(dim)
+    signs = np.concatenate([np.insert(SQUARE, 2, side, axis=1) for side in (-1.0, 1.0)]) if dim == 3 else SQUARE
     for _ in range(NEWTON):
         factors = 1.0 + signs * at
-        slopes = 0.25 * signs * factors[:, ::-1]
-        at = at - np.linalg.solve(corners.T @ slopes, corners.T @ (0.25 * factors.prod(axis=1)) - point)
+        others = np.stack([np.delete(factors, d, axis=1).prod(axis=1) for d in range(dim)], axis=1)
+        step = corners.T @ factors.prod(axis=1) - count * point
+        at = at - np.linalg.solve(corners.T @ (signs * others), step)
     outside = float(np.abs(at).max()) - 1.0
-    return np.array([-outside]) if outside > OUTSIDE else 0.25 * (1.0 + signs * at).prod(axis=1)
+    return np.array([-outside]) if outside > OUTSIDE else (1.0 + signs * at).prod(axis=1) / count

@@ -56,43 +56,20 @@ def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> Body
     nodes, places = np.unique(facets, return_inverse=True)
     places = places.reshape(facets.shape)
     around = 2.0 * np.pi * mesh.nodes[nodes, 0] if body.plane == "axisymmetric" else None
-    normals, of_nodes = _areas(mesh.nodes[facets], body.section)
-    if around is not None:
-        here = around[places]
-        of_nodes = of_nodes.sum(axis=1)[:, None] * (2.0 * here + here[:, ::-1]) / 6.0
+    surface = Surface(nodes + start, mesh.nodes[nodes], places, np.zeros((0, 0)), np.zeros(0), around)
+    out = surface.outward(np.arange(len(facets)), np.full(facets.shape, 1.0 / facets.shape[1]))
+    size = np.linalg.norm(out, axis=1)
+    areas = size * (body.section if around is None else around[places].mean(axis=1))
+    surface = surface._replace(normals=out / size[:, None], areas=areas)
+    of_nodes = surface.of_nodes()
     areas = of_nodes.sum(axis=1)
     shares = np.bincount(places.ravel(), of_nodes.ravel(), nodes.size) / max(areas.sum(), TINY)
     ((kind, cells),) = mesh.cells.items()
     behind = volumes[_cells_behind(cells, facets, len(mesh.nodes))]
     heights = PARTS_OF_HEIGHT.get(kind, 1.0) * behind / np.maximum(areas, TINY)  # a facet on an axis has no area
-    outward = np.zeros((nodes.size, normals.shape[1]))
-    np.add.at(outward, places, of_nodes[..., None] * normals[:, None])
-    surface = Surface(nodes + start, mesh.nodes[nodes], places, normals, areas, around)
-    return BodySurface(surface, heights, shares, outward)
-
-
-def _areas(corners: Floats, thickness: float) -> tuple[Floats, Floats]:
-    """Return the unit normals of facets, (F, dim), and the area that belongs to each of their nodes, (F, nodes)."""
-    count, dim = corners.shape[1:]
-    if dim == 2:
-        along = corners[:, 1] - corners[:, 0]
-        length = np.linalg.norm(along, axis=1)
-        normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
-        return normals, np.repeat(0.5 * thickness * length[:, None], 2, axis=1)
-    if count == 3:
-        out = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        twice = np.linalg.norm(out, axis=1)
-        return out / twice[:, None], np.repeat(twice[:, None] / 6.0, 3, axis=1)
-    of_nodes, middle = np.zeros(corners.shape[:2]), np.zeros((len(corners), 3))
-    place = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    for point in place / np.sqrt(3.0):
-        shape = 0.25 * (1.0 + point[0] * place[:, 0]) * (1.0 + point[1] * place[:, 1])
-        by_xi = 0.25 * place[:, 0] * (1.0 + point[1] * place[:, 1])
-        by_eta = 0.25 * place[:, 1] * (1.0 + point[0] * place[:, 0])
-        out = np.cross(np.tensordot(corners, by_xi, (1, 0)), np.tensordot(corners, by_eta, (1, 0)))
-        of_nodes += np.linalg.norm(out, axis=1)[:, None] * shape
-        middle += out
-    return middle / np.linalg.norm(middle, axis=1)[:, None], of_nodes
+    outward = np.zeros((nodes.size, out.shape[1]))
+    np.add.at(outward, places, of_nodes[..., None] * surface.normals[:, None])
+    return BodySurface(surface._replace(areas=areas), heights, shares, outward)
 
 
 def _cells_behind(cells: Integers, facets: Integers, nodes: int) -> Integers:

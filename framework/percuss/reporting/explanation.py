@@ -143,7 +143,7 @@ def _body(body: Body, end: float) -> Fact:
     about: Entries = {"c": c, "why_not_linear": body.why_not_linear}
     mesh, section, waves = _along_line(body, c, about) if body.mesh.line is not None else _of_cells(body, about)
     moves = f", velocity {found(spec.velocity)}" if np.any(body.velocity) else ""
-    moves += f", spin {found(spec.spin)}" if spec.spin else ""
+    moves += f", spin {found(spec.spin)}" if np.any(spec.spin) else ""
     fixed = f", fixed at {', '.join(map(str, spec.fixed))}" if spec.fixed else ""
     words = (
         f"{body.name}: {spec.shape.name} of {mesh}, {material.name} "

@@ -11,7 +11,7 @@ from percuss import Doc, Ge, Le, PairedPoints, Pairing, Unit
 from percuss_methods.pairings._closest import paired
 
 if TYPE_CHECKING:
-    from percuss import Surface, Wall
+    from percuss import Floats, Surface, Wall
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class GaussPoints(Pairing):
     """Gauss points on each facet of the first surface, against the nearest facet of the second one.
 
     Formula: ``g = n . (x - y)`` with x the point, y the nearest point of the second surface and n its normal out of the
-    facet on which y lies; ``w = area of the facet times the weight of the rule``.
+    facet on which y lies; ``w = area of the facet times the weight of the rule``. A quadrilateral has the products of
+    two rules of Gauss; a triangle three points for 2, and conical products for any other number.
 
     A uniform pressure between meshes that do not match is transmitted with an error that falls with the number of
     points. There are more points than nodes: a law without compliance gives the right motion and single forces without
@@ -34,12 +35,32 @@ class GaussPoints(Pairing):
     shorthand = "points_on_facet"
     more_points_than_nodes = True
 
-    points_on_facet: Annotated[int, Ge(1), Le(10), Unit("1"), Doc("points along each facet")] = 2
+    points_on_facet: Annotated[int, Ge(1), Le(10), Unit("1"), Doc("points along each facet, in each direction")] = 2
 
     def points(self, first: Surface, second: Surface | Wall) -> PairedPoints:
         """Return the Gauss points that have a partner."""
-        place, weight = np.polynomial.legendre.leggauss(self.points_on_facet)
-        edges, count = len(first.facets), self.points_on_facet
-        shares = np.tile(0.5 * np.stack([1.0 - place, 1.0 + place], axis=1), (edges, 1))
-        facets = np.repeat(np.arange(edges), count)
-        return paired(first, second, facets, shares, first.spread(facets, shares) * np.tile(0.5 * weight, edges))
+        of_facet, weight = rule(first.facets.shape[1], self.points_on_facet)
+        count = len(first.facets)
+        shares, facets = np.tile(of_facet, (count, 1)), np.repeat(np.arange(count), weight.size)
+        return paired(first, second, facets, shares, first.spread(facets, shares) * np.tile(weight, count))
+
+
+def rule(corners: int, along: int) -> tuple[Floats, Floats]:
+    """Return the shape functions at the points of a facet, (points, corners), and the share of each in its area."""
+    place, weight = np.polynomial.legendre.leggauss(along)
+    on_edge, weight = 0.5 * np.stack([1.0 - place, 1.0 + place], axis=1), 0.5 * weight
+    if corners == 2:
+        return on_edge, weight
+    if corners == 4:  # the product of two rules
+        across, here = np.repeat(on_edge, along, axis=0), np.tile(on_edge, (along, 1))
+        shares = np.stack([across[:, a] * here[:, b] for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))], axis=1)
+        return shares, np.outer(weight, weight).ravel()
+    if along == 2:
+        return np.full((3, 3), 1.0 / 6.0) + 0.5 * np.eye(3), np.full(3, 1.0 / 3.0)
+    from scipy.special import roots_jacobi
+
+    # A square with a side drawn together to a corner, where Jacobi's rule takes its area into account.
+    radial, share = roots_jacobi(along, 1.0, 0.0)
+    far = np.repeat(0.5 * (1.0 + radial), along)
+    shares = np.concatenate([far[:, None], (1.0 - far)[:, None] * np.tile(on_edge, (along, 1))], axis=1)
+    return shares, np.outer(0.5 * share, weight).ravel()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from percuss import Doc, Gt, Unit
-from percuss_methods.shapes._plane import quadrilaterals_of
+from percuss_methods.shapes._cells import quadrilaterals_of
 
 if TYPE_CHECKING:
     from percuss import Floats, Integers

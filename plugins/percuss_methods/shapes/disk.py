@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from percuss import Doc, Ge, Gt, Mesh, Unit
-from percuss_methods.shapes._plane import PlaneCells, PlaneShape, closed
+from percuss_methods.shapes._cells import PlaneCells, FilledShape, closed
 from percuss_methods.shapes._round import Grading, counts, disk_mesh, expect_moderate
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Disk(PlaneShape):
+class Disk(FilledShape):
     """A disk about a point, of a core of rows and columns and of layers around it.
 
     Formula: half of the cells across the diameter lie in the core, a square with curved sides, and as many layers

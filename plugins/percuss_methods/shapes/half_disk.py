@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from percuss import Doc, Ge, Gt, Mesh, Unit
-from percuss_methods.shapes._plane import PlaneCells, PlaneShape, opened
+from percuss_methods.shapes._cells import PlaneCells, FilledShape, opened
 from percuss_methods.shapes._round import Grading, counts, disk_mesh, expect_moderate
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class HalfDisk(PlaneShape):
+class HalfDisk(FilledShape):
     """The right half of a `disk`: as a body of revolution a ball, and half a disk where it meets its mirror image.
 
     Formula: the cells of `disk` to the right of its centre. With a `grading` below 1 the fine side is the upper one.

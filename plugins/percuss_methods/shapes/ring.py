@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from percuss import Doc, Gt, Mesh, Unit
-from percuss_methods.shapes._plane import PlaneCells, PlaneShape, closed, quadrilaterals_of
+from percuss_methods.shapes._cells import FilledShape, PlaneCells, closed, quadrilaterals_of
 
 if TYPE_CHECKING:
     from percuss import Floats
 
 
 @dataclass(frozen=True)
-class Ring(PlaneShape):
+class Ring(FilledShape):
     """A ring about a point, of layers of cells.
 
     Formula: ``r_j = inner + (outer - inner) j / layers``, ``phi_i = 2 pi i / around``; all nodes lie on circles.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
@@ -94,9 +94,13 @@ class Mesh(NamedTuple):
         first = np.arange(np.size(lengths), dtype=np.int64)
         return cls(nodes, {"line": np.stack([first, first + 1], axis=1)}, regions, Line(lengths, direction))
 
-    def turned(self, angle: float) -> Mesh:
-        """Return the mesh in two dimensions turned about the middle of its extent, anticlockwise by an angle [rad]."""
-        matrix = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    def turned(self, angle: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Mesh:
+        """Return the mesh turned about the middle of its extent, anticlockwise by an angle [rad] about an axis."""
+        x, y, z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+        across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        matrix = math.cos(angle) * np.eye(3) + math.sin(angle) * across
+        matrix += (1.0 - math.cos(angle)) * np.outer((x, y, z), (x, y, z))
+        matrix = matrix[: self.nodes.shape[1], : self.nodes.shape[1]]
         middle = 0.5 * (self.nodes.min(axis=0) + self.nodes.max(axis=0))
         regions = {name: region._replace(outward=matrix @ region.outward) for name, region in self.regions.items()}
         return self._replace(nodes=middle + (self.nodes - middle) @ matrix.T, regions=regions)

@@ -9,6 +9,8 @@ import numpy as np
 
 from percuss.methods.interfaces.base import Component, Floats, Integers
 
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])  # the corners of a quadrilateral in reference
+
 
 class Surface(NamedTuple):
     """The surface of a body in contact as it is at the start.
@@ -37,8 +39,11 @@ class Surface(NamedTuple):
     areas: Floats
     around: Floats | None = None
 
-    def spread(self, facets: Integers, shares: Floats) -> Floats:
-        """Return what area points stand for that see a whole facet each, (P,): of a body of revolution that of a ring.
+    def outward(self, facets: Integers, shares: Floats) -> Floats:
+        """Return vectors out of the body at points of facets, (P, dim), as long as an edge or as a facet is large.
+
+        A quadrilateral need not be plane: its vector differs from point to point, and the mean over its points is that
+        of its middle.
 
         Parameters
         ----------
@@ -47,6 +52,25 @@ class Surface(NamedTuple):
         shares : (P, nodes of a facet) array
             Shape functions of that facet at the point.
         """
+        corners = self.positions[self.facets[facets]]
+        along = corners[:, 1] - corners[:, 0]
+        if corners.shape[2] == 2:
+            return np.stack([along[:, 1], -along[:, 0]], axis=1)
+        if corners.shape[1] == 3:
+            return 0.5 * np.cross(along, corners[:, 2] - corners[:, 0])
+        x, y = (shares @ SQUARE).T[:, :, None]
+        first = (1.0 - y) * along + (1.0 + y) * (corners[:, 2] - corners[:, 3])
+        second = (1.0 - x) * (corners[:, 3] - corners[:, 0]) + (1.0 + x) * (corners[:, 2] - corners[:, 1])
+        return 0.25 * np.cross(first, second)
+
+    def spread(self, facets: Integers, shares: Floats) -> Floats:
+        """Return what area points stand for that see a whole facet each, (P,): of a body of revolution that of a ring.
+
+        Parameters are those of `outward`.
+        """
+        if self.facets.shape[1] == 4:
+            seen: Floats = np.linalg.norm(self.outward(facets, shares), axis=1)
+            return seen
         if self.around is None:
             whole: Floats = self.areas[facets]
             return whole
@@ -57,12 +81,17 @@ class Surface(NamedTuple):
 
     def of_nodes(self) -> Floats:
         """Return the area of each facet that belongs to each of its nodes, (F, nodes of a facet)."""
-        width = self.facets.shape[1]
+        width, every = self.facets.shape[1], np.arange(len(self.facets))
+        if width == 4:
+            points = [0.25 * (1.0 + x * SQUARE[:, 0]) * (1.0 + y * SQUARE[:, 1]) for x, y in SQUARE / np.sqrt(3.0)]
+            seen = [self.spread(every, np.tile(at, (every.size, 1)))[:, None] * at for at in points]
+            share: Floats = 0.25 * np.sum(seen, axis=0)
+            return share
         if self.around is None:
             return np.repeat((self.areas / width)[:, None], width, axis=1)
         here = self.around[self.facets]
-        length = self.areas / here.mean(axis=1)
-        share: Floats = length[:, None] * (2.0 * here + here[:, ::-1]) / 6.0
+        length = np.linalg.norm(self.outward(every, here), axis=1)
+        share = length[:, None] * (2.0 * here + here[:, ::-1]) / 6.0
         return share
 
 
