@@ -474,7 +474,7 @@ def test_a_material_without_a_number_in_a_run_is_named(tmp_path):
 
 AXIS = {
     "beyond the axis": ({"at": [-0.5, 1.0]}, "expected a body at x of 0 or more, as it turns about x = 0, found -0.5"),
-    "a thickness": ({"thickness": 1.0}, "bodies.ball.thickness: half-disk is a body of revolution, which has no thickness"),
+    "a thickness": ({"thickness": 1.0}, "thickness: half-disk is a body of revolution, which has no thickness"),
     "an angle": ({"angle": 1.0}, "bodies.ball.angle: half-disk is a body of revolution, which has no angle"),
     "a plane element": (
         {"element": "quad4"}, "expected an element for the quad cells of half-disk about an axis, found quad4",

@@ -246,7 +246,7 @@ class CrossChecks:
             # The shape and the vectors may be right where the body is wrong.
             shape = body.shape if body is not None else self.reader.part((*path, key))
             ends = getattr(shape or (self.reader.registry.get("shapes", key) if key else None), "regions", None)
-            self.ends[name] = ends = ends or None
+            self.ends[name] = ends = ends if isinstance(ends, tuple) and ends else None
             if shape is not None and (dimension := shape.dimension()) is not None:
                 self.vectors.append(((*path, key), int(dimension)))
             if shape is not None:

@@ -44,6 +44,10 @@ def points_of_surfaces(
         return
     second = surfaces[1].surface if len(surfaces) > 1 else wall_of(spec, first)
     pairing: Any = spec.pairing
+    if (dim := first.positions.shape[1]) not in pairing.dimensions:
+        message = f"expected a pairing of surfaces in {dim} dimensions, found {pairing.name}"
+        yield case.problem(path, message, "`percuss plugins` lists the others.")
+        return
     found: PairedPoints = answer(pairing, "points", first, second)
     if not found.gap.size:
         yield case.problem(path, "expected surfaces that face each other, found no point of one that meets the other")

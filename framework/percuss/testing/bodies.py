@@ -35,7 +35,12 @@ def line(count: int, dim: int = 1) -> Mesh:
 
 
 def patch(cell: str) -> Mesh:
-    """Return two by two uneven quadrilaterals round a node inside, or the triangles in them."""
+    """Return two by two uneven quadrilaterals round a node inside, its middle one, or the triangles in them.
+
+    In three dimensions it is a box of uneven hexahedra, or of the tetrahedra in them.
+    """
+    if cell in {"hexahedron", "tetra"}:
+        return _box(cell)
     if cell not in {"quad", "triangle"}:
         raise NotApplicable(f"the kit has no patch of {cell} cells")
     nodes = np.array(
@@ -43,6 +48,18 @@ def patch(cell: str) -> Mesh:
     )
     corners = np.array([[0, 3, 4, 1], [1, 4, 5, 2], [3, 6, 7, 4], [4, 7, 8, 5]])
     cells = corners if cell == "quad" else corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    return Mesh(nodes, {cell: cells}, {})
+
+
+def _box(cell: str) -> Mesh:
+    places = ([0.0, 0.5, 1.1], [0.0, 0.6, 1.0], [0.0, 0.45, 1.2])
+    nodes = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, 3)
+    nodes[len(nodes) // 2] += [0.08, -0.05, 0.06]
+    corner = np.array([9 * i + 3 * j + k for i in range(2) for j in range(2) for k in range(2)])
+    cells = corner[:, None] + np.array([0, 9, 12, 3, 1, 10, 13, 4])
+    if cell == "tetra":  # six about the diagonal of each
+        six = [[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6]]
+        cells = cells[:, six].reshape(-1, 4)
     return Mesh(nodes, {cell: cells}, {})
 
 
@@ -127,16 +144,23 @@ class FiniteStrain(SolidMaterial):
     @staticmethod
     def stress_2d(parameters: Floats, gradient: tuple[float, ...]) -> tuple[float, ...]:  # noqa: ARG004
         """Return the stress of a displacement gradient."""
-        deformed = np.eye(2) + np.reshape(gradient, (2, 2))
-        strain = 0.5 * (deformed.T @ deformed - np.eye(2))
-        return tuple((deformed @ (np.trace(strain) * np.eye(2) + 2.0 * strain)).ravel().tolist())
+        deformed, strain = _strained(gradient)
+        return tuple((deformed @ (np.trace(strain) * np.eye(len(strain)) + 2.0 * strain)).ravel().tolist())
 
     @staticmethod
     def stored_2d(parameters: Floats, gradient: Floats) -> float:  # noqa: ARG004
         """Return the stored energy per volume."""
-        deformed = np.eye(2) + gradient.reshape(2, 2)
-        strain = 0.5 * (deformed.T @ deformed - np.eye(2))
+        _, strain = _strained(gradient)
         return float(0.5 * np.trace(strain) ** 2 + (strain**2).sum())
+
+    stress_3d, stored_3d = stress_2d, stored_2d
+
+
+def _strained(gradient: Any) -> tuple[Floats, Floats]:
+    """Return deformation gradient and Green's strain of a displacement gradient."""
+    identity = np.eye(math.isqrt(np.size(gradient)))
+    deformed = identity + np.reshape(gradient, identity.shape)
+    return deformed, 0.5 * (deformed.T @ deformed - identity)
 
 
 class BodyKernels:
@@ -162,8 +186,10 @@ class BodyKernels:
     def __init__(self, element: Any, material: Any, mesh: Mesh) -> None:
         self.element, self.material = element, material
         self.about_axis = bool(getattr(element, "about_axis", False))
-        plane = "axisymmetric" if self.about_axis else "strain" if is_solid(element) else ""
-        self.body = BodyMesh(mesh_of_element(element, mesh), 1.0 if self.about_axis else SECTION, plane)
+        flat = is_solid(element) and mesh.nodes.shape[1] == 2
+        plane = "axisymmetric" if self.about_axis else "strain" if flat else ""
+        section = 1.0 if self.about_axis or (is_solid(element) and not flat) else SECTION
+        self.body = BodyMesh(mesh_of_element(element, mesh), section, plane)
         self.probe = ElementProbe(element, material, self.body)
         points = points_at_rest(element, material, self.body)
         slots = {**plain_slots(element, material), **element_slots(element)}

@@ -39,6 +39,7 @@ class Mortar(Pairing):
         "Cichosz, Bischoff: Consistent treatment of boundaries with mortar contact formulations using dual Lagrange "
         "multipliers, Comput. Methods Appl. Mech. Engrg. 200 (2011), doi 10.1016/j.cma.2010.11.004",
     )
+    dimensions = (2,)
     passes_patch_test = True
     convex = False
 
@@ -46,8 +47,6 @@ class Mortar(Pairing):
         """Return the nodes of the first surface of which the second one covers a part."""
         if isinstance(second, Wall):
             return NodeToSegment().points(first, second)
-        if first.positions.shape[1] != 2:
-            raise ValueError(f"it pairs edges in two dimensions, found surfaces in {first.positions.shape[1]}")
         at = _quadrature(first, second)
         count, edges = len(first.nodes), len(first.facets)
         of_edge, matrix = np.zeros((edges, 2)), np.zeros((edges, 2, 2))

@@ -33,8 +33,6 @@ class Block(FilledShape):
         {"size": (1.0, 0.5, 0.8), "elements": (4, 2, 3)},
         {"size": (1.0, 0.5, 0.8), "elements": (4, 2, 3), "cells": "tet4"},
     )
-    regions = ("left", "right", "bottom", "top", "front", "back")
-
     size: Annotated[tuple[float, ...], Unit("length"), Doc("extent along each axis, two numbers or three")]
     elements: Annotated[tuple[int, ...], Unit("1"), Doc("numbers of cells along each axis, before `refine`")]
     cells: Annotated[
@@ -50,6 +48,11 @@ class Block(FilledShape):
                 raise ValueError(f"{key} is {list(values)}: give numbers greater than 0")
         if (self.cells in {"hex8", "tet4"}) != (len(self.size) == 3) and self.cells is not None:
             raise ValueError(f"{self.cells} cells do not fill a block of {len(self.size)} dimensions")
+
+    @property
+    def regions(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the sides."""
+        return ("left", "right", "bottom", "top", *(("front", "back") if len(self.size) == 3 else ()))
 
     @property
     def cell(self) -> str:  # type: ignore[override]

@@ -128,7 +128,8 @@ class Shape(Component, contract="shapes"):
     Attributes
     ----------
     regions
-        Names of the parts of the boundary: the ends of a body along a line.
+        Names of the parts of the boundary, the ends of a body along a line: a class attribute, or a property where it
+        depends on the options.
     cell
         Kind of the cells that it makes; ``line`` for a body along a line.
     without_mesh

@@ -91,8 +91,8 @@ class Surface(NamedTuple):
             return np.repeat((self.areas / width)[:, None], width, axis=1)
         here = self.around[self.facets]
         length = np.linalg.norm(self.outward(every, here), axis=1)
-        share = length[:, None] * (2.0 * here + here[:, ::-1]) / 6.0
-        return share
+        share = length[:, None] * (2.0 * here + here[:, ::-1])
+        return share / 6.0
 
 
 class Wall(NamedTuple):
@@ -150,6 +150,8 @@ class Pairing(Component, contract="pairings"):
 
     Attributes
     ----------
+    dimensions
+        Numbers of dimensions of the surfaces that it pairs.
     passes_patch_test
         Whether a uniform pressure between meshes that do not match is transmitted exactly.
     convex
@@ -159,6 +161,7 @@ class Pairing(Component, contract="pairings"):
         the motion is right and the single forces are not.
     """
 
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     passes_patch_test: ClassVar[bool] = False
     convex: ClassVar[bool] = True
     more_points_than_nodes: ClassVar[bool] = False

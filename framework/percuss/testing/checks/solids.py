@@ -20,9 +20,10 @@ from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-9
 DIRECTIONS = 500  # of waves, whose fastest is sought
-SHEARED = np.array([[1.0, 0.3], [-0.2, 0.5]])
-TURN = np.array([[0.6, -0.8], [0.8, 0.6]])
-CELLS = {"quad": "quad4", "triangle": "tri3"}
+SHEARED = np.array([[1.0, 0.3, 0.1], [-0.2, 0.5, 0.2], [0.15, -0.1, 0.7]])
+TURN = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+SPIN = np.array([[0.0, 1.0, -0.3], [-1.0, 0.0, 0.5], [0.3, -0.5, 0.0]])
+CELLS = {"quad": "quad4", "triangle": "tri3", "hexahedron": "hex8", "tetra": "tet4"}
 SLIVER = 5.0  # degrees
 UNIFORM = 1e-10  # largest relative deviation of a pressure
 FEWER, MORE, WIDTH = 5, 7, 0.8  # cells of two surfaces, and the width of the first one
@@ -43,7 +44,8 @@ def check_blocks(subject: Subject) -> None:
         own: Entries = {"name": subject.name, **options}
         body: Entries = {"material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
         method: Entries = {"contact": "regularised-lagrange", "pairing": "mortar"}
-        block: Entries = {"size": [1.0, 0.5]}
+        block: Entries = {"size": [1.0, 0.5, 0.4]}
+        dim = 2
         speed = 1e-3
         if subject.family == "pairings":
             method["pairing"] = own
@@ -51,18 +53,30 @@ def check_blocks(subject: Subject) -> None:
             if not is_solid(made) or made.cell not in CELLS:
                 continue
             block["cells"], body["element"] = CELLS[made.cell], own
-            body["plane"] = "axisymmetric" if made.about_axis else "strain"
+            dim = len(patch(made.cell).nodes[0])
+            if dim == 2:
+                body["plane"] = "axisymmetric" if made.about_axis else "strain"
         else:
-            planes = [(solid.plane, solid.modulus) for solid in solid_kernels(made) if solid.plane]
-            if not planes:
+            solids = list(solid_kernels(made))
+            if not solids:
                 continue
-            (body["plane"], modulus), body["material"] = planes[0], own
-            speed *= float(np.sqrt(modulus / made.rho))
+            dim, body["material"] = solids[0].dim, own
+            if dim == 2:
+                body["plane"] = solids[0].plane
+            speed *= float(np.sqrt(solids[0].modulus / made.rho))
+        block["size"] = block["size"][:dim]
+        method["pairing"] = method["pairing"] if dim == 2 else "gauss-points"
+        still = [0.0] * (dim - 1)
         case = {
             "percuss": 1,
             "bodies": {
-                "left": {"block": {**block, "elements": [3, 2]}, "at": [0, 0], "velocity": [speed, 0], **body},
-                "right": {"block": {**block, "elements": [2, 3]}, "at": [1, 0], "velocity": [0, 0.1 * speed], **body},
+                "left": {
+                    "block": {**block, "elements": [3, 2, 2][:dim]},
+                    "at": [0.0, *still],
+                    "velocity": [speed, *still],
+                    **body,
+                },
+                "right": {"block": {**block, "elements": [2, 3, 1][:dim]}, "at": [1.0, *still], **body},
             },
             "contacts": {"seam": {"between": ["left.right", "right.left"]}},
             "method": method,
@@ -76,7 +90,7 @@ def check_blocks(subject: Subject) -> None:
             if not other <= allowed:
                 raise CheckFailed(f"the run {words} differs by {per_cent(other)} of its peak")
     if not ran:
-        raise NotApplicable("none of its examples has bodies in two dimensions")
+        raise NotApplicable("none of its examples has bodies that are no bars")
 
 
 # --------------------------------------------------------------------------------------------------- elements
@@ -100,13 +114,14 @@ def check_solid_forces(subject: Subject) -> None:
     for kernels in _solids(subject):
         element, x = kernels.element, kernels.body.mesh.nodes
         force = kernels.checked_force()
-        uniform = kernels.force(1e-3 * x @ (np.diag([1.0, 0.5]) if kernels.about_axis else SHEARED))
-        if np.abs(uniform[4]).max() > CLOSE * np.abs(uniform).max():
+        dim = x.shape[1]
+        uniform = kernels.force(1e-3 * x @ (np.diag([1.0, 0.5]) if kernels.about_axis else SHEARED[:dim, :dim]))
+        if np.abs(uniform[len(x) // 2]).max() > CLOSE * np.abs(uniform).max():
             raise CheckFailed("a uniform strain gives a force on a node inside: it fails the patch test")
-        small = 1e-3 * np.stack([-x[:, 1], x[:, 0]], axis=1)
+        small, turn = 1e-3 * x @ SPIN[:dim, :dim], TURN[:dim, :dim]
         if kernels.about_axis:
             continue
-        if np.abs(kernels.force(small if element.linear else x @ TURN.T - x)).max() > CLOSE * np.abs(force).max():
+        if np.abs(kernels.force(small if element.linear else x @ turn.T - x)).max() > CLOSE * np.abs(force).max():
             raise CheckFailed("a rotation of the body gives a force")
 
 
@@ -121,10 +136,10 @@ def check_finite_rotation(subject: Subject) -> None:
         element, x = kernels.element, kernels.body.mesh.nodes
         if kernels.about_axis:
             raise NotApplicable("a body of revolution does not turn")
-        finite = BodyKernels(element, FiniteStrain(), patch(element.cell))
+        finite, turn = BodyKernels(element, FiniteStrain(), patch(element.cell)), TURN[: x.shape[1], : x.shape[1]]
         size = float(np.abs(finite.checked_force()).max())
         for strained in (0.0 * x, finite.motion):
-            turned = finite.force((x + strained) @ TURN.T - x) - finite.force(strained) @ TURN.T
+            turned = finite.force((x + strained) @ turn.T - x) - finite.force(strained) @ turn.T
             if np.abs(turned).max() > CLOSE * size:
                 raise CheckFailed("the forces do not turn with the body")
 
@@ -133,18 +148,19 @@ def check_finite_rotation(subject: Subject) -> None:
 def check_solid_masses(subject: Subject) -> None:
     """Masses are right and bound frequencies.
 
-    Each node has some of the mass of the body, which is density times thickness times area. No frequency of a body
+    Each node has some of the mass of the body, which is density times volume. No frequency of a body
     whose nodes move by thousandths of a cell is above the highest of a cell by itself at rest, from which the time step
     follows.
     """
     for kernels in _solids(subject):
         element, body, density = kernels.element, kernels.body, kernels.material.rho
-        corners = body.mesh.nodes[cells_of(body.mesh)]
-        total = density * (_rings(corners) if kernels.about_axis else body.section * float(_areas(corners).sum()))
+        corners, dim = body.mesh.nodes[cells_of(body.mesh)], body.mesh.nodes.shape[1]
+        flat = _rings(corners) if kernels.about_axis else body.section * float(_areas(corners).sum())
+        total = density * (flat if dim == 2 else float(np.ptp(body.mesh.nodes, axis=0).prod()))  # the patch is a box
         nodal = lumping_of(element, body).at_nodes(element_masses(element, body, density))
         if not (nodal > 0).all() or abs(nodal.sum() - total) > CLOSE * total:
             raise CheckFailed(f"the nodes have the masses {nodal} of a body of {total:.6g}")
-        root = np.sqrt(np.repeat(nodal, 2))
+        root = np.sqrt(np.repeat(nodal, dim))
         stiffness = -slopes(kernels.force, np.zeros_like(kernels.motion), 1e-3).reshape(root.size, root.size)
         highest = np.sqrt(np.linalg.eigvals(stiffness / root / root[:, None]).real.max())
         bound = float(frequencies_of_cells(element, kernels.material, body).max())
@@ -193,8 +209,7 @@ def _check_solid(solid: SolidKernels) -> None:
     here, there = found.flat[k], slope.flat[k]
     if abs(there - here) > 1e-7 * modulus:
         raise CheckFailed(f"in {dim} dimensions the stress is {here:.6g} and the slope of the energy {there:.6g}")
-    turn = np.eye(dim)
-    turn[:2, :2] = TURN
+    turn = TURN[:dim, :dim]
     turned = stress(turn @ (np.eye(dim) + gradient) - np.eye(dim)) - turn @ found
     of_small_strain = found - stress(0.5 * (gradient + gradient.T))
     if min(np.abs(turned).max(), np.abs(of_small_strain).max()) > CLOSE * modulus:
@@ -233,9 +248,9 @@ def check_solid_mesh(subject: Subject) -> None:
         for refine in (1, 2):
             mesh = answer(shape, "mesh", start, refine)
             _check_cells(shape, mesh, refine)
-            body = BodyMesh(mesh, 1.3, "strain")
+            body = BodyMesh(mesh, 1.3, "strain") if shape.dimension() == 2 else BodyMesh(mesh, 1.0)
             volumes = np.asarray(answer(element, "volumes_of_cells", body))
-            surfaces = [surface_of(body, name, 0, volumes).surface for name in shape.regions]
+            surfaces = [surface_of(body, name, 0, volumes).surface for name in mesh.regions]
             closed = sum(surface.areas @ surface.normals for surface in surfaces)
             # Of a closed surface the fluxes of x, y and z are its volume each.
             flux = sum(
@@ -284,11 +299,11 @@ def check_pairing(subject: Subject) -> None:
     turn as one leave the gaps, and moved apart they open by the distance. The answer turns with the surfaces, and is
     the same in a mirror.
     """
-    for _, pairing in subject.made():
-        seen = []
+    for dim, pairing in _with_dimensions(subject):
+        seen, whole = [], WIDTH ** (dim - 1)
         for angle, mirrored in ((0.0, False), (0.7, False), (2.9, True)):
-            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-            turn = turn @ np.diag([1.0, -1.0]) if mirrored else turn
+            turn = _turned(angle, dim)
+            turn[:, -1] *= -1.0 if mirrored else 1.0
             first, second = _surfaces(0.1, turn)
             out = turn[:, 0]
             _check_points(pairing, first, second, out)
@@ -300,8 +315,9 @@ def check_pairing(subject: Subject) -> None:
                 raise CheckFailed("surfaces that do not face each other have points")
             tilted = _surfaces(0.1, turn, wide=0.6, tilt=0.1)
             found = _points(pairing, *tilted)
-            if not (found.weight > 0).all() or abs(found.weight.sum() - 0.6 * WIDTH) > tilted[0].areas.max():
-                raise CheckFailed(f"of a surface covered by {0.6 * WIDTH:g} the areas of the points are {found.weight}")
+            covered, edge = 0.6 ** (dim - 1) * whole, tilted[0].areas.max() if dim == 2 else 0.5 * whole
+            if not (found.weight > 0).all() or abs(found.weight.sum() - covered) > edge:
+                raise CheckFailed(f"of a surface covered by {covered:g} the areas of the points are {found.weight}")
             forces = np.einsum("p,pij->ij", found.weight * found.gap, _rows(found, *tilted))
             seen.append(forces @ turn)
         if np.ptp(seen, axis=0).max() > CLOSE:
@@ -311,8 +327,9 @@ def check_pairing(subject: Subject) -> None:
 def _check_points(pairing: Any, first: Surface, second: Surface | Wall, out: Floats) -> None:
     """Raise `CheckFailed` unless two surfaces, apart by 0.1 along `out`, have points as a pairing must make them."""
     found = _points(pairing, first, second)
-    if not (found.weight > 0).all() or abs(found.weight.sum() - WIDTH) > CLOSE:
-        raise CheckFailed(f"the areas of the points are {found.weight}, {found.weight.sum():.6g} in all, not {WIDTH}")
+    whole = first.areas.sum()
+    if not (found.weight > 0).all() or abs(found.weight.sum() - whole) > CLOSE:
+        raise CheckFailed(f"the areas of the points are {found.weight}, {found.weight.sum():.6g} in all, not {whole:g}")
     if np.abs(found.gap - 0.1).max() > CLOSE or np.abs(found.normal - out).max() > CLOSE:
         raise CheckFailed(f"gaps are {found.gap} and normals {found.normal[0]}, expected 0.1 and {out}")
     rows = _rows(found, first, second)
@@ -326,7 +343,7 @@ def _check_points(pairing: Any, first: Surface, second: Surface | Wall, out: Flo
 def _check_slopes(pairing: Any, *surfaces: Surface) -> None:
     """Raise `CheckFailed` unless the rows of two surfaces are the slopes of the gaps, and rotations leave them."""
     rows, places = _rows(_points(pairing, *surfaces), *surfaces), np.concatenate([s.positions for s in surfaces])
-    if np.abs(np.einsum("pnd,nd->p", rows, np.stack([-places[:, 1], places[:, 0]], axis=1))).max() > CLOSE:
+    if np.abs(np.einsum("pnd,nd->p", rows, places @ SPIN[: places.shape[1], : places.shape[1]])).max() > CLOSE:
         raise CheckFailed("a gap changes if both bodies turn as one")
 
     def gaps(move: Floats) -> Floats:
@@ -348,12 +365,12 @@ def check_patch_test(subject: Subject) -> None:
     surface, so that the stress in both strips is uniform.
     """
     worst = 0.0
-    for _, pairing in subject.made():
-        for first, second in (_surfaces(0.0), _surfaces(0.0)[::-1]):
+    for dim, pairing in _with_dimensions(subject):
+        for first, second in (_surfaces(0.0, np.eye(dim)), _surfaces(0.0, np.eye(dim))[::-1]):
             found = _points(pairing, first, second)
             forces = np.einsum("p,pij->ij", found.weight, _rows(found, first, second))
             for surface in (first, second):
-                area = np.bincount(surface.facets.ravel(), np.repeat(0.5 * surface.areas, 2))
+                area = np.bincount(surface.facets.ravel(), surface.of_nodes().ravel())
                 expected = -area[:, None] * surface.normals[0]
                 wrong = np.abs(forces[surface.nodes] - expected).max(axis=1) / area
                 worst = max(worst, float(wrong.max()))
@@ -371,8 +388,8 @@ def check_shares(subject: Subject) -> None:
     With `convex`, as by default, no node has a negative share in a gap. Without `more_points_than_nodes` there are at
     most as many points as nodes of the first surface: a law without compliance needs that.
     """
-    for _, pairing in subject.made():
-        for first, second in (_surfaces(0.1), _surfaces(0.1)[::-1]):
+    for dim, pairing in _with_dimensions(subject):
+        for first, second in (_surfaces(0.1, np.eye(dim)), _surfaces(0.1, np.eye(dim))[::-1]):
             found = _points(pairing, first, second)
             shares = np.einsum("pnd,pd->pn", _rows(found, first, second), found.normal)
             shares[:, first.nodes] *= -1.0
@@ -384,34 +401,54 @@ def check_shares(subject: Subject) -> None:
                 )
 
 
+def _with_dimensions(subject: Subject) -> Iterator[tuple[int, Any]]:
+    """Yield each example of a pairing with each number of dimensions in which it pairs surfaces."""
+    for _, pairing in subject.made():
+        yield from ((dim, pairing) for dim in pairing.dimensions)
+
+
+def _turned(angle: float, dim: int) -> Floats:
+    """Return a rotation by an angle in the plane of the first two axes, and in three dimensions about the first too."""
+    turn = np.eye(3)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return turn[:2, :2] if dim == 2 else turn @ np.roll(turn, 1, axis=(0, 1))
+
+
 def _points(pairing: Any, first: Surface, second: Surface | Wall) -> PairedPoints:
     found: PairedPoints = answer(pairing, "points", first, second)
     return found
 
 
 def _rows(found: PairedPoints, *surfaces: Surface | Wall) -> Floats:
-    """Return the slopes of the gaps by the displacements of the nodes of both surfaces, (points, nodes, 2)."""
+    """Return the slopes of the gaps by the displacements of the nodes of both surfaces, (points, nodes, dim)."""
     nodes = 1 + max(int(surface.nodes.max()) for surface in surfaces if isinstance(surface, Surface))
-    rows = np.zeros((found.gap.size, nodes, 2))
+    rows = np.zeros((found.gap.size, nodes, found.value.shape[1]))
     np.add.at(rows, (np.repeat(np.arange(found.gap.size), np.diff(found.start)), found.node), found.value)
     return rows
 
 
-def _surfaces(gap: float, turn: Floats = np.eye(2), wide: float = 1.0, tilt: float = 0.0) -> tuple[Surface, Surface]:  # noqa: B008
-    """Return two uneven straight surfaces that face each other, all turned by a matrix or seen in a mirror.
+def _surfaces(gap: float, turn: Floats, wide: float = 1.0, tilt: float = 0.0) -> tuple[Surface, Surface]:
+    """Return two uneven flat surfaces that face each other, all turned by a matrix or seen in a mirror.
 
-    The first one lies along y and has its normal along x; the second one is `wide` times as wide.
+    The first one lies across x and has its normal along x; the second one is `wide` times as wide.
     """
     made: list[Surface] = []
     for count, x, width, slope in ((FEWER, 0.0, -1.0, 0.0), (MORE, gap, wide, tilt)):
         y = WIDTH * width * (0.5 - (np.arange(count + 1) / count) ** 1.2)
-        edges = np.stack([np.arange(count), np.arange(1, count + 1)], axis=1)
-        edges = edges if np.linalg.det(turn) > 0 else edges[:, ::-1]  # with the body on their left
-        made.append(_surface(np.stack([x + slope * y, y], axis=1) @ turn.T, edges, len(made) * (FEWER + 1)))
+        number = np.arange((count + 1) ** (len(turn) - 1)).reshape([count + 1] * (len(turn) - 1))
+        facets = np.stack([number[:-1], number[1:]], axis=-1)
+        nodes = np.stack([x + slope * y, y], axis=1)
+        if len(turn) == 3:
+            facets = np.concatenate([facets[:, :-1], facets[:, 1:, ::-1]], axis=-1).reshape(-1, 4)
+            facets = facets if width < 0 else facets[:, ::-1]
+            nodes = np.concatenate([np.repeat(nodes, y.size, axis=0), np.tile(y, y.size)[:, None]], axis=1)
+        facets = facets if np.linalg.det(turn) > 0 else facets[:, ::-1]  # with the body on their left
+        made.append(_surface(nodes @ turn.T, facets, sum(len(one.nodes) for one in made)))
     return made[0], made[1]
 
 
-def _surface(nodes: Floats, edges: Integers, start: int) -> Surface:
-    """Return the surface of a body along edges between nodes, which are numbered from `start`."""
-    mesh = Mesh(nodes, {"line": edges}, {"all": Region((), np.zeros(2), {"line": edges})})
-    return surface_of(BodyMesh(mesh, 1.0), "all", int(start), np.ones(len(edges))).surface
+def _surface(nodes: Floats, facets: Integers, start: int) -> Surface:
+    """Return the surface of a body of facets between nodes, which are numbered from `start`."""
+    kind = "line" if facets.shape[1] == 2 else "quad"
+    mesh = Mesh(nodes, {kind: facets}, {"all": Region((), np.zeros(nodes.shape[1]), {kind: facets})})
+    return surface_of(BodyMesh(mesh, 1.0), "all", int(start), np.ones(len(facets))).surface
