@@ -1,0 +1,176 @@
+"""Bodies in three dimensions against the bars that they are, spheres of Hertz, and figures of another program."""
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.certificate.verdict import certificate
+from percuss.march.model import Model
+
+WU = "wu-predictor-corrector"
+LAWS = {
+    "lagrange": {},
+    "penalty": {"beta_s": 0.25},
+    "bipenalty": {"beta_s": 1.0},
+    "regularised-lagrange": {"beta_s": 1.0},
+}
+ROLLERS = [{"on": side, "along": axis} for side, axis in zip(("front", "back", "bottom", "top"), "yyzz", strict=True)]
+
+
+def block(at, speed, elements, poisson=0.0, cells="hex8", size=(1.0, 0.2, 0.3), **more):
+    return {
+        "block": {"size": list(size), "elements": list(elements), "cells": cells}, "at": [at, 0.0, 0.0],
+        "velocity": [speed, 0.0, 0.0], "material": {"young": 1.0, "density": 1.0, "poisson": poisson}, **more,
+    }  # fmt: skip
+
+
+def bar(at, speed, young=1.0):
+    return {"bar": {"length": 1.0, "elements": 10}, "at": at, "velocity": speed, "area": 0.06,
+            "material": {"young": young, "density": 1.0}}  # fmt: skip
+
+
+def impact(bodies, integrator, law, pairing=None, step=0.04, end=2.5):
+    method = {
+        "integrator": integrator,
+        "contact": {"name": law, **LAWS[law]},
+        **({"pairing": pairing} if pairing else {}),
+    }
+    return percuss.run(percuss.load({
+        "percuss": 1, "bodies": bodies, "contacts": {"tip": {"between": ["left.right", "right.left"]}},
+        "method": method, "time": {"step": step, "end": end, "on_unstable": "warn"},
+    }))  # fmt: skip
+
+
+def equal_to_bars(found, expected):
+    force, of_bar = found.arrays["contact_force"], expected.arrays["contact_force"]
+    u, along = found.arrays["displacement"], expected.arrays["displacement"][..., 0]
+    assert of_bar.max() > 0.01
+    assert np.abs(force - of_bar).max() < 1e-10 * of_bar.max()
+    assert np.abs(u[..., 0] - along).max() < 1e-12 * np.abs(along).max()
+    assert np.abs(u[..., 1:]).max() < 1e-12 * np.abs(along).max()
+    assert found.summary["momentum"]["balanced"]
+
+
+@pytest.mark.parametrize("pairing", ["node-to-segment", pytest.param("gauss-points", marks=pytest.mark.deep)])
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("integrator", ["central-difference", pytest.param(WU, marks=pytest.mark.deep)])
+def test_hexahedra_without_contraction_are_a_bar(integrator, law, pairing):
+    if (law, pairing) == ("lagrange", "gauss-points"):
+        return
+    pair = {"left": block(0.0, 0.5, [10, 2, 3]), "right": block(1.0, -0.5, [10, 2, 3])}
+    found = impact(pair, integrator, law, pairing)
+    equal_to_bars(found, impact({"left": bar(0.0, 0.5), "right": bar(1.0, -0.5)}, integrator, law))
+    assert found.summary["exact"]["contacts"]["tip"]["force_error_l1"] < 0.5
+
+
+def test_boxes_between_rollers_are_bars_of_the_modulus_of_longitudinal_waves():
+    modulus = 0.7 / (1.3 * 0.4)
+    pair = {
+        "left": block(0.0, 0.5, [10, 2, 2], 0.3, fixed=ROLLERS),
+        "right": block(1.0, -0.5, [10, 2, 2], 0.3, fixed=ROLLERS),
+    }
+    found = impact(pair, WU, "regularised-lagrange", step=0.03)
+    expected = impact(
+        {"left": bar(0.0, 0.5, modulus), "right": bar(1.0, -0.5, modulus)}, WU, "regularised-lagrange", step=0.03
+    )
+    equal_to_bars(found, expected)
+    assert found.summary["exact"]["contacts"]["tip"]["force_error_l1"] < 0.5
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+def test_the_error_of_tetrahedra_is_of_the_first_order(pairing):
+    """The nodes of the edges of the end faces have other masses than a bar has there."""
+    errors = []
+    for count in (10, 20):
+        left, right = (
+            block(at, speed, [count, count // 5, count // 5], cells="tet4", size=(1.0, 0.2, 0.2))
+            for at, speed in ((0.0, 0.5), (1.0, -0.5))
+        )
+        bars = {
+            name: {**bar(at, speed), "bar": {"length": 1.0, "elements": count}, "area": 0.04}
+            for name, at, speed in (("left", 0.0, 0.5), ("right", 1.0, -0.5))
+        }
+        found, expected = (
+            impact(bodies, WU, "regularised-lagrange", pairing, step=0.2 / count).arrays["contact_force"]
+            for bodies in ({"left": left, "right": right}, bars)
+        )
+        errors.append(np.abs(found - expected).max() / 0.02)
+    assert errors[0] < 0.15
+    assert errors[1] / errors[0] == pytest.approx(0.5, abs=0.05)
+
+
+# Courant numbers by the speed of longitudinal waves: of the worst element by itself, and of the assembled body, from
+# a program written apart from percuss.
+CRITICAL = [
+    ("hex8", 0.0, 1.0, 1.0), ("hex8", 0.3, 0.7338, 0.961), ("hex8", 0.45, 0.6159, 0.866),
+    ("tet4", 0.0, 0.5412, 0.644), ("tet4", 0.3, 0.4885, 0.671), ("tet4", 0.45, 0.4303, 0.645),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("cells", "poisson", "element", "assembled"), CRITICAL)
+def test_critical_steps_are_those_of_an_independent_program(cells, poisson, element, assembled):
+    cube = block(0.0, 0.0, [7, 7, 7], poisson, cells, (1.0, 1.0, 1.0))
+    case = {
+        "percuss": 1,
+        "bodies": {"a": cube},
+        "method": {"integrator": "central-difference"},
+        "time": {"courant": 0.5, "steps": 1},
+    }
+    model = Model(percuss.load(case))
+    speed, found = np.sqrt(model.bodies["a"].modulus), certificate(model)
+    assert 2.0 / model.bodies.omega * speed * 7 == pytest.approx(element, rel=1e-3)
+    assert found["dt_critical_free"] * speed * 7 == pytest.approx(assembled, abs=1e-3)
+    assert found["stable"] == "yes"
+
+
+@pytest.mark.parametrize("cells", ["hex8", "tet4"])
+def test_a_body_turns_about_its_axis(cells):
+    """Spin about an oblique axis: kinetic energy and momentum of a body that turns about its centre of mass."""
+    spin, size = np.array([0.02, -0.01, 0.03]), np.array([1.0, 0.4, 0.6])
+    body = block(0.0, 0.0, [10, 4, 6], 0.3, cells, size, spin=spin.tolist())
+    case = {"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}}
+    a = Model(percuss.load(case)).bodies["a"]
+    velocity, arm = a.nodal_velocity, a.mesh.nodes - a.mass @ a.mesh.nodes / a.mass.sum()
+    assert velocity == pytest.approx(np.cross(spin, arm), abs=1e-15)
+    assert np.abs(a.mass @ velocity).max() < 1e-15
+    assert a.mass @ a.mesh.nodes / a.mass.sum() == pytest.approx(size / 2, abs=1e-12)
+
+
+def test_a_box_is_turned_about_an_axis():
+    """Turned by 120 degrees about the diagonal, x becomes y, y becomes z and z becomes x."""
+    size = (1.0, 0.2, 0.3)
+    body = block(0.0, 0.0, [2, 1, 1], size=size, angle=120.0, axis=[1, 1, 1])
+    mesh = (
+        Model(percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}}))
+        .bodies["a"]
+        .mesh
+    )
+    assert np.ptp(mesh.nodes, axis=0) == pytest.approx([0.3, 1.0, 0.2], abs=1e-14)
+    assert mesh.regions["right"].outward == pytest.approx([0.0, 1.0, 0.0], abs=1e-14)
+
+
+# ---------------------------------------------------------------------------------------------- balls
+
+
+def ball(elements, at, speed, cells="hex8", **more):
+    return {"ball": {"radius": 1.0, "elements": elements, "cells": cells}, "at": at, "velocity": [0.0, 0.0, speed],
+            "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}, **more}  # fmt: skip
+
+
+@pytest.mark.parametrize("cells", ["hex8", "tet4"])
+def test_balls_have_the_volume_of_their_polyhedron_and_no_slivers(cells):
+    """The volume tends to that of the ball with the second order, and cells stay alike."""
+    volumes = []
+    for elements in (8, 16):
+        case = {
+            "percuss": 1,
+            "bodies": {"a": ball(elements, [0, 0, 0], 0.0, cells)},
+            "time": {"courant": 0.5, "steps": 1},
+        }
+        a = Model(percuss.load(case)).bodies["a"]
+        volumes.append(a.volumes_of_cells.sum())
+        assert a.volumes.min() > 0.1 * a.volumes.max()
+        assert a.mass.sum() == pytest.approx(volumes[-1], rel=1e-12)
+    errors = 4.0 / 3.0 * np.pi - np.array(volumes)
+    assert errors[1] / errors[0] == pytest.approx(0.25, abs=0.02)
