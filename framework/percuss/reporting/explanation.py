@@ -149,7 +149,10 @@ def _body(body: Body, end: float) -> Fact:
         f"{body.name}: {spec.shape.name} of {mesh}, {material.name} "
         f"({_assignments(_options(material, with_defaults=False))}), {section}{moves}{fixed}"
     )
-    details = [f"c = {c:.6g}{waves}", *filter(None, (body.why_too_stiff, body.why_it_must_not_turn(spec.spin * end)))]
+    details = [
+        f"c = {c:.6g}{waves}",
+        *filter(None, (body.why_too_stiff, body.why_it_must_not_turn(float(np.linalg.norm(spec.spin)) * end))),
+    ]
     if body.why_not_linear:
         follows = "c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"
         details += [body.why_not_linear, follows]

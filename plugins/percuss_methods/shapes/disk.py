@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from percuss import Doc, Ge, Gt, Mesh, Unit
-from percuss_methods.shapes._cells import PlaneCells, FilledShape, closed
+from percuss_methods.shapes._cells import FilledShape, PlaneCells, closed
 from percuss_methods.shapes._round import Grading, counts, disk_mesh, expect_moderate
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from percuss import Doc, Ge, Gt, Mesh, Unit
-from percuss_methods.shapes._cells import PlaneCells, FilledShape, opened
+from percuss_methods.shapes._cells import FilledShape, PlaneCells, opened
 from percuss_methods.shapes._round import Grading, counts, disk_mesh, expect_moderate
 
 if TYPE_CHECKING:
