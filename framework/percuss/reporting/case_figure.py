@@ -1,4 +1,4 @@
-"""Figure of a case of bodies in two dimensions before its run: mesh, regions, contacts, supports, loads."""
+"""Figure of a case before its run, of bodies that are no bars: mesh, regions, contacts, supports, loads."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from percuss.contact.paired_surfaces import walls_of
 from percuss.errors import InputError, Problem
 from percuss.jsonable import Entries
 from percuss.mesh.cells import cells_of
-from percuss.reporting.deformed import draw_walls, outline
 from percuss.reporting.figures import COLOURS, FAINT, INK, PAPER, SOFT, legend_below, new_figure, one_line, set_labels
+from percuss.reporting.views import Faces, draw_walls, on_page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +27,7 @@ MARKS = 0.025  # least distance between two marks of a support, over the size of
 BESIDE, BEYOND = 0.45, 1.35  # distance of a name from its region, over the length of an arrow: without and with arrows
 ROOM = 4.5  # of these distances that a body has to have, for the name to stand inside of it
 LETTER = 0.012  # height of a letter of a name, over the size of all bodies
-HELD = {(True, True): ("^", "held"), (True, False): ("o", "held along x"), (False, True): ("s", "held along y")}
+MARK_OF = {"x": "o", "y": "s", "z": "v", "xy": "p", "xz": "h", "yz": "8"}  # of a node that is held along these axes
 
 
 def case_figure(model: Model) -> Figure:
@@ -40,8 +40,10 @@ def case_figure(model: Model) -> Figure:
     """
     if model.bodies.of_lines:
         advice = "`percuss check` describes bars in words; `percuss run --plot` draws them."
-        raise InputError([Problem(model.case.origin.name, "", "expected bodies in two dimensions to draw", advice)])
-    low, high = model.bodies.nodes.min(axis=0), model.bodies.nodes.max(axis=0)
+        raise InputError([Problem(model.case.origin.name, "", "expected bodies that are no bars to draw", advice)])
+    nodes = model.bodies.nodes
+    page = on_page(nodes)
+    low, high = page.min(axis=0), page.max(axis=0)
     size = float((high - low).max())
     low, high = low - 2.2 * ARROW * size, high + 2.2 * ARROW * size
     width, height = high - low
@@ -53,7 +55,8 @@ def case_figure(model: Model) -> Figure:
         axes = figure.subplots()
         for body in model.bodies.values():
             _mesh(axes, body)
-        draw_walls(axes, {name: tuple(wall) for name, wall in walls_of(model.case, model.bodies).items()}, low, high)
+        middle = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))
+        draw_walls(axes, walls_of(model.case, model.bodies), middle, float(np.ptp(nodes, axis=0).max()))
         for k, name in enumerate(model.case.contacts):
             entries |= _contact(axes, model, name, COLOURS[k % len(COLOURS)], ARROW * size)
         entries |= _supports(axes, model, MARKS * size) | _loads(axes, model, 2.0 * ARROW * size)
@@ -61,7 +64,10 @@ def case_figure(model: Model) -> Figure:
             _names(axes, model, body, size)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axes.grid(visible=False)
-        set_labels(axes, model.case.data.get("units") or {}, xlabel=("x", "length"), ylabel=("y", "length"))
+        if model.dim == 2:
+            set_labels(axes, model.case.data.get("units") or {}, xlabel=("x", "length"), ylabel=("y", "length"))
+        else:
+            axes.set_axis_off()
         legend_below(figure, entries)
     return figure
 
@@ -70,10 +76,11 @@ def _mesh(axes: Axes, body: Body) -> None:
     """Draw the cells of a body and its outline."""
     from matplotlib.collections import LineCollection, PolyCollection
 
-    nodes, cells = body.mesh.nodes, cells_of(body.mesh)
+    nodes, faces = body.mesh.nodes, Faces.of(cells_of(body.mesh), body.mesh.nodes.shape[1])
+    seen, page = faces.seen(nodes), on_page(nodes)
     style: Any = {"facecolors": "#f4f6f8", "edgecolors": FAINT, "linewidths": 0.4}
-    axes.add_collection(PolyCollection(list(nodes[cells]), rasterized=len(cells) > 1000, **style))
-    axes.add_collection(LineCollection(list(nodes[outline(cells)]), colors=SOFT, linewidths=0.9))
+    axes.add_collection(PolyCollection(list(page[faces.corners[seen]]), rasterized=seen.size > 1000, **style))
+    axes.add_collection(LineCollection(list(page[faces.edges(nodes)]), colors=SOFT, linewidths=0.9))
 
 
 def _names(axes: Axes, model: Model, body: Body, size: float) -> None:
@@ -81,7 +88,7 @@ def _names(axes: Axes, model: Model, body: Body, size: float) -> None:
     style: Any = {"ha": "center", "va": "center", "bbox": {**PAPER, "alpha": 0.7, "pad": 1.0}, "zorder": 5}
     touching = {(side.body, side.region) for contact in model.case.contacts.values() for side in contact.sides}
     nodes = body.mesh.nodes
-    x, y = nodes.mean(axis=0)
+    x, y = on_page(nodes.mean(axis=0))
     axes.text(x, y, one_line(body.name), size=11, weight="bold", color=INK, **style)
     for region in body.mesh.regions:
         surface = body.surface(region).surface
@@ -89,14 +96,15 @@ def _names(axes: Axes, model: Model, body: Body, size: float) -> None:
         if np.linalg.norm(surface.normals.sum(axis=0)) > 1e-6 * len(middles):
             facet = int(np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin())
         else:  # a surface that looks to all sides is named at its highest point
-            facet = int(surface.normals[:, 1].argmax())
+            facet = int(surface.normals[:, -1].argmax())
         out, touches = surface.normals[facet], (body.name, region) in touching
         away = ARROW * size * (BEYOND if touches else BESIDE)
-        inside = np.ptp(nodes @ out) > ROOM * away
+        inside = out.size == 2 and np.ptp(nodes @ out) > ROOM * away
         # Outside of the middle of a surface that touches another there is the other body.
         place = middles[facet] if inside or not touches else middles[len(middles) // 8]
-        upright = np.ptp(surface.positions, axis=0)[1] > LETTER * size * len(region) and abs(out[0]) > 0.7
-        x, y = place - away * out if inside else place + away * out
+        flat = out.size == 2
+        upright = flat and np.ptp(surface.positions[:, 1]) > LETTER * size * len(region) and abs(out[0]) > 0.7
+        x, y = on_page(place - away * out if inside else place + away * out)
         axes.text(x, y, region, size=8.5, color=SOFT, rotation=90 if upright else 0, **style)
 
 
@@ -117,7 +125,9 @@ def _contact(axes: Axes, model: Model, name: str, colour: str, length: float) ->
         corners = surface.positions[surface.facets]
         # A surface of two contacts shows the colours of both, the later one within the other.
         width = 2.6 + 2.8 * sum(side in contacts[other].sides for other in later)
-        lines = axes.add_collection(LineCollection(list(corners), colors=colour, linewidths=width, zorder=3))
+        thin: Any = {"linewidths": width} if model.dim == 2 else {"linewidths": 0.5 * width, "alpha": 0.5}
+        rims = on_page(corners if model.dim == 2 else np.concatenate([corners, corners[:, :1]], axis=1))
+        lines = axes.add_collection(LineCollection(list(rims), colors=colour, zorder=3, **thin))
         some = _some(len(corners))
         _arrows(axes, corners.mean(axis=1)[some], length * surface.normals[some], colour)
     return {f"contact {name}, with normals": lines}
@@ -125,7 +135,7 @@ def _contact(axes: Axes, model: Model, name: str, colour: str, length: float) ->
 
 def _arrows(axes: Axes, tails: Floats, vectors: Floats, colour: str, **more: Any) -> None:
     style: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches", "width": 0.014, "zorder": 4}
-    axes.quiver(*tails.T, *vectors.T, color=colour, **style, **more)
+    axes.quiver(*on_page(tails).T, *on_page(vectors).T, color=colour, **style, **more)
 
 
 def _supports(axes: Axes, model: Model, apart: float) -> Entries:
@@ -136,13 +146,16 @@ def _supports(axes: Axes, model: Model, apart: float) -> Entries:
         if constraint.load is not None:
             driven.append(constraint.node)
         else:
-            held[constraint.node] = held.get(constraint.node, np.zeros(2)) + np.abs(constraint.direction)
-    nodes, entries = model.bodies.nodes, {}
-    for along, (mark, words) in HELD.items():
-        some = [node for node, by in held.items() if (by[0] > 1e-9, by[1] > 1e-9) == along]
-        if some:
-            style: Any = {"color": INK, "markersize": 7, "markerfacecolor": "white", "zorder": 4}
-            (entries[words],) = axes.plot(*_apart(nodes[some], apart).T, mark, **style)
+            held[constraint.node] = held.get(constraint.node, np.zeros(model.dim)) + np.abs(constraint.direction)
+    nodes, entries = on_page(model.bodies.nodes), {}
+    along: dict[str, list[int]] = {}
+    for node, by in held.items():
+        along.setdefault("".join(axis for axis, size in zip("xyz", by, strict=False) if size > 1e-9), []).append(node)
+    for held_along, some in sorted(along.items(), key=lambda item: (-len(item[0]), item[0])):
+        words = "held" if len(held_along) == model.dim else f"held along {' and '.join(held_along)}"
+        style: Any = {"color": INK, "markersize": 7, "markerfacecolor": "white", "zorder": 4}
+        mark = MARK_OF.get(held_along, "^") if words != "held" else "^"
+        (entries[words],) = axes.plot(*_apart(nodes[some], apart).T, mark, **style)
     if driven:
         (entries["driven"],) = axes.plot(*_apart(nodes[driven], apart).T, "D", color=INK, fillstyle="none", zorder=4)
     return entries

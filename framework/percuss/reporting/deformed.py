@@ -8,7 +8,8 @@ import numpy as np
 
 from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.jsonable import Data
-from percuss.reporting.figures import ALARM, FAINT, INK, PAPER, SOFT, STRESS, number, one_line, write_reason
+from percuss.reporting.figures import ALARM, INK, PAPER, SOFT, STRESS, number, one_line, write_reason
+from percuss.reporting.views import Faces, draw_walls, on_page
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.gridspec import SubplotSpec
 
-    from percuss.methods.interfaces import Floats, Integers
+    from percuss.methods.interfaces import Floats
     from percuss.results.result import Result
 
 COLOUR_MAP = "YlGnBu"  # it differs in lightness alone for readers who see no colours, and is pale where nothing happens
@@ -70,20 +71,8 @@ def stress_of_cells(fields: Data) -> tuple[str, Floats]:
     """
     if np.isfinite(fields["von_mises"]).any():
         return QUANTITIES["von_mises"].label, fields["von_mises"]
-    xx, yy, xy = np.moveaxis(fields["stress"], -1, 0)
+    xx, yy, xy = np.moveaxis(fields["stress"], -1, 0)  # in two dimensions: in three there is nothing across
     return "largest shear stress in the plane", np.hypot(0.5 * (xx - yy), xy)
-
-
-def outline(cells: Integers) -> Integers:
-    """Return the edges of cells that belong to one of them alone, (edges, 2) nodes."""
-    edges = []
-    for corners in np.unique((cells >= 0).sum(axis=1)):
-        own = cells[(cells >= 0).sum(axis=1) == corners, :corners]
-        edges.append(np.stack([own, np.roll(own, -1, axis=1)], axis=-1).reshape(-1, 2))
-    every = np.concatenate(edges)
-    _, first, count = np.unique(np.sort(every, axis=1), axis=0, return_index=True, return_counts=True)
-    alone: Integers = every[first[count == 1]]
-    return alone
 
 
 class Scene(NamedTuple):
@@ -103,8 +92,10 @@ class Scene(NamedTuple):
         Largest stress among the snapshots of `chosen_times`, nan where no cell has one.
     pressure
         Largest contact pressure among the snapshots that are shown, 0 without one.
+    faces
+        The faces of cells that may be seen.
     low, high
-        Corners of the view.
+        Corners of the view on the page.
     arrow
         Length of the longest arrow.
     walls
@@ -117,6 +108,7 @@ class Scene(NamedTuple):
     limit: float
     largest: float
     pressure: float
+    faces: Faces
     low: Floats
     high: Floats
     arrow: float
@@ -136,12 +128,14 @@ def scene_of(result: Result, snapshots: Sequence[int]) -> Scene:
     walls = result.provenance["geometry"].get("walls", {})
     low, high, arrow = _view(fields, snapshots, walls)
     largest = largest if finite.size else np.nan
-    return Scene(fields, label, stress, limit, largest, float(pressure), low, high, arrow, walls)
+    faces = Faces.of(np.asarray(fields["cell_nodes"]), fields["node_position"].shape[1])
+    return Scene(fields, label, stress, limit, largest, float(pressure), faces, low, high, arrow, walls)
 
 
 def still_parts(axes: Axes, scene: Scene) -> None:
     """Draw the walls, and set the view of a panel of bodies."""
-    draw_walls(axes, scene.walls, scene.low, scene.high)
+    places = scene.fields["node_position"]
+    draw_walls(axes, scene.walls, 0.5 * (places.min(axis=0) + places.max(axis=0)), float(np.ptp(places, axis=0).max()))
     axes.set(xlim=(scene.low[0], scene.high[0]), ylim=(scene.low[1], scene.high[1]), aspect="equal")
     axes.grid(visible=False)
     axes.tick_params(labelsize=8, colors=SOFT)
@@ -151,7 +145,7 @@ def moving_parts(axes: Axes, scene: Scene, snapshot: int) -> list[Artist]:
     """Draw bodies and contact pressures at a snapshot, and return what was drawn."""
     fields = scene.fields
     nodes = fields["node_position"] + fields["displacement"][snapshot]
-    drawn = _bodies(axes, fields["cell_nodes"], nodes, scene.stress[snapshot], scene.limit)
+    drawn = _bodies(axes, scene.faces, nodes, scene.stress[snapshot], scene.limit)
     return [*drawn, *(_arrows(axes, scene, snapshot) if scene.pressure > 0.0 else [])]
 
 
@@ -192,14 +186,15 @@ def deformed(figure: Figure, place: SubplotSpec, result: Result) -> None:
 
 def _view(fields: Data, snapshots: Sequence[int], walls: Data) -> tuple[Floats, Floats, float]:
     """Return the corners of the picture that shows nodes at all snapshots, and the length of the longest arrow."""
-    places = (fields["node_position"] + fields["displacement"][snapshots]).reshape(-1, 2)
+    nodes = fields["node_position"] + fields["displacement"][snapshots]
+    places = on_page(nodes.reshape(-1, nodes.shape[-1]))
     low, high = places.min(axis=0), places.max(axis=0)
     arrow = LONGEST * float(np.sqrt((high - low).prod()))
     margin = 0.03 * float((high - low).max())
     tails = [places]
     if walls:
         pressed = np.abs(fields["contact_pressure"][snapshots]) > 0.0
-        tails.append((fields["point_position"][snapshots] + arrow * fields["point_normal"])[pressed])
+        tails.append(on_page(fields["point_position"][snapshots] + arrow * fields["point_normal"])[pressed])
     reach = np.concatenate([places, *tails])
     return reach.min(axis=0) - margin, reach.max(axis=0) + margin, arrow
 
@@ -210,30 +205,17 @@ def _arrangement(count: int, width: float, height: float) -> tuple[int, int]:
     return max(choices, key=lambda choice: min(1.0 / choice[1] / width, 1.05 / choice[0] / height))
 
 
-def _bodies(axes: Axes, cells: Integers, nodes: Floats, stress: Floats, limit: float) -> list[Artist]:
+def _bodies(axes: Axes, faces: Faces, nodes: Floats, stress: Floats, limit: float) -> list[Artist]:
     """Draw cells in the colours of their stress, and the outline of the bodies."""
     from matplotlib.collections import LineCollection, PolyCollection
 
-    corners = [nodes[cell[cell >= 0]] for cell in cells]
-    style: Any = {"linewidths": 0.15, "edgecolors": "#00000055"} if len(cells) <= MOST_EDGES else {"edgecolors": "face"}
-    drawn = PolyCollection(corners, cmap=COLOUR_MAP, rasterized=True, **style)
-    drawn.set_array(np.ma.masked_invalid(stress))
+    seen, page = faces.seen(nodes), on_page(nodes)
+    style: Any = {"linewidths": 0.15, "edgecolors": "#00000055"} if seen.size <= MOST_EDGES else {"edgecolors": "face"}
+    drawn = PolyCollection(list(page[faces.corners[seen]]), cmap=COLOUR_MAP, rasterized=True, **style)
+    drawn.set_array(np.ma.masked_invalid(stress[faces.cell[seen]]))
     drawn.set_clim(0.0, limit)
-    lines = LineCollection(list(nodes[outline(cells)]), colors=INK, linewidths=0.8)
+    lines = LineCollection(list(page[faces.edges(nodes)]), colors=INK, linewidths=0.8)
     return [axes.add_collection(drawn), axes.add_collection(lines)]
-
-
-def draw_walls(axes: Axes, walls: Data, low: Floats, high: Floats) -> None:
-    """Draw each wall as a line with hatches on its far side."""
-    size = float(np.linalg.norm(high - low))
-    for point, normal in walls.values():
-        middle, out = np.asarray(point, dtype=float), np.asarray(normal, dtype=float)
-        along = np.array([-out[1], out[0]])
-        middle = middle + along * float(along @ (0.5 * (low + high) - middle))
-        ends = np.array([middle - size * along, middle + size * along])
-        far = ends[::-1] - 0.035 * size * out
-        axes.fill(*np.concatenate([ends, far]).T, facecolor="#f3f3f3", edgecolor=FAINT, hatch="////", linewidth=0)
-        axes.plot(*ends.T, color=INK, linewidth=1.2)
 
 
 def _arrows(axes: Axes, scene: Scene, snapshot: int) -> list[Artist]:
@@ -246,7 +228,7 @@ def _arrows(axes: Axes, scene: Scene, snapshot: int) -> list[Artist]:
     if not pressed.size:
         return []
     push = -(scene.arrow / scene.pressure * pressure[pressed])[:, None] * fields["point_normal"][pressed]
-    places = fields["point_position"][snapshot][pressed]
+    push, places = on_page(push), on_page(fields["point_position"][snapshot][pressed])
     style: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "pivot": "tip", "units": "inches", "zorder": 4}
     outlined = [Stroke(linewidth=1.6, foreground="white"), Normal()]
     return [axes.quiver(*places.T, *push.T, color=ALARM, width=0.016, path_effects=outlined, **style)]
@@ -259,6 +241,6 @@ def names_in_bodies(axes: Axes, fields: Data, snapshot: int) -> list[Artist]:
     style: Any = {"ha": "center", "va": "center", "size": 9, "bbox": {**PAPER, "alpha": 0.7}}
     texts: list[Artist] = []
     for name in dict.fromkeys(owner) if len(set(owner)) > 1 else ():
-        x, y = nodes[owner == name].mean(axis=0)
+        x, y = on_page(nodes[owner == name].mean(axis=0))
         texts.append(axes.text(x, y, one_line(name), **style))
     return texts

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
 
 
+# Row and column of the components of a stress that are kept, by the number of dimensions.
+STRESSES = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]}
+
+
 def in_parts(recorded: Floats, shapes: Sequence[tuple[int, ...]]) -> list[Floats]:
     """Return the columns of an array, (records, columns), in parts that have the given shapes in each record."""
     parts = np.split(recorded, np.cumsum([math.prod(shape) for shape in shapes]), axis=1)
@@ -76,7 +80,7 @@ def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:
     return {
         "body": [body.name for body in bodies for _ in range(body.count)],
         "position": np.concatenate(middle),
-        "stress": tensor[..., [0, 1, 0], [0, 1, 1]],
+        "stress": tensor[..., *np.array(STRESSES[model.dim]).T],
         "von_mises": von_mises(tensor),
         "cell_nodes": np.concatenate(cells),
         "node_body": [body.name for body in bodies for _ in range(body.mass.size)],
@@ -92,18 +96,18 @@ def _of_points(model: Model, displacement: Floats, pressure: Floats) -> Entries:
     points = model.contact_points
     if not points:
         return {}
-    share = np.zeros((len(points), len(model.bodies.nodes)))
-    for point, row in zip(points, share, strict=True):
+    places = np.zeros((len(points), len(displacement), model.dim))
+    for p, point in enumerate(points):
         first = model.bodies[model.case.contacts[point.name].sides[0].body]
-        for node, gradient in point.gradient:
-            if first.start <= node < first.stop:
-                row[node] = -float(gradient @ point.normal)
-    share /= share.sum(axis=1, keepdims=True)
+        own = [(node, -float(by @ point.normal)) for node, by in point.gradient if first.start <= node < first.stop]
+        for node, share in own:
+            places[p] += share * (model.bodies.nodes[node] + displacement[:, node])
+        places[p] /= sum(share for _, share in own)
     return {
         "point_contact": [point.name for point in points],
         "point_area": np.array([point.weight for point in points]),
         "point_normal": np.array([point.normal for point in points]),
-        "point_position": share @ (model.bodies.nodes + displacement),
+        "point_position": places.transpose(1, 0, 2),
         "contact_pressure": pressure,
     }
 

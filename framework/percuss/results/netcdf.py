@@ -21,6 +21,7 @@ from percuss.case.quantities import QUANTITIES, unit_name
 from percuss.errors import wrong_input
 from percuss.files import is_file, replacing, unwritten
 from percuss.jsonable import Data, Entries
+from percuss.results.fields import STRESSES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -128,7 +129,8 @@ def fields_dataset(field_arrays: Data, source: Source, units: Mapping[str, str])
             axes = _FIELD_AXES[QUANTITIES[name].of][: array.ndim]
             variables[name] = (axes, array, described[name])
             if _STRESSES in axes:
-                coordinates[_STRESSES] = ((_STRESSES,), np.array(["xx", "yy", "xy"], dtype=object), {})
+                names = [f"{'xyz'[i]}{'xyz'[j]}" for i, j in STRESSES[field_arrays["node_position"].shape[1]]]
+                coordinates[_STRESSES] = ((_STRESSES,), np.array(names, dtype=object), {})
     return xr.Dataset(variables, coords=coordinates)
 
 

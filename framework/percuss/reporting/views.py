@@ -1,0 +1,143 @@
+"""How bodies in two and three dimensions come onto a page: the view, and the faces of cells that are seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from percuss.reporting.figures import FAINT, INK
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from percuss.methods.interfaces import Floats, Integers
+
+# A camera far away, to the right of the y axis and above, which looks along y: x runs to the right and z up.
+ACROSS, ABOVE = np.radians(28.0), np.radians(22.0)
+TO_CAMERA = np.array([np.sin(ACROSS) * np.cos(ABOVE), -np.cos(ACROSS) * np.cos(ABOVE), np.sin(ABOVE)])
+RIGHT = np.array([np.cos(ACROSS), np.sin(ACROSS), 0.0])
+PAGE = np.stack([RIGHT, np.cross(TO_CAMERA, RIGHT)], axis=1)  # (3, 2)
+FACES: Mapping[int, list[list[int]]] = {  # of a tetrahedron and a hexahedron, as seen from outside
+    4: [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+    8: [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
+}
+SHARP = 0.8  # largest cosine between two faces that meet in an edge which is drawn
+
+
+def on_page(vectors: Floats) -> Floats:
+    """Return points or vectors, (..., dim), as they are seen, (..., 2)."""
+    seen: Floats = vectors if vectors.shape[-1] == 2 else vectors @ PAGE
+    return seen
+
+
+class Faces(NamedTuple):
+    """Faces of cells that may be seen: cells in two dimensions, the boundary of the bodies in three.
+
+    Attributes
+    ----------
+    corners : (faces, corners) array
+        Nodes, the last one repeated where others have more corners.
+    cell : (faces,) array
+        The cell of each.
+    """
+
+    corners: Integers
+    cell: Integers
+
+    @classmethod
+    def of(cls, cells: Integers, dim: int) -> Faces:
+        """Return those of cells, whose nodes end with -1 where others have more."""
+        counts = (cells >= 0).sum(axis=1)
+        found, owner = [], []
+        for count in np.unique(counts):
+            (numbers,) = np.nonzero(counts == count)
+            faces = FACES[int(count)] if dim == 3 else [list(range(count))]
+            found.append(cells[numbers][:, faces].reshape(-1, len(faces[0])))
+            owner.append(np.repeat(numbers, len(faces)))
+        most = max(each.shape[1] for each in found)
+        corners = np.concatenate([np.pad(each, ((0, 0), (0, most - each.shape[1])), mode="edge") for each in found])
+        cell = np.concatenate(owner)
+        if dim == 3:
+            _, first, times = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
+            alone = np.sort(first[times == 1])
+            corners, cell = corners[alone], cell[alone]
+        return cls(corners, cell)
+
+    def seen(self, nodes: Floats) -> Integers:
+        """Return the numbers of the faces that look to the camera, those that are farther away first."""
+        if nodes.shape[1] == 2:
+            return np.arange(len(self.cell))
+        at = nodes[self.corners]
+        (front,) = np.nonzero(_normals(at) @ TO_CAMERA > 0.0)
+        order: Integers = front[np.argsort(at[front].mean(axis=1) @ TO_CAMERA, kind="stable")]
+        return order
+
+    def edges(self, nodes: Floats) -> Integers:
+        """Return the edges of the boundary in two dimensions; in three the sharp ones that are seen, (edges, 2)."""
+        edges = np.stack([self.corners, np.roll(self.corners, -1, axis=1)], axis=-1)
+        face = np.repeat(np.arange(len(edges)), edges.shape[1])
+        every = edges.reshape(-1, 2)
+        real = every[:, 0] != every[:, 1]
+        every, face = every[real], face[real]
+        _, first, of, times = np.unique(
+            np.sort(every, axis=1), axis=0, return_index=True, return_inverse=True, return_counts=True
+        )
+        if nodes.shape[1] == 2:
+            alone: Integers = every[first[times == 1]]
+            return alone
+        normals = _normals(nodes[self.corners])
+        other = np.zeros(len(first), dtype=np.int64)
+        other[of.ravel()] = face  # the last face at each edge
+        one, two = normals[face[first]], normals[other]
+        looks = np.maximum(one @ TO_CAMERA, two @ TO_CAMERA) > 0.0
+        sharp: Integers = every[first[looks & (np.einsum("ed,ed->e", one, two) < SHARP)]]
+        return sharp
+
+
+def _normals(corners: Floats) -> Floats:
+    """Return unit normals of faces, (faces, 3), from their diagonals."""
+    out = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
+    triangle = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    out = np.where((corners[:, -1] == corners[:, -2]).all(axis=1)[:, None], triangle, out)
+    unit: Floats = out / np.maximum(np.linalg.norm(out, axis=1), np.finfo(float).tiny)[:, None]
+    return unit if corners.shape[1] > 3 else triangle / np.linalg.norm(triangle, axis=1)[:, None]
+
+
+def draw_walls(axes: Axes, walls: Mapping[str, Any], middle: Floats, size: float) -> None:
+    """Draw walls: as lines with hatches on their far side, in three dimensions as squares.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    walls
+        Point and normal of each.
+    middle : (dim,) array
+        Middle of what is shown.
+    size
+        Half of the length of a wall.
+    """
+    for corners, style in _walls(walls, middle, size):
+        axes.fill(*corners.T, **style)
+
+
+def _walls(walls: Mapping[str, Any], middle: Floats, size: float) -> Iterator[tuple[Floats, dict[str, Any]]]:
+    for point, normal in walls.values():
+        out = np.asarray(normal, dtype=float)
+        foot = middle - out * float(out @ (middle - np.asarray(point, dtype=float)))
+        if out.size == 2:
+            along = size * np.array([-out[1], out[0]])
+            ends = np.array([foot - along, foot + along])
+            hatched = {"facecolor": "#f3f3f3", "edgecolor": FAINT, "hatch": "////", "linewidth": 0}
+            yield np.concatenate([ends, ends[::-1] - 0.035 * size * out]), hatched
+            yield ends, {"edgecolor": INK, "linewidth": 1.2}
+            continue
+        first = np.cross(out, np.eye(3)[int(np.abs(out).argmin())])
+        first *= 0.6 * size / np.linalg.norm(first)
+        second = np.cross(out, first)
+        corners = np.array([foot + a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+        behind = bool(out @ TO_CAMERA > 0.0)  # the camera and the bodies are on one side
+        style = {"facecolor": "#f3f3f3" if behind else "#e8e8e855", "edgecolor": FAINT, "zorder": 0 if behind else 3}
+        yield on_page(corners), style
