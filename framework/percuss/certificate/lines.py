@@ -166,6 +166,7 @@ class LineOperator(Operator):
             stiffness, mass = self.stiffness[:bands, rows], self.mass[:bands, rows]
             yield rows, LineOperator(stiffness, mass, NO_ROWS, 0, NO_ROWS.row, NO_ROWS.value)
 
+    @cached_property
     def highest_eigenvalue(self) -> float:
         """Return the largest eigenvalue of ``M^-1 K`` [1/time^2]."""
         return max((block.highest_of_block() for _, block in self.blocks()), default=0.0)
