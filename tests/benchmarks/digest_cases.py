@@ -325,7 +325,7 @@ class Runs:
 
     def __init__(self, registry: Registry) -> None:
         self.all = {family: choices(registry, family) for family in FAMILIES}
-        self.regions = {name: registry.get("shapes", name).regions for name in registry.names("shapes")}
+        self.shape_classes = {name: registry.get("shapes", name) for name in registry.names("shapes")}
 
     def names(self, family: str) -> list[str]:
         """Return the names of a family."""
@@ -448,7 +448,7 @@ class Runs:
         """Yield each shape, held at its first region and pulled at its last."""
         for shape in self.examples("shapes"):
             name = shape.entry["name"]
-            ends = self.regions[name]
+            ends = self.shape_classes[name](**shape.options).regions
             body = {name: shape.options, "area": 1.0, "fixed": list(ends[:1])}
             parts = {
                 "bodies": {"a": body},

@@ -192,10 +192,11 @@ def test_a_snippet_runs_where_it_is_pasted(family, name, tmp_path, monkeypatch):
         study = {"percuss-study": 1, "cases": [str(CASES[0])], "set": {"time.end": 1e-4}, **parsed(lines)}
         assert name in percuss.study(study, workers=1).table.columns
         return
-    solid = getattr(REGISTRY.get(family, name), "cell", "") in {"quad", "triangle"}
+    solid = getattr(REGISTRY.get(family, name), "cell", "") in {"quad", "triangle", "hexahedron", "tetra"}
     if solid or (family == "shapes" and name != "bar"):  # no bars, beside which they are refused
         cells, _, about = name.partition("-")
-        shape = {"block": {"size": [1, 0.5], "elements": [4, 2], "cells": cells}}
+        dim = 3 if cells in {"hex8", "tet4"} else 2
+        shape = {"block": {"size": [1, 0.5, 0.5][:dim], "elements": [4, 2, 2][:dim], "cells": cells}}
         shape |= {"plane": "axisymmetric"} if about else {}
         body = (
             (shape if family == "elements" else {})

@@ -16,7 +16,7 @@ from percuss.case.case import load
 from percuss.case.quantities import TRUE_ERRORS, percent
 from percuss.errors import InputError, PercussError, RunError
 from percuss.march.model import Model
-from percuss.reporting import animation, case_figure, comparison_figure, deformed, figures, report, run_figure
+from percuss.reporting import animation, case_figure, comparison_figure, deformed, figures, report, run_figure, views
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run
 
@@ -706,7 +706,7 @@ def test_arrows_are_the_contact_pressures_and_point_into_the_first_side(of_block
 
 def test_the_outline_is_the_boundary_of_the_bodies(of_blocks):
     fields = of_blocks.field_arrays
-    edges = deformed.outline(fields["cell_nodes"])
+    edges = views.Faces.of(fields["cell_nodes"], 2).edges(fields["node_position"])
     length = np.linalg.norm(np.diff(fields["node_position"][edges], axis=1), axis=-1).sum()
     assert length == pytest.approx(2 * (2 + 0.6) + 2 * (0.8 + 0.5))
 
@@ -775,7 +775,7 @@ def test_an_animation_of_blocks_shows_motion_stress_and_pressure_of_each_snapsho
             assert np.array_equal(cells.get_array(), fields["von_mises"][k])
             assert np.array_equal(cells.get_paths()[0].vertices[:-1], place[fields["cell_nodes"][0]])
             (edges,) = [lines for lines in axes.collections if isinstance(lines, LineCollection)]
-            assert len(edges.get_segments()) == len(deformed.outline(fields["cell_nodes"]))
+            assert len(edges.get_segments()) == len(views.Faces.of(fields["cell_nodes"], 2).edges(place))
             arrows = [drawn for drawn in axes.collections if isinstance(drawn, Quiver)]
             assert len(arrows) == (fields["contact_pressure"][k].max() > 0)
             figure.canvas.draw()
@@ -880,5 +880,5 @@ def test_names_arrows_and_marks_of_a_case_do_not_hide_each_other():
 def test_a_wall_of_a_case_is_drawn_and_bars_are_refused():
     (axes,) = case_figure.case_figure(Model(load(FALLING))).axes
     assert any(np.allclose(line[:, 1], 0.6) for line in drawn(axes) if len(line))
-    with pytest.raises(InputError, match="expected bodies in two dimensions to draw"):
+    with pytest.raises(InputError, match="expected bodies that are no bars to draw"):
         case_figure.case_figure(Model(load(TWO_BARS)))

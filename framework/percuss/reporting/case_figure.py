@@ -79,7 +79,7 @@ def _mesh(axes: Axes, body: Body) -> None:
     nodes, faces = body.mesh.nodes, Faces.of(cells_of(body.mesh), body.mesh.nodes.shape[1])
     seen, page = faces.seen(nodes), on_page(nodes)
     style: Any = {"facecolors": "#f4f6f8", "edgecolors": FAINT, "linewidths": 0.4}
-    axes.add_collection(PolyCollection(list(page[faces.corners[seen]]), rasterized=seen.size > 1000, **style))
+    axes.add_collection(PolyCollection(faces.polygons(seen, nodes), rasterized=seen.size > 1000, **style))
     axes.add_collection(LineCollection(list(page[faces.edges(nodes)]), colors=SOFT, linewidths=0.9))
 
 

@@ -211,7 +211,7 @@ def _bodies(axes: Axes, faces: Faces, nodes: Floats, stress: Floats, limit: floa
 
     seen, page = faces.seen(nodes), on_page(nodes)
     style: Any = {"linewidths": 0.15, "edgecolors": "#00000055"} if seen.size <= MOST_EDGES else {"edgecolors": "face"}
-    drawn = PolyCollection(list(page[faces.corners[seen]]), cmap=COLOUR_MAP, rasterized=True, **style)
+    drawn = PolyCollection(faces.polygons(seen, nodes), cmap=COLOUR_MAP, rasterized=True, **style)
     drawn.set_array(np.ma.masked_invalid(stress[faces.cell[seen]]))
     drawn.set_clim(0.0, limit)
     lines = LineCollection(list(page[faces.edges(nodes)]), colors=INK, linewidths=0.8)

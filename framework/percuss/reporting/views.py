@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -41,10 +41,13 @@ class Faces(NamedTuple):
         Nodes, the last one repeated where others have more corners.
     cell : (faces,) array
         The cell of each.
+    sizes : (faces,) array
+        Number of corners of each.
     """
 
     corners: Integers
     cell: Integers
+    sizes: Integers
 
     @classmethod
     def of(cls, cells: Integers, dim: int) -> Faces:
@@ -58,12 +61,19 @@ class Faces(NamedTuple):
             owner.append(np.repeat(numbers, len(faces)))
         most = max(each.shape[1] for each in found)
         corners = np.concatenate([np.pad(each, ((0, 0), (0, most - each.shape[1])), mode="edge") for each in found])
-        cell = np.concatenate(owner)
+        cell, sizes = np.concatenate(owner), np.repeat([each.shape[1] for each in found], [len(each) for each in found])
+        kept = np.argsort(cell, kind="stable")
         if dim == 3:
             _, first, times = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
-            alone = np.sort(first[times == 1])
-            corners, cell = corners[alone], cell[alone]
-        return cls(corners, cell)
+            kept = np.sort(first[times == 1])
+        return cls(corners[kept], cell[kept], sizes[kept])
+
+    def polygons(self, numbers: Integers, nodes: Floats) -> list[Floats]:
+        """Return the corners of some faces on the page, each (corners, 2)."""
+        page = on_page(nodes)
+        return [
+            page[corners[:count]] for corners, count in zip(self.corners[numbers], self.count[numbers], strict=True)
+        ]
 
     def seen(self, nodes: Floats) -> Integers:
         """Return the numbers of the faces that look to the camera, those that are farther away first."""
@@ -119,25 +129,20 @@ def draw_walls(axes: Axes, walls: Mapping[str, Any], middle: Floats, size: float
     size
         Half of the length of a wall.
     """
-    for corners, style in _walls(walls, middle, size):
-        axes.fill(*corners.T, **style)
-
-
-def _walls(walls: Mapping[str, Any], middle: Floats, size: float) -> Iterator[tuple[Floats, dict[str, Any]]]:
     for point, normal in walls.values():
         out = np.asarray(normal, dtype=float)
         foot = middle - out * float(out @ (middle - np.asarray(point, dtype=float)))
         if out.size == 2:
             along = size * np.array([-out[1], out[0]])
             ends = np.array([foot - along, foot + along])
-            hatched = {"facecolor": "#f3f3f3", "edgecolor": FAINT, "hatch": "////", "linewidth": 0}
-            yield np.concatenate([ends, ends[::-1] - 0.035 * size * out]), hatched
-            yield ends, {"edgecolor": INK, "linewidth": 1.2}
+            far = ends[::-1] - 0.035 * size * out
+            axes.fill(*np.concatenate([ends, far]).T, facecolor="#f3f3f3", edgecolor=FAINT, hatch="////", linewidth=0)
+            axes.plot(*ends.T, color=INK, linewidth=1.2)
             continue
         first = np.cross(out, np.eye(3)[int(np.abs(out).argmin())])
         first *= 0.6 * size / np.linalg.norm(first)
         second = np.cross(out, first)
         corners = np.array([foot + a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
         behind = bool(out @ TO_CAMERA > 0.0)  # the camera and the bodies are on one side
-        style = {"facecolor": "#f3f3f3" if behind else "#e8e8e855", "edgecolor": FAINT, "zorder": 0 if behind else 3}
-        yield on_page(corners), style
+        colour = "#f3f3f3" if behind else "#e8e8e855"
+        axes.fill(*on_page(corners).T, facecolor=colour, edgecolor=FAINT, zorder=0 if behind else 3)
