@@ -72,7 +72,7 @@ class Faces(NamedTuple):
         """Return the corners of some faces on the page, each (corners, 2)."""
         page = on_page(nodes)
         return [
-            page[corners[:count]] for corners, count in zip(self.corners[numbers], self.count[numbers], strict=True)
+            page[corners[:count]] for corners, count in zip(self.corners[numbers], self.sizes[numbers], strict=True)
         ]
 
     def seen(self, nodes: Floats) -> Integers:
