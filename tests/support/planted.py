@@ -1687,7 +1687,7 @@ def counts_its_calls(first, second):
 
 
 pairing("promises-too-much", "patch-test", "pressures at nodes are wrong by 4.8", passes_patch_test=True)(nodes_of)
-pairing("negative-shares", "shares", "has the share -0.")(lambda first, second: Mortar().points(first, second))
+pairing("negative-shares", "shares", "has the share -0.", dimensions=(2,))(lambda *surfaces: Mortar().points(*surfaces))
 pairing("points-on-edges", "shares", "6 nodes have 10 points")(lambda *surfaces: GaussPoints(2).points(*surfaces))
 
 
