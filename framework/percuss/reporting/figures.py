@@ -156,10 +156,14 @@ def fix_layout(figure: Figure) -> Figure:
     _write_powers(figure.axes)
     shown = figure.get_dpi()
     figure.set_dpi(DOTS_PER_INCH)
-    figure.draw_without_rendering()
+    for axes in figure.axes:
+        axes.apply_aspect()
+    if engine := figure.get_layout_engine():
+        engine.execute(figure)
     figure.set_dpi(shown)
     figure.set_layout_engine("none")
     for axes in figure.axes:
+        axes.apply_aspect()
         active, original = (tuple(np.round(axes.get_position(o).bounds, 6)) for o in (False, True))
         axes.set_position(original, which="original")
         axes.set_position(active, which="active")
