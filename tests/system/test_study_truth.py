@@ -1,5 +1,6 @@
 """A study never shows a number that is not that of its plan: keys, files, failures, costs."""
 
+import dataclasses
 import json
 import os
 import signal
@@ -17,9 +18,10 @@ import percuss
 import places
 from percuss.errors import InputError
 from percuss.filelock import locked
-from percuss.studies import job_package as benches
 from percuss.studies import perform as performing
 from percuss.studies.perform import failure_status
+from percuss.studies.spec import read_study
+from percuss.studies.study import planned
 from strategies import hunek
 
 pytestmark = pytest.mark.slow
@@ -396,9 +398,8 @@ def test_a_plug_ins_own_error_is_kept_and_made_again_when_asked_for(tmp_path):
         percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=[file], again=["faild"])
 
 
-def test_a_plug_in_that_is_missing_or_another_where_the_run_is_made_is_told_apart(tmp_path, monkeypatch):
-    out = tmp_path / "a.sqlite"
-    study = given(tmp_path, methods={"contacts": ["penalty", "lagrange"]})
+def test_a_plug_in_that_is_missing_or_another_where_the_run_is_made_is_told_apart(tmp_path):
+    jobs, bench = planned(read_study(given(tmp_path, methods={"contacts": ["penalty", "lagrange"]})))
     for what, said in (
         (
             {"contacts/lagrange": "0" * 64},
@@ -406,18 +407,11 @@ def test_a_plug_in_that_is_missing_or_another_where_the_run_is_made_is_told_apar
         ),
         ({"contacts/theirs": "0" * 64}, "contacts/theirs is not installed here"),
     ):
-        real = benches.packed
-
-        def packed(cases, settings, keys, real=real, what=what):
-            keys.components["case"] = {**keys.components["case"], **what}
-            return real(cases, settings, keys)
-
-        with monkeypatch.context() as patched:
-            patched.setattr(benches, "packed", packed)
-            made = percuss.study(study, out, workers=1)
-        assert made.counts == {"lost": 2}
-        assert said in made.table.reason[0]
-    assert percuss.study(study, out, workers=1).counts == {"done": 2}
+        there = dataclasses.replace(bench, components={"case": {**bench.components["case"], **what}})
+        records = there.records(jobs)
+        assert [record.status for record in records] == ["lost"] * 2
+        assert said in records[0].reason
+    assert [record.status for record in bench.records(jobs)] == ["done"] * 2
 
 
 def test_memory_that_another_machine_may_have_is_no_failure_of_a_method(tmp_path, monkeypatch):

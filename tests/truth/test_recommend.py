@@ -45,8 +45,9 @@ def found(small, **kwargs):
     return recommend(small, **given)
 
 
-def test_the_recommended_run_meets_the_bounds_and_no_run_does_so_cheaper(small):
-    answer = found(small, energy=0.05)
+@pytest.mark.parametrize("contacts", [CONTACTS[:1], pytest.param(CONTACTS, marks=pytest.mark.deep)], ids=", ".join)
+def test_the_recommended_run_meets_the_bounds_and_no_run_does_so_cheaper(small, contacts):
+    answer = found(small, energy=0.05, contacts=contacts)
     best = answer.best
     assert best.error <= 0.05
     assert best.energy <= 0.05
@@ -80,7 +81,7 @@ BAR = "{bar: {length: 1, elements: 6}, material: {young: 100, density: 0.01}, ar
 def test_a_search_begins_with_any_case(small, old, new):
     assert old in SMALL
     small.write_text(SMALL.replace(old, new).replace("lagrange}", "lagrange, pairing: node-to-segment}"))
-    answer = found(small, error=None, energy=0.5, runs=12)
+    answer = found(small, error=None, energy=0.5, runs=12, contacts=CONTACTS[:1])
     assert answer.best.energy <= 0.5
 
 

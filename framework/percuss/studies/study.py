@@ -103,6 +103,8 @@ def study(
             finished = store.finished_keys(again)
             missing = list({job.key: job for job in jobs if job.key not in finished}.values())
             with local_workers(bench, len(missing), workers, scheduler, spec.section.stalled_after) as local:
+                if local is None:  # the runs are made in this process, which has read the cases
+                    bench.read.update(spec.cases)
                 if missing:
                     steps = rehearsals(spec.cases, [job.task for job in missing])
                     check_measures(spec, summaries_of(local, bench, steps))
