@@ -6,6 +6,7 @@ import contextlib
 import functools
 import gc
 import inspect
+import itertools
 import locale
 import operator
 import os
@@ -13,7 +14,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType, ModuleType
@@ -207,6 +208,8 @@ class _Names:
     def __init__(self) -> None:
         self._open = 0  # contexts
         self._held: list[tuple[Owner, dict[str, object]]] = []  # by module or class
+        self._views: list[Iterable[object]] = []  # of the objects of each as they are now
+        self._values: list[object] = []  # of all objects then
         self._modules: list[str] = []  # that were loaded then
 
     def begin(self) -> None:
@@ -214,11 +217,24 @@ class _Names:
         self._open += 1
         if self._open > 1:
             return
-        if self._modules == list(sys.modules):
-            self._held = [(owner, dict(vars(owner)) if _differ(owner, held) else held) for owner, held in self._held]
+        if self._modules != list(sys.modules):
+            self._modules = list(sys.modules)
+            self._held = [(owner, dict(vars(owner))) for owner in _owners()]
+        elif self._unchanged():
             return
-        self._modules = list(sys.modules)
-        self._held = [(owner, dict(vars(owner))) for owner in _owners()]
+        else:
+            self._held = [(owner, dict(vars(owner)) if _differ(owner, held) else held) for owner, held in self._held]
+        self._views = [vars(owner).values() for owner, _ in self._held]
+        self._values = self._present()
+
+    def _present(self) -> list[object]:
+        """Return the objects under all names as they are now."""
+        return list(itertools.chain.from_iterable(map(list, self._views)))
+
+    def _unchanged(self) -> bool:
+        """Return whether no name has come, gone or got another object: that is seen sooner than which one has."""
+        present = self._present()
+        return len(present) == len(self._values) and all(map(operator.is_, present, self._values))
 
     def put_back(self) -> list[tuple[Owner, str, object]]:
         """End a context; after the outermost, put back all names, and return those that were other objects."""
@@ -226,7 +242,7 @@ class _Names:
         if self._open:
             return []
         changed = []
-        for owner, held in self._held:
+        for owner, held in () if self._unchanged() else self._held:
             for name, value in held.items() if _differ(owner, held) else ():
                 if (now := vars(owner).get(name, MISSING)) is not value:
                     changed.append((owner, name, now))
