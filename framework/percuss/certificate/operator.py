@@ -13,7 +13,6 @@ definite where A is: ``(4/dt^2) C - C K C``, with the rows C N in place of N.
 
 from __future__ import annotations
 
-import inspect
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,6 +22,7 @@ import numpy as np
 
 from percuss.blas import one_blas_thread
 from percuss.mesh.banded_matrices import bands
+from percuss.mesh.ritz_values import highest_ritz_value, without_chance
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,7 +35,6 @@ COLUMNS_AT_ONCE = 256  # right-hand sides that are solved for together
 # Largest number of contacts of which each is tried whether it can be left out, to bound the time.
 MOST_TRIED_CONTACTS = 24
 UNFELT = 1e-9  # relative size below which what rows see of a motion is round-off
-RITZ_TOLERANCE = 1e-9  # of the largest residual over the Ritz value, whose own error is of second order
 WELL_BELOW = 1e-6  # relative distance from a proved frequency beyond which no factor is asked again
 ABOVE_RITZ_VALUE = 1e-11  # relative distance from the largest Ritz value at which the first factor is tried
 
@@ -94,19 +93,9 @@ class Operator:
     def highest_eigenvalue(self) -> float:
         """The smallest number found for which a factor proves ``scale M - K`` to be positive definite.
 
-        The Ritz value of a Lanczos iteration is at most the eigenvalue. Bodies with equal directions have several equal
-        eigenvalues, at which an iteration for all digits does not end.
+        The Ritz value of a Lanczos iteration is at most the eigenvalue.
         """
-        from scipy.sparse import diags_array
-        from scipy.sparse.linalg import eigsh
-
-        start = np.random.default_rng(0).standard_normal(self.stiffness.shape[0])
-        search: Any = {"k": 1, "which": "LA", "v0": start, "return_eigenvectors": False, **without_chance(eigsh)}
-        if self.mass.nnz == self.size:
-            root = diags_array(1.0 / np.sqrt(self.mass.diagonal()))
-            low = float(eigsh(root @ self.stiffness @ root, tol=RITZ_TOLERANCE, **search)[0])
-        else:
-            low = float(eigsh(self.stiffness, M=self.mass, **search)[0])
+        low = highest_ritz_value(self.stiffness, self.mass)
         if low <= 0.0:
             return 0.0
         distance = ABOVE_RITZ_VALUE
@@ -229,14 +218,6 @@ def unfelt(motions: Floats, rows: Floats) -> Floats:
     _, size, right = np.linalg.svd(rows @ motions)
     kept: Floats = motions @ right[int((size > UNFELT * np.linalg.norm(rows)).sum()) :].T
     return kept
-
-
-def without_chance(solver: Any) -> dict[str, int]:
-    """Return the argument with which an iteration of SciPy draws the same numbers in each call.
-
-    Versions before 1.17 do not have it, and draw the same numbers anyway.
-    """
-    return {"rng": 0} if "rng" in inspect.signature(solver).parameters else {}
 
 
 def submatrix(matrix: Any, rows: Any) -> Any:

@@ -22,10 +22,11 @@ import numpy as np
 
 from percuss.certificate.assessment import Assessment, quoted
 from percuss.certificate.closed_step import LINEARITY_TOLERANCE, ClosedStep, Motions
-from percuss.certificate.operator import MOST_TRIED_CONTACTS, deflated, none_to_spare, without_chance
+from percuss.certificate.operator import MOST_TRIED_CONTACTS, deflated, none_to_spare
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
 from percuss.errors import PercussError
+from percuss.mesh.ritz_values import without_chance
 from percuss.methods.blame import described
 from percuss.methods.kernel_trial import changes_with_time
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from percuss.contact.contact_point import gap_rows
 from percuss.contact.stiffness_limits import LARGEST_COURANT
+from percuss.mesh.ritz_values import highest_ritz_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -32,18 +33,14 @@ class SurfaceLimits:
 
     def __init__(self, bodies: Iterable[Body], points: Sequence[ContactPoint]) -> None:
         from scipy.sparse import block_diag, csc_array, diags_array
-        from scipy.sparse.linalg import eigsh
 
         bodies = list(bodies)
         dim = bodies[0].mesh.nodes.shape[1]
         self._stiffness = csc_array(block_diag([body.stiffness_matrix() for body in bodies]))
         self._mass = diags_array(np.repeat(np.concatenate([body.mass for body in bodies]), dim))
-        size, root = self._stiffness.shape[0], diags_array(1.0 / np.sqrt(self._mass.diagonal()))
-        start = np.random.default_rng(0).standard_normal(size)
-        scaled = root @ self._stiffness @ root
-        highest = float(eigsh(scaled, 1, which="LA", v0=start, return_eigenvectors=False)[0])
+        highest = highest_ritz_value(self._stiffness, self._mass)
         self._longest_step = LARGEST_COURANT * 2.0 / np.sqrt(highest)
-        self._rows = gap_rows(points, size, dim)
+        self._rows = gap_rows(points, self._stiffness.shape[0], dim)
         self._scale = np.array([point.stiffness for point in points])
 
     def at(self, dt: float) -> Floats:
