@@ -90,8 +90,8 @@ def completed(case: CaseSection, dimension: int, source: Source, registry: Regis
         bodies[name] = replace(body, name=name, at=padded(start), element=_element_of(body, registry))
     method = case.method
     if any(body.shape.cell != "line" for body in bodies.values()):
-        usual = {**DEFAULTS, **(IN_SPACE if dimension == 3 else {})}
-        pairing: Any = method.pairing or registry.get("pairings", usual["pairings"])()
+        usual = (IN_SPACE if dimension == 3 else DEFAULTS)["pairings"]
+        pairing: Any = method.pairing or registry.get("pairings", usual)()
         law: Any = method.contact
         if source.get(("method", "contact")) is None:
             law = registry.get("contacts", WITHOUT_BARS["contacts"])()

@@ -99,10 +99,10 @@ def _names(axes: Axes, model: Model, body: Body, size: float) -> None:
             facet = int(surface.normals[:, -1].argmax())
         out, touches = surface.normals[facet], (body.name, region) in touching
         away = ARROW * size * (BEYOND if touches else BESIDE)
-        inside = out.size == 2 and np.ptp(nodes @ out) > ROOM * away
+        flat = out.size == 2
+        inside = flat and np.ptp(nodes @ out) > ROOM * away
         # Outside of the middle of a surface that touches another there is the other body.
         place = middles[facet] if inside or not touches else middles[len(middles) // 8]
-        flat = out.size == 2
         upright = flat and np.ptp(surface.positions[:, 1]) > LETTER * size * len(region) and abs(out[0]) > 0.7
         x, y = on_page(place - away * out if inside else place + away * out)
         axes.text(x, y, region, size=8.5, color=SOFT, rotation=90 if upright else 0, **style)

@@ -230,17 +230,9 @@ def _arrows(axes: Axes, scene: Scene, snapshot: int) -> list[Artist]:
     push = -(scene.arrow / scene.pressure * pressure[pressed])[:, None] * fields["point_normal"][pressed]
     push, places = on_page(push), on_page(fields["point_position"][snapshot][pressed])
     style: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "pivot": "tip", "units": "inches", "zorder": 4}
+    style["width"] = 0.016 if fields["node_position"].shape[1] == 2 else 0.008  # of a face there are more than of edges
     outlined = [Stroke(linewidth=1.6, foreground="white"), Normal()]
-    return [
-        axes.quiver(
-            *places.T,
-            *push.T,
-            color=ALARM,
-            width=0.016 if fields["node_position"].shape[1] == 2 else 0.008,
-            path_effects=outlined,
-            **style,
-        )
-    ]
+    return [axes.quiver(*places.T, *push.T, color=ALARM, path_effects=outlined, **style)]
 
 
 def names_in_bodies(axes: Axes, fields: Data, snapshot: int) -> list[Artist]:

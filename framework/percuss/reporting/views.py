@@ -43,11 +43,17 @@ class Faces(NamedTuple):
         The cell of each.
     sizes : (faces,) array
         Number of corners of each.
+    rims : (edges, 2) array
+        Nodes of each edge of them.
+    beside : (edges, 2) array
+        The two faces at each edge, one twice where there is no other.
     """
 
     corners: Integers
     cell: Integers
     sizes: Integers
+    rims: Integers
+    beside: Integers
 
     @classmethod
     def of(cls, cells: Integers, dim: int) -> Faces:
@@ -66,7 +72,14 @@ class Faces(NamedTuple):
         if dim == 3:
             _, first, times = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
             kept = np.sort(first[times == 1])
-        return cls(corners[kept], cell[kept], sizes[kept])
+        corners = corners[kept]
+        edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
+        (real,) = np.nonzero(edges[:, 0] != edges[:, 1])
+        edges, face = edges[real], real // most
+        _, first, of = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_inverse=True)
+        last = np.zeros_like(first)
+        last[of.ravel()] = face  # of the faces at an edge the last one stays
+        return cls(corners, cell[kept], sizes[kept], edges[first], np.stack([face[first], last], axis=1))
 
     def polygons(self, numbers: Integers, nodes: Floats) -> list[Floats]:
         """Return the corners of some faces on the page, each (corners, 2)."""
@@ -86,33 +99,20 @@ class Faces(NamedTuple):
 
     def edges(self, nodes: Floats) -> Integers:
         """Return the edges of the boundary in two dimensions; in three the sharp ones that are seen, (edges, 2)."""
-        edges = np.stack([self.corners, np.roll(self.corners, -1, axis=1)], axis=-1)
-        face = np.repeat(np.arange(len(edges)), edges.shape[1])
-        every = edges.reshape(-1, 2)
-        real = every[:, 0] != every[:, 1]
-        every, face = every[real], face[real]
-        _, first, of, times = np.unique(
-            np.sort(every, axis=1), axis=0, return_index=True, return_inverse=True, return_counts=True
-        )
         if nodes.shape[1] == 2:
-            alone: Integers = every[first[times == 1]]
+            alone: Integers = self.rims[self.beside[:, 0] == self.beside[:, 1]]
             return alone
-        normals = _normals(nodes[self.corners])
-        other = np.zeros(len(first), dtype=np.int64)
-        other[of.ravel()] = face  # the last face at each edge
-        one, two = normals[face[first]], normals[other]
+        one, two = np.moveaxis(_normals(nodes[self.corners])[self.beside], 1, 0)
         looks = np.maximum(one @ TO_CAMERA, two @ TO_CAMERA) > 0.0
-        sharp: Integers = every[first[looks & (np.einsum("ed,ed->e", one, two) < SHARP)]]
+        sharp: Integers = self.rims[looks & (np.einsum("ed,ed->e", one, two) < SHARP)]
         return sharp
 
 
 def _normals(corners: Floats) -> Floats:
-    """Return unit normals of faces, (faces, 3), from their diagonals."""
+    """Return unit normals of faces, (faces, 3), from two diagonals or, of triangles, two sides."""
     out = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
-    triangle = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    out = np.where((corners[:, -1] == corners[:, -2]).all(axis=1)[:, None], triangle, out)
     unit: Floats = out / np.maximum(np.linalg.norm(out, axis=1), np.finfo(float).tiny)[:, None]
-    return unit if corners.shape[1] > 3 else triangle / np.linalg.norm(triangle, axis=1)[:, None]
+    return unit
 
 
 def draw_walls(axes: Axes, walls: Mapping[str, Any], middle: Floats, size: float) -> None:

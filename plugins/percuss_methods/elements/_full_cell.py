@@ -82,19 +82,23 @@ class RingCell(FullCell, contract="elements"):
         return np.concatenate([flat[..., :-1], self.shapes / radius[..., None], volume[..., None]], axis=-1)
 
 
-def plane_stress_at(material: Any, point: int, of_point: Floats, displacement: Floats) -> tuple[float, ...]:
-    """Return minus the volume of a point of a cell times its stress, (xx, xy, yx, yy)."""
-    count = displacement.shape[0]
+def plane_gradient(of_point: Floats, displacement: Floats) -> tuple[float, float, float, float]:
+    """Return the displacement gradient in the plane at a point of a cell, (xx, xy, yx, yy)."""
     xx, xy = displacement[0, 0] * of_point[0], displacement[0, 0] * of_point[1]
     yx, yy = displacement[0, 1] * of_point[0], displacement[0, 1] * of_point[1]
-    for a in range(1, count):
+    for a in range(1, displacement.shape[0]):
         by_x, by_y = of_point[2 * a], of_point[2 * a + 1]
         xx += displacement[a, 0] * by_x
         xy += displacement[a, 0] * by_y
         yx += displacement[a, 1] * by_x
         yy += displacement[a, 1] * by_y
-    stress = stress_2d(material, point, (xx, xy, yx, yy))
-    volume = -of_point[2 * count]
+    return xx, xy, yx, yy
+
+
+def plane_stress_at(material: Any, point: int, of_point: Floats, displacement: Floats) -> tuple[float, ...]:
+    """Return minus the volume of a point of a cell times its stress, (xx, xy, yx, yy)."""
+    stress = stress_2d(material, point, plane_gradient(of_point, displacement))
+    volume = -of_point[2 * displacement.shape[0]]
     return volume * stress[0], volume * stress[1], volume * stress[2], volume * stress[3]
 
 
@@ -122,14 +126,9 @@ def plane_forces(
 
 def ring_stress_at(material: Any, point: int, of_point: Floats, displacement: Floats) -> tuple[float, ...]:
     """Return minus the volume of a point of a ring times its stress, (xx, xy, yx, yy, around)."""
-    count = displacement.shape[0]
-    xx = xy = yx = yy = hoop = 0.0
+    count, hoop = displacement.shape[0], 0.0
+    xx, xy, yx, yy = plane_gradient(of_point, displacement)
     for a in range(count):
-        by_x, by_y = of_point[2 * a], of_point[2 * a + 1]
-        xx += displacement[a, 0] * by_x
-        xy += displacement[a, 0] * by_y
-        yx += displacement[a, 1] * by_x
-        yy += displacement[a, 1] * by_y
         hoop += displacement[a, 0] * of_point[2 * count + a]
     stress = stress_3d(material, point, (xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, hoop))
     volume = -of_point[3 * count]

@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss_methods.elements._full_cell import FullCell, plane_forces
 
+if TYPE_CHECKING:
+    from percuss import Floats
+
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-POINTS = CORNERS / np.sqrt(3.0)  # of Gauss' rule
-FACTORS = 1.0 + POINTS[:, None] * CORNERS  # (points, nodes, 2): 1 + xi xi_a and 1 + eta eta_a
+
+
+def bilinear(places: Floats) -> tuple[Floats, Floats]:
+    """Return the shape functions of a quadrilateral, (points, 4), and their slopes, (points, 4, 2), at places of it."""
+    factors = 1.0 + places[:, None] * CORNERS  # 1 + xi xi_a and 1 + eta eta_a
+    return 0.25 * factors.prod(axis=-1), 0.25 * CORNERS * factors[..., ::-1]
+
+
+SHAPES, SLOPES = bilinear(CORNERS / np.sqrt(3.0))  # at the points of Gauss' rule
 
 
 @dataclass(frozen=True)
@@ -31,7 +42,5 @@ class Quad4(FullCell):
     dimension = 2
     locks = True
     references = ("Hughes: The Finite Element Method, Dover 2000, ch. 3",)
-    shapes = 0.25 * FACTORS.prod(axis=-1)
-    slopes = 0.25 * CORNERS * FACTORS[..., ::-1]
-    weights = np.ones(4)
+    shapes, slopes, weights = SHAPES, SLOPES, np.ones(4)
     force = staticmethod(plane_forces)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss import PairedPoints, Wall
+from percuss_methods.elements.quad4 import CORNERS, bilinear
+from percuss_methods.elements.tri3 import Tri3
 
 if TYPE_CHECKING:
     from percuss import Floats, Integers, Surface
@@ -14,7 +16,6 @@ if TYPE_CHECKING:
 AT_AN_END = 1e-8  # of the size of a facet: a point that lies so far beyond the end of a surface is still inside
 FIRST_TRIED = 8  # facets whose middles are nearest to a point
 NEWTON, FARTHEST = 12, 3.0  # steps of the search for a place, and how far from the middle of a facet it may go
-SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])  # corners of a quadrilateral in reference
 
 
 def paired(first: Surface, second: Surface | Wall, facets: Integers, shares: Floats, weight: Floats) -> PairedPoints:
@@ -128,7 +129,7 @@ def _inside(at: Floats, corners: Floats) -> Floats:
         apart = at - np.einsum("pa,pad->pd", shares, corners)
         matrix = np.einsum("pid,pjd->pij", tangents, tangents)
         if width == 4:
-            twist = 0.25 * np.einsum("a,pad->pd", SQUARE.prod(axis=1), corners)
+            twist = 0.25 * np.einsum("a,pad->pd", CORNERS.prod(axis=1), corners)
             matrix[:, [0, 1], [1, 0]] -= np.einsum("pd,pd->p", apart, twist)[:, None]
         right = np.einsum("pid,pd->pi", tangents, apart)
         sound = np.abs(np.linalg.det(matrix)) > 1e-12 * np.trace(matrix, axis1=1, axis2=2) ** 2
@@ -143,13 +144,10 @@ def _inside(at: Floats, corners: Floats) -> Floats:
 
 def _shapes(place: Floats, width: int) -> tuple[Floats, Floats]:
     """Return shape functions and their slopes at places of triangles or of quadrilaterals."""
-    if width == 3:
-        x, y = place.T
-        return np.stack([1.0 - x - y, x, y], axis=1), np.tile(
-            [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]], (len(place), 1, 1)
-        )
-    factors = 1.0 + place[:, None] * SQUARE
-    return 0.25 * factors.prod(axis=2), 0.25 * SQUARE * factors[..., ::-1]
+    if width == 4:
+        return bilinear(place)
+    x, y = place.T
+    return np.stack([1.0 - x - y, x, y], axis=1), np.repeat(Tri3.slopes, len(place), axis=0)
 
 
 def _at_the_end(surface: Surface, facet: Integers, shares: Floats) -> Any:

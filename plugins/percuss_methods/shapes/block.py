@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -61,10 +62,7 @@ class Block(FilledShape):
 
     def element_count(self, refine: float) -> int:
         """Return the number of cells."""
-        count = 1
-        for along in self.elements:
-            count *= self.refined(along, refine)
-        return self.count_of_cells(count)
+        return self.count_of_cells(math.prod(self.refined(count, refine) for count in self.elements))
 
     def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh from its corner at `at`."""

@@ -82,17 +82,16 @@ class Surface(NamedTuple):
     def of_nodes(self) -> Floats:
         """Return the area of each facet that belongs to each of its nodes, (F, nodes of a facet)."""
         width, every = self.facets.shape[1], np.arange(len(self.facets))
+        of_nodes: Floats = np.repeat((self.areas / width)[:, None], width, axis=1)
         if width == 4:
             points = [0.25 * (1.0 + x * SQUARE[:, 0]) * (1.0 + y * SQUARE[:, 1]) for x, y in SQUARE / np.sqrt(3.0)]
             seen = [self.spread(every, np.tile(at, (every.size, 1)))[:, None] * at for at in points]
-            share: Floats = 0.25 * np.sum(seen, axis=0)
-            return share
-        if self.around is None:
-            return np.repeat((self.areas / width)[:, None], width, axis=1)
-        here = self.around[self.facets]
-        length = np.linalg.norm(self.outward(every, here), axis=1)
-        share = length[:, None] * (2.0 * here + here[:, ::-1])
-        return share / 6.0
+            of_nodes = 0.25 * np.sum(seen, axis=0)
+        elif self.around is not None:
+            here = self.around[self.facets]
+            length = np.linalg.norm(self.outward(every, here), axis=1)
+            of_nodes = length[:, None] * (2.0 * here + here[:, ::-1]) / 6.0
+        return of_nodes
 
 
 class Wall(NamedTuple):
