@@ -19,6 +19,12 @@ NUDGE = 1e-12  # relative; what it does to a run is what round-off may do
 HANGS = 1e-4  # a nudge that moves the answer by more: the run depends on round-off and is compared with nothing
 FLOOR = 1e-13  # of the peak
 SLACK = 10.0  # round-off may do that many times what the nudges tried here did
+LAWS_OF_SURFACES = {
+    "lagrange": {},
+    "penalty": {"beta_s": 0.25},
+    "bipenalty": {"beta_s": 1.0},
+    "regularised-lagrange": {"beta_s": 1.0},
+}
 COMPARED = ("contact_force", "gap", "displacement", "velocity", "kinetic_energy", "elastic_energy", "contact_work")
 
 

@@ -9,14 +9,9 @@ from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.results.exact_only import run_exact
 from percuss.results.ledger import angular_momentum_summary, open_accounts
+from strategies import LAWS_OF_SURFACES as LAWS
 
 WU = "wu-predictor-corrector"
-LAWS = {
-    "lagrange": {},
-    "penalty": {"beta_s": 0.25},
-    "bipenalty": {"beta_s": 1.0},
-    "regularised-lagrange": {"beta_s": 1.0},
-}
 
 
 def block(at, speed, elements, poisson=0.0, cells="quad4", **more):

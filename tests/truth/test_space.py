@@ -6,14 +6,9 @@ import pytest
 import percuss
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
+from strategies import LAWS_OF_SURFACES as LAWS
 
 WU = "wu-predictor-corrector"
-LAWS = {
-    "lagrange": {},
-    "penalty": {"beta_s": 0.25},
-    "bipenalty": {"beta_s": 1.0},
-    "regularised-lagrange": {"beta_s": 1.0},
-}
 ROLLERS = [{"on": side, "along": axis} for side, axis in zip(("front", "back", "bottom", "top"), "yyzz", strict=True)]
 
 

@@ -78,7 +78,7 @@ class ImplicitStepper:
         self.internal: Floats = np.zeros(self.mass.size)
         self.reaction: Floats = np.zeros(self.held.size)
         self.multiplier: Floats = np.zeros(len(self.order))
-        self._impulse = model.bodies.with_moment(model.bodies.centre, np.zeros(model.dim))
+        self._impulse = model.bodies.no_impulse()
         self.step: Step
 
     # -- arrays that stay as they are ------------------------------------------------------------------------

@@ -45,7 +45,7 @@ class LeapFrogStepper:
             (load.column, model.bodies.with_moment(model.bodies.nodes[load.node], load.force))
             for load in model.loads.nodal_forces
         ]
-        self._impulse = model.bodies.with_moment(model.bodies.centre, np.zeros(model.dim))
+        self._impulse = model.bodies.no_impulse()
         self.step: Step
         self.parts: Sequence[Part[Any]]
 

@@ -6,6 +6,7 @@ import copy
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -257,7 +258,7 @@ class March:
             starting_velocity=self.v.copy(),
             kinetic_before=0.0,
             totals=self.totals,
-            load_impulse=self.model.bodies.with_moment(self.model.bodies.centre, np.zeros(self.dim)),
+            load_impulse=self.model.bodies.no_impulse(),
             kernels=self.kernels,
             seconds=self.seconds,
         )
@@ -459,23 +460,26 @@ class March:
             node, description = int(np.argmin(finite)) // self.dim, "a value is no longer finite"
         return Stop(step, node, kind, description)
 
+    @contextmanager
+    def _as_it_was(self, before: list[bytes]) -> Iterator[None]:
+        """Put the state of the run back to an earlier one for a while."""
+        after = self._saved_state()
+        self._restore_state(before)
+        yield
+        self._restore_state(after)
+
     def _stop_by_a_body(self, before: list[bytes], step: int) -> Stop | None:
         """Return the stop by a kernel of an element or a material that gave no finite number in this step, or None."""
         failed = ~np.isfinite(self.v).reshape(-1, self.dim).all(axis=1)
         if not failed.any():
             return None
-        after = self._saved_state()
-        self._restore_state(before)
-        stop = diagnosis.stop_by_a_body(self.model, self.u.reshape(-1, self.dim), failed, step)
-        self._restore_state(after)
-        return stop
+        with self._as_it_was(before):
+            return diagnosis.stop_by_a_body(self.model, self.u.reshape(-1, self.dim), failed, step)
 
     def _stop_without_multiplier(self, amplitudes: Any, before: list[bytes], step: int) -> Stop | None:
         """Return the stop caused by a kernel that left a contact without a multiplier in this step, or None."""
-        after = self._saved_state()
-        self._restore_state(before)
-        failure = diagnosis.missing_multiplier(self, amplitudes, step)
-        self._restore_state(after)
+        with self._as_it_was(before):
+            failure = diagnosis.missing_multiplier(self, amplitudes, step)
         if failure is None:
             return None
         (contact_point,) = (

@@ -146,7 +146,7 @@ class MultistageStepper:
     def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step
         """Return the impulse of the loads on all bodies so far, with its moment."""
         model, bodies = self.model, list(self.model.bodies.values())
-        total = model.bodies.with_moment(model.bodies.centre, np.zeros(model.dim))
+        total = model.bodies.no_impulse()
         for force in model.loads.on_nodes:
             total += self.amplitude_sums[force.column] * model.bodies.with_moment(
                 model.bodies.nodes[force.node], force.force

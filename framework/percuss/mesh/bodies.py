@@ -101,6 +101,10 @@ class Bodies(Mapping[str, Body]):
         moment = arm[..., first] * force[..., second] - arm[..., second] * force[..., first]
         return np.concatenate([force, moment], axis=-1)
 
+    def no_impulse(self) -> Floats:
+        """Return an impulse of zero, with its moment."""
+        return self.with_moment(self.centre, np.zeros(self.dim))
+
     @cached_property
     def about_axis(self) -> bool:
         """Whether all bodies are bodies of revolution."""
