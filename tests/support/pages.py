@@ -21,6 +21,7 @@ import typer
 import yaml
 
 import places
+import solid_figures
 from command_line import percuss_command
 from held_against import HELD, facts
 from percuss.case.json_schema import case_schema
@@ -323,6 +324,10 @@ TABLES = {
     **{name: keys_of(name) for name in (*REST, *KEYS)},
     "commands": commands,
     "shipped cases": shipped_cases,
+    "patch tests": lambda _: table(*solid_figures.patch_tests()),
+    "responses of surfaces": lambda _: table(*solid_figures.responses()),
+    "critical steps of cells": lambda _: table(*solid_figures.steps()),
+    "energies over switching": lambda _: table(*solid_figures.energies()),
     **{f"{family} with options": partial(components, family) for family in FAMILIES},
     **{f"{family} held against": partial(held_against, family) for family in HELD},
 }

@@ -11,9 +11,9 @@ from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.methods.interfaces import Surface
 from percuss_methods.pairings.mortar import Mortar
+from solid_figures import FOUR, IN_AN_IMPACT
 
 WU, MESHES = "wu-predictor-corrector", ((4, 4), (5, 7), (4, 6), (6, 4))
-FOUR = {"name": "gauss-points", "points_on_facet": 4}
 LAGRANGE, PENALTY, REGULARISED = (
     {"name": "lagrange"},
     {"name": "penalty", "beta_s": 0.25},
@@ -78,8 +78,11 @@ def test_every_pairing_transmits_it_between_meshes_that_match(pairing):
         ("central-difference", PENALTY, 0.7, FOUR, (5, 7), 0.0010, None),
         ("central-difference", PENALTY, 0.7, "node-to-segment", (4, 6), 0.066, None),
         ("central-difference", PENALTY, 0.7, "gauss-points", (4, 6), 0.0024, None),
-        (WU, REGULARISED, 0.7, "node-to-segment", (5, 7), 0.020, (0.91, 1.06)),
-        (WU, REGULARISED, 0.7, "gauss-points", (5, 7), 0.0031, (0.98, 1.02)),
+        *(
+            (WU, REGULARISED, 0.7, pairing, (5, 7), across, (low, high))
+            for pairing in ("node-to-segment", "gauss-points", FOUR)
+            for low, high, across in [IN_AN_IMPACT[str(pairing)]]
+        ),
         (WU, REGULARISED, 0.7, "node-to-segment", (4, 6), 0.036, (0.90, 1.10)),
         (WU, REGULARISED, 0.7, "gauss-points", (4, 6), 0.0017, (1.00, 1.01)),
         (WU, REGULARISED, 0.7, "node-to-segment", (6, 4), 0.014, (0.95, 1.03)),

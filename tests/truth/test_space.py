@@ -6,6 +6,7 @@ import pytest
 import percuss
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
+from solid_figures import STEPS
 from strategies import LAWS_OF_SURFACES as LAWS
 
 WU = "wu-predictor-corrector"
@@ -95,16 +96,12 @@ def test_the_error_of_tetrahedra_is_of_the_first_order(pairing):
     assert errors[1] / errors[0] == pytest.approx(0.5, abs=0.05)
 
 
-# Courant numbers by the speed of longitudinal waves: of the worst element by itself, and of the assembled body, from
-# a program written apart from percuss.
-CRITICAL = [
-    ("hex8", 0.0, 1.0, 1.0), ("hex8", 0.3, 0.7338, 0.961), ("hex8", 0.45, 0.6159, 0.866),
-    ("tet4", 0.0, 0.5412, 0.644), ("tet4", 0.3, 0.4885, 0.671), ("tet4", 0.45, 0.4303, 0.645),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("cells", "poisson", "element", "assembled"), CRITICAL)
-def test_critical_steps_are_those_of_an_independent_program(cells, poisson, element, assembled):
+@pytest.mark.parametrize(
+    ("cells", "poisson"), [(cells, ratio) for cells in ("hex8", "tet4") for ratio in STEPS[cells, ""]]
+)
+def test_critical_steps_are_those_of_an_independent_program(cells, poisson):
+    """Steps times the speed of longitudinal waves over the cell, of one cell alone and of 7 by 7 by 7 cubes."""
+    element, assembled = STEPS[cells, ""][poisson]
     cube = block(0.0, 0.0, [7, 7, 7], poisson, cells, (1.0, 1.0, 1.0))
     case = {
         "percuss": 1,
