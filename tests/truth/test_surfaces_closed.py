@@ -80,7 +80,7 @@ def test_the_determinant_of_a_step_is_the_product_over_theta(pairing, law):
 def test_the_largest_response_of_a_surface_is_the_published_one(cells, across):
     """The largest eigenvalue of S W over 2 / (rho h_n); sums over rows and areas seen by nodes bound it.
 
-    Absolute sums over rows are at most 14 % above it, over columns 40 %; the other bound at most 1.5 times as large, on triangles more.
+    Absolute sums over rows are at most 14 % above it, over columns 40 %; the other bound is at most 1.5 times as large.
     """
     for pairing, expected in zip(PAIRINGS, RESPONSES[cells, across], strict=True):
         model = blocks(pairing, across, cells=cells)
