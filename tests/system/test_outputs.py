@@ -180,7 +180,7 @@ def test_the_table_beside_a_page_does_not_take_the_place_of_its_study(bench, tmp
 def test_the_ending_of_a_result_says_what_it_is(bench, name):
     told = refused(bench, f"run case.yaml -o {name}")
     found = "no ending" if name == "result" else name[name.rindex(".") :]
-    assert told.startswith(f"{name}: expected a result ending in .nc, found {found}\n  Name it result.nc.")
+    assert told.startswith(f"{name}: expected a result ending in .nc or .vtkhdf, found {found}\n  Name it result.nc.")
 
 
 def test_a_link_to_another_file_is_replaced_as_before(bench, tmp_path):

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from percuss.results.result import Result
     from percuss.studies.alternatives import Alternatives
 
+RESULTS = (".nc", ".vtkhdf")
 SEARCHED = ("method.contact", "method.integrator", "refine", "time.courant")  # values that a recommendation finds
 
 
@@ -27,7 +28,9 @@ def run(
     case: common.CaseFile,
     set_: common.Sets = None,
     plugin: common.Plugins = None,
-    out: Annotated[Path | None, option("-o --out FILE", "Save the result as NetCDF-4 (.nc).")] = None,
+    out: Annotated[
+        Path | None, option("-o --out FILE", "Save the result as .nc (NetCDF-4), or its fields as .vtkhdf (ParaView).")
+    ] = None,
     plot: Annotated[Path | None, option("--plot FILE", "Draw the result as png, svg or pdf.")] = None,
     animate: Annotated[
         Path | None, option("--animate FILE", "Show stress and motion as they run: gif or mp4 by suffix.")
@@ -42,9 +45,9 @@ def run(
         from percuss.reporting.terminal import result_lines
         from percuss.reporting.verdict import run_verdict
         from percuss.results.ledger import open_accounts
+        from percuss.results.vtkhdf import expect_meshes
 
-        if out is not None:
-            expect_suffix(out, "a result", (".nc",), "Name it result.nc.")
+        for_paraview = out is not None and expect_suffix(out, "a result", RESULTS, "Name it result.nc.") == RESULTS[1]
         common.expect_drawable(plot)
         if animate is not None:
             _animation().check_animation(animate)
@@ -52,7 +55,9 @@ def run(
             both = "expected --tied or --exact-only, found both"
             raise InputError([Problem("percuss run", "", both, "An exact solution has no interface to tie.")])
         loaded = _loaded(case, set_, plugin, tied=tied, exact_only=exact_only)
-        if (plot or animate) and loaded.record.fields == 0:
+        if out is not None and for_paraview:
+            expect_meshes(out, present=not loaded.of_bars)
+        if (plot or animate or for_paraview) and loaded.record.fields == 0:
             loaded = loaded.with_overrides({"record.fields": 400 if loaded.of_bars else 100})
         if as_json:
             common.print_notes(loaded)

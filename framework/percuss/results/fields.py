@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 STRESSES = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]}
 
 
+def component_names(dim: int) -> list[str]:
+    """Return the names of the components of a stress that are kept, as ``xx``."""
+    return [f"{'xyz'[i]}{'xyz'[j]}" for i, j in STRESSES[dim]]
+
+
 def in_parts(recorded: Floats, shapes: Sequence[tuple[int, ...]]) -> list[Floats]:
     """Return the columns of an array, (records, columns), in parts that have the given shapes in each record."""
     parts = np.split(recorded, np.cumsum([math.prod(shape) for shape in shapes]), axis=1)

@@ -11,7 +11,8 @@ import json
 import mmap
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -21,7 +22,7 @@ from percuss.case.quantities import QUANTITIES, unit_name
 from percuss.errors import wrong_input
 from percuss.files import is_file, replacing, unwritten
 from percuss.jsonable import Data, Entries
-from percuss.results.fields import STRESSES
+from percuss.results.fields import component_names
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -129,7 +130,7 @@ def fields_dataset(field_arrays: Data, source: Source, units: Mapping[str, str])
             axes = _FIELD_AXES[QUANTITIES[name].of][: array.ndim]
             variables[name] = (axes, array, described[name])
             if _STRESSES in axes:
-                names = [f"{'xyz'[i]}{'xyz'[j]}" for i, j in STRESSES[field_arrays["node_position"].shape[1]]]
+                names = component_names(field_arrays["node_position"].shape[1])
                 coordinates[_STRESSES] = ((_STRESSES,), np.array(names, dtype=object), {})
     return xr.Dataset(variables, coords=coordinates)
 
@@ -152,18 +153,34 @@ def write(path: str | os.PathLike[str], histories: xr.Dataset, fields: xr.Datase
     UnwrittenError
         If the file cannot be written to its end, as on a full disk.
     """
-    with replacing(path, ".nc") as temporary:
-        _reserve(temporary, sum(_size(dataset) for dataset in (histories, fields) if dataset is not None))
-        try:
-            histories.to_netcdf(temporary, engine="netcdf4", format="NETCDF4")
-            if fields is not None:
-                fields.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", mode="a", group="fields")
-        except (OSError, RuntimeError) as error:
-            raise unwritten(Path(path), str(error)) from error
+    size = sum(_size(dataset) for dataset in (histories, fields) if dataset is not None)
+    with written_whole(path, ".nc", size) as temporary:
+        histories.to_netcdf(temporary, engine="netcdf4", format="NETCDF4")
+        if fields is not None:
+            fields.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", mode="a", group="fields")
         with temporary.open("rb") as file:
             checksum = hashlib.file_digest(file, "sha256").hexdigest()
         with temporary.open("ab") as file:
             file.write(b"\npercuss sha256 %s\n" % checksum.encode())
+
+
+@contextmanager
+def written_whole(path: str | os.PathLike[str], suffix: str, size: int) -> Iterator[Path]:
+    """Give a temporary path beside `path` for an HDF5 file of at most `size` bytes, then rename the file.
+
+    Raises
+    ------
+    InputError
+        If the folder does not exist or cannot be written.
+    UnwrittenError
+        If the file cannot be written to its end, as on a full disk.
+    """
+    with replacing(path, suffix) as temporary:
+        _reserve(temporary, size)
+        try:
+            yield temporary
+        except (OSError, RuntimeError) as error:
+            raise unwritten(Path(path), str(error)) from error
 
 
 def _size(dataset: xr.Dataset) -> int:

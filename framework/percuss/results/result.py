@@ -6,11 +6,12 @@ import json
 import os
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import Exact, Floats
-from percuss.results import netcdf
+from percuss.results import netcdf, vtkhdf
 from percuss.results.summary import Summary
 
 if TYPE_CHECKING:
@@ -139,13 +140,21 @@ class Result:
         return netcdf.fields_dataset(self.field_arrays, self._source(), self.units)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the result as NetCDF-4 to a temporary file beside `path`, then rename it.
+        """Write the result as NetCDF-4, or its fields as VTKHDF, to a temporary file beside `path`, then rename it.
+
+        Parameters
+        ----------
+        path
+            Path of the file; one that ends in ``.vtkhdf`` gets the fields of bodies in two or three dimensions alone.
 
         Raises
         ------
         InputError
-            If the folder does not exist or cannot be written.
+            If the folder does not exist or cannot be written, or there are no fields for a VTKHDF file.
         """
+        if Path(path).suffix.lower() == vtkhdf.SUFFIX:
+            vtkhdf.write(path, self.field_arrays)
+            return
         netcdf.write(path, self.histories, self.fields if self.field_arrays else None)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
