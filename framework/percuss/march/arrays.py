@@ -211,6 +211,8 @@ class Arrays:
             # About an axis the forces of a cell have a resultant, and a motion off the axis stores energy.
             if is_solid(element) and element.linear and material.linear and not model.bodies.about_axis:
                 filled = {**filled, cell_kernels.energy_of_cells: cell_kernels.energy_of_linear_cells}
+            if model.loads.body_forces and not model.multistage:
+                filled = {**filled, **bulk.OF_LOADED_BODIES}
             name = f"element {element.name} with material {material.name}"
             if model.multistage:
                 forces = bulk.set_forces_of_cells if cells else bulk.set_forces

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
+
+import numpy as np
 
 from percuss.compiling import Kernel
 from percuss.methods.interfaces import Floats
 
-# The places of a step in their order, then those of a stage of a multi-stage scheme.
-PLACES = range(20)
+# The places of a step in their order, then those of a stage of a multi-stage scheme. They are no integers of Python,
+# since numba compiles a function anew for each one of those that it is called with.
+PLACES = cast("tuple[int, ...]", tuple(np.arange(20)))
 (
     SNAPSHOT,
     BULK,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from percuss.compiler.marks import called
 from percuss.compiler.record_arrays import Records
+from percuss.compiling import Kernel
 from percuss.mesh.block import Block
 from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.materials import MaterialPoints
@@ -64,6 +65,16 @@ def force_of_cells(data: Bulk, material: MaterialPoints, b: int, u: Floats, v: F
 
 def add_internal_work(data: Bulk, force: Floats, v: Floats, dt: float) -> None:
     """Add half of the internal work on some nodes, before and after their update; nothing, if no part fills this."""
+
+
+def add_momentum(data: Bulk, body: int, first: int, stop: int, v: Floats) -> None:
+    """Add the momentum of nodes to that of a body; nothing without loads on whole bodies (see `OF_LOADED_BODIES`)."""
+
+
+def move_nodes(data: Bulk, force: Floats, first: int, u: Floats, v: Floats, dt: float) -> None:
+    """Advance consecutive nodes of bodies without loads on whole bodies (a slot, see `OF_LOADED_BODIES`)."""
+    stop = first + force.size
+    update_line(data.inverse_mass[first:stop], force, u[first:stop], v[first:stop], data.acceleration[0], dt)
 
 
 # -------------------------------------------------------------------------------------------- actions of the blocks
@@ -188,12 +199,19 @@ def energy_of_cell_body(data: Bulk, b: int, u: Floats, v: Floats, dt: float) -> 
 
 def advance_nodes(data: Bulk, force: Floats, first: int, u: Floats, v: Floats, dt: float) -> None:
     """Advance consecutive nodes by forces on them, v += dt (M^-1 f + b) and u += dt v."""
-    stop, dim = first + force.size, data.dim
+    stop = first + force.size
     add_internal_work(data, force, v[first:stop], dt)
+    move_nodes(data, force, first, u, v, dt)
+    add_internal_work(data, force, v[first:stop], dt)
+
+
+def move_loaded_nodes(data: Bulk, force: Floats, first: int, u: Floats, v: Floats, dt: float) -> None:
+    """Advance consecutive nodes of bodies with an acceleration by loads (for `move_nodes`)."""
+    stop, dim = first + force.size, data.dim
     alike = True
     for d in range(1, dim):
         alike = alike and data.acceleration[d] == data.acceleration[0]
-    if alike:  # as without loads on whole bodies
+    if alike:
         update_line(data.inverse_mass[first:stop], force, u[first:stop], v[first:stop], data.acceleration[0], dt)
     else:
         for i in range(force.size // dim):
@@ -201,7 +219,6 @@ def advance_nodes(data: Bulk, force: Floats, first: int, u: Floats, v: Floats, d
                 j = first + i * dim + d
                 v[j] += dt * (data.inverse_mass[j] * force[i * dim + d] + data.acceleration[d])
                 u[j] += dt * v[j]
-    add_internal_work(data, force, v[first:stop], dt)
 
 
 def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, acceleration: float, dt: float) -> None:
@@ -233,15 +250,17 @@ def momentum_along(mass: Floats, v: Floats, component: int, dim: int) -> float:
 momentum_along.reduction = True  # type: ignore[attr-defined]
 
 
-def add_momentum(data: Bulk, body: int, first: int, stop: int, v: Floats) -> None:
-    """Add the momentum of consecutive nodes to that of a body; do nothing where no momenta are kept."""
-    if data.momentum.size == 0:
-        return
+def add_momentum_of_nodes(data: Bulk, body: int, first: int, stop: int, v: Floats) -> None:
+    """Add the momentum of consecutive nodes to that of a body (for `add_momentum`)."""
     if data.dim == 1:  # where the compiler handles several nodes at a time
         data.momentum[body] += momentum_along(data.mass[first:stop], v[first:stop], 0, 1)
     else:
         for d in range(data.dim):
             data.momentum[body + d] += momentum_along(data.mass[first:stop], v[first:stop], d, data.dim)
+
+
+# The slots of bodies on which loads act as a whole, and what fills them.
+OF_LOADED_BODIES: dict[Kernel, Kernel] = {move_nodes: move_loaded_nodes, add_momentum: add_momentum_of_nodes}
 
 
 class Masses(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -53,6 +53,8 @@ class Record(NamedTuple):
     field_dof: Integers  # (recorded nodes * dim,)
 
 
+BEFORE_FIRST = cast("int", np.int64(-1))  # the step before the first one, no integer of Python: see `PLACES`
+
 # The histories that have a column for each contact, and for each component of the motion of each probe.
 OF_CONTACTS, OF_PROBES = Record._fields[2:5], Record._fields[5:7]
 
@@ -77,7 +79,7 @@ def find_energies(step: Step, n: int, u: Floats, v: Floats) -> None:
 def count_start(step: Step, u: Floats, v: Floats) -> None:
     """Add the strain energy before the first step to the energy at the beginning of the run."""
     total = step.totals[0]
-    find_energies(step, -1, u, v)
+    find_energies(step, BEFORE_FIRST, u, v)
     total.energy_before += total.elastic_energy
     total.began_with = max(total.began_with, total.energy_before)
 
