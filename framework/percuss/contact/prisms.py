@@ -1,7 +1,7 @@
 """Prisms that move along their axis alone: bars in all but their cells, whose contact problem is that of bars.
 
 A body is one if its boundary is two equal plane faces across the axis and sides along it, and if nothing moves across:
-the material does not contract, or rollers hold the sides.
+the material does not contract, or rollers hold the sides. Its modulus is that of a strain along the axis alone.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.mesh.cells import modulus_of, modulus_of_bar
+from percuss.methods.blame import plain_function
 from percuss.methods.interfaces import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
-from percuss.methods.plugin_calls import read_only
+from percuss.methods.plugin_calls import answer, read_only
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
 
-ROUND_OFF = 1e-9  # relative, of directions, lengths and areas
+ROUND_OFF = 1e-9  # relative, of directions, lengths, areas and stresses
+STRAIN = 1e-6  # of a material that is not linear
 
 
 class NotARowOfPrisms(Exception):
@@ -35,6 +36,7 @@ class Prism(NamedTuple):
     start: float  # place of its start along the axis
     length: float
     area: float
+    modulus: float
     ends: dict[str, bool]  # regions that are its faces across the axis, and whether each is at the start
     across: Floats  # (2, dim) least and largest coordinates of its faces, those along the axis set to 0
 
@@ -55,7 +57,7 @@ def prism_problem(model: ModelArrays) -> ContactProblem | str:
                         length=prisms[body.name].length,
                         direction=read_only(axis),
                         velocity=read_only(body.velocity),
-                        modulus=modulus_of(body.spec.material, body.view),
+                        modulus=prisms[body.name].modulus,
                     )
                     for body in model.bodies.values()
                 }
@@ -116,13 +118,13 @@ def _prism(body: Body, axis: Floats) -> Prism:
         raise NotARowOfPrisms(f"body '{body.name}' moves across the axis")
     if np.any(body.spec.spin):
         raise NotARowOfPrisms(f"body '{body.name}' turns")
-    _check_sides(body, sides, axis)
+    modulus = _modulus(body, sides, axis)
     points = np.concatenate(faces)
-    return Prism(start, length, areas[0], ends, np.array([points.min(axis=0), points.max(axis=0)]))
+    return Prism(start, length, areas[0], modulus, ends, np.array([points.min(axis=0), points.max(axis=0)]))
 
 
-def _check_sides(body: Body, sides: list[str], axis: Floats) -> None:
-    """Raise the reason why a body moves across the axis, or is held along it at its sides."""
+def _modulus(body: Body, sides: list[str], axis: Floats) -> float:
+    """Return the modulus of a body that moves along the axis alone."""
     rolls = set()
     for region, along in body.spec.supports:
         if region not in sides:
@@ -130,13 +132,34 @@ def _check_sides(body: Body, sides: list[str], axis: Floats) -> None:
         if along is None or abs(axis[along]) > ROUND_OFF:
             raise NotARowOfPrisms(f"the side '{body.name}.{region}' is held along the axis")
         rolls.add((region, along))
-    material = body.spec.material
-    if abs(modulus_of(material, body.view) / modulus_of_bar(material) - 1.0) <= ROUND_OFF:
-        return  # it does not contract
+    stress, pull = _stress_along(body, axis)
+    modulus = float(pull @ stress @ pull)
+    if np.abs(stress @ pull - modulus * pull).max() > ROUND_OFF * modulus:
+        raise NotARowOfPrisms(f"body '{body.name}' shears if it is strained along the axis")
+    across = np.eye(pull.size) - np.outer(pull, pull)
+    if np.abs(across @ stress @ across).max() <= ROUND_OFF * modulus:
+        return modulus  # it does not contract
     for region in sides:
         normals = np.abs(body.surface(region).surface.normals)
         if (region, int(normals[0].argmax())) not in rolls or normals.max(axis=1).min() < 1.0 - ROUND_OFF:
             raise NotARowOfPrisms(f"body '{body.name}' contracts, and no rollers hold its side '{region}'")
+    return modulus
+
+
+def _stress_along(body: Body, axis: Floats) -> tuple[Floats, Floats]:
+    """Return the stress of a body over a small strain along an axis alone, (d, d), and the axis, (d,).
+
+    A body of revolution has stresses in three dimensions, d = 3; the axis is that of revolution.
+    """
+    element: Any = body.spec.element
+    material: Any = body.spec.material
+    pull = np.zeros(element.dimension)
+    pull[: axis.size] = axis
+    strain = STRAIN if not material.linear else 1.0
+    kernel = plain_function(material.stress_2d if pull.size == 2 else material.stress_3d)
+    parameters = np.array(answer(material, "solid_parameters", body.view.plane_of_material), dtype=float)
+    stress = kernel(parameters, tuple((strain * np.outer(pull, pull)).ravel().tolist()))
+    return np.reshape(stress, (pull.size, pull.size)) / strain, pull
 
 
 def _contacts(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Iterator[ProblemContact]:
