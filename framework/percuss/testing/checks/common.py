@@ -41,7 +41,7 @@ WITH_FORMULA = ("integrators", "contacts", "loads", "elements", "materials", "ma
 
 @check(*METHODS, first=True)
 def check_starts(subject: Subject) -> None:
-    """Two bars collide in a run with it.
+    """Two bodies collide in a run with it.
 
     A method fails here, with its first example, if it raises an error, gives nan, or has a kernel that cannot be
     compiled. The other checks would fail for the same reason, so they are not made.
