@@ -10,7 +10,7 @@ the weights of the scheme. Kinetic energy and momentum then change by exactly ``
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 # An acceleration of the nodes from `start` to `stop`, which at amplitude 1 is `body_force_axes` from index `axis` on;
 # `momentum` is that of these nodes along the acceleration at the beginning of the step.
+BEFORE, AFTER = (cast("bool", np.bool_(after)) for after in (False, True))  # no constants of Python: see `PLACES`
 BODY_FORCE = np.dtype([("start", "i8"), ("stop", "i8"), ("axis", "i8"), ("column", "i8"), ("momentum", "f8")])
 
 
@@ -244,9 +245,9 @@ def advance(
             count_start(step, u, v)
         keep(step.boundary, u, v)
         prepare_step(system, amplitudes, s, n, u, v)
-        impose_velocities(system, u, v, False)
+        impose_velocities(system, u, v, BEFORE)
         take_step(numbers, system, u, v, state.kept, now.dt)
-        impose_velocities(system, u, v, True)
+        impose_velocities(system, u, v, AFTER)
         total.work_of_parts = 0.0
         work = work_of_impulses(system, v)
         perform(step.actions, AFTER_STEP, n, u, v, v)
