@@ -130,6 +130,7 @@ STUDY_PANELS = ("force_error_l1", "impulse_error", "noise", "penetration", "peak
 # Histories by which the conformance kit compares two runs.
 COMPARED_BY_KIT = ("contact_force", "gap", "displacement")
 
+JUDGED_BY = "estimated.solution"  # path into the summary: the finer run that judged a run, if one did
 # First keys of the dotted paths into the summary of a run, such as `energy.final`.
 SUMMARY = (
     "certificate",
@@ -137,6 +138,7 @@ SUMMARY = (
     "dt",
     "energy",
     "energy_growth",
+    "estimated",
     "exact",
     "momentum",
     "nodes",

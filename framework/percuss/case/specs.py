@@ -551,6 +551,23 @@ class UnitsSpec(Section):
 
 
 @dataclass(frozen=True)
+class ReferenceSpec(Section):
+    """A finer run of the case, which judges a run where no exact solution covers it: ``{refine: 4}``.
+
+    It has the mesh, step, law and pairing named here, else those by default, and the integrator and mass by default. So
+    one and the same finer run judges all runs that differ in methods, mesh or step alone. A contact with a law of its
+    own keeps it.
+    """
+
+    kind: ClassVar[str] = "the reference"
+
+    refine: Annotated[float, Gt(0), Lt(1e18), Unit("1"), Doc("value of `refine` of the finer run")]
+    courant: Annotated[float, Gt(0), Unit("1"), Doc("its Courant number")] = 0.5
+    contact: Annotated[ContactLaw | None, Named("contacts"), Doc("its contact law")] = None
+    pairing: Annotated[Pairing | None, Named("pairings"), Doc("its pairing")] = None
+
+
+@dataclass(frozen=True)
 class CaseSection(Section):
     """A case of percuss."""
 
@@ -597,6 +614,14 @@ class CaseSection(Section):
         Expects("a number greater than 0 and less than 1e18", "Above 1 it refines, below 1 it coarsens."),
         Doc("multiplies every body's elements, to the nearest whole number; below 1 it coarsens, down to one element"),
     ] = 1
+    reference: (
+        Annotated[
+            ReferenceSpec,
+            Expects("a mapping as {refine: 4}"),
+            Doc("finer run that judges a run, as an estimate, where no exact solution covers it"),
+        ]
+        | None
+    ) = None
     expect: Annotated[
         tuple[Annotated[Expectation, Expects("a mapping as {quantity: gap, ...}")], ...],
         Expects("a list of expectations", "Begin each with a dash."),

@@ -51,6 +51,9 @@ Vary = Annotated[
     option("--vary PATH=VALUES", "Vary a value: 1,2,5 or 0:1:11 or 0.01:100:log:30. Repeatable."),
 ]
 Workers = Annotated[int | None, option("--workers N", "Number of processes; by default one a core.")]
+Reference = Annotated[
+    str, option("--reference refine=N", "Estimate errors by a finer run where no exact solution is known.")
+]
 AsJson = Annotated[bool, option("--json", "Print one JSON object; the rest goes to standard error.")]
 
 
@@ -328,11 +331,30 @@ def print_json(data: Entries) -> None:
     print(printable(json.dumps(infinity_as_text(data), indent=2, ensure_ascii=False, allow_nan=False)))
 
 
+def reference_of(text: str) -> dict[str, str]:
+    """Return the values that ``--reference refine=4,contact=lagrange`` sets in a case, by path."""
+    changes = [(item, *item.partition("=")) for item in text.split(",") if text]
+    advice = "Write it as refine=4."
+    refuse_if_any(
+        [
+            Problem("--reference", "", f"expected KEY=VALUE, found '{shortened(item)}'", advice)
+            for item, key, equals, _ in changes
+            if not (key and equals)
+        ]
+    )
+    return {f"reference.{key}": value for _, key, _, value in changes}
+
+
 def load_case(
-    path: Path, sets: list[str] | None, files: list[Path] | None, read: Callable[..., Case] | None = None
+    path: Path,
+    sets: list[str] | None,
+    files: list[Path] | None,
+    read: Callable[..., Case] | None = None,
+    reference: str = "",
 ) -> Case:
-    """Return the case in a file, with the values of ``--set`` in place of its own."""
+    """Return the case in a file, with the values of ``--set`` and ``--reference`` in place of its own."""
     from percuss.case.case import load
+    from percuss.case.overrides import as_given_by
 
     changes = [(item, *item.partition("=")) for item in sets or []]
     advice = "Write it as time.end=0.5."
@@ -343,7 +365,12 @@ def load_case(
             if not (key and equals)
         ]
     )
-    return (read or load)(path, {key: value for _, key, _, value in changes}, plugins=files or [])
+    given = {key: value for _, key, _, value in changes}
+    named = reference_of(reference)
+    try:
+        return (read or load)(path, given | named, plugins=files or [])
+    except InputError as error:
+        raise as_given_by({key: f"--reference {key.partition('.')[2]}=" for key in named}, error) from None
 
 
 def load_to_write(
@@ -353,13 +380,14 @@ def load_to_write(
     plot: Path | None,
     out: Path | None = None,
     varied: Mapping[str, Sequence[object]] | None = None,
+    reference: str = "",
 ) -> Case:
     """Return the case in a file; refuse a figure or an output file that could not be written before the case is run.
 
     Among the varied values may be files, which are read too.
     """
     expect_drawable(plot)
-    loaded = load_case(path, sets, files)
+    loaded = load_case(path, sets, files, reference=reference)
     inputs = [*loaded.inputs, *loaded.files_among(value for values in (varied or {}).values() for value in values)]
     for target in filter(None, (out, plot)):
         expect_writable(target, inputs)

@@ -18,6 +18,7 @@ def compare(
     set_: common.Sets = None,
     plugin: common.Plugins = None,
     tied: Annotated[bool, option("--tied", "Also tie the interfaces while the exact contact is closed.")] = False,
+    reference: common.Reference = "",
     plot: Annotated[
         Path | None,
         option("--plot FILE", "Draw the forces; with several `refine`, the errors over it."),
@@ -29,11 +30,12 @@ def compare(
         from percuss.reporting.comparison_figure import comparison_figure, convergence_figure
         from percuss.reporting.terminal import comparison_lines, order_lines
         from percuss.reporting.verdict import comparison_verdict
+        from percuss.results.true_error import judge_of
         from percuss.studies import comparison
         from percuss.studies.parameters import varied
 
         axes = varied(vary or [])
-        loaded = common.load_to_write(case, set_, plugin, plot, varied=axes)
+        loaded = common.load_to_write(case, set_, plugin, plot, varied=axes, reference=reference)
         contacts = common.names_in(contact)
         own = comparison.own_laws(loaded) if contacts else []
         if own:
@@ -43,8 +45,10 @@ def compare(
         for note in comparison.notes_of_swaps(loaded, common.names_in(integrator), contacts, axes):
             common.tell(f"note: {note}")
         orders = comparison.orders(rows)
+        judges = (judge_of(row.result.summary) for row in rows if row.result is not None)
+        judge = next((f"a finer run: {judge}" for judge in judges if judge), "the exact solution")
         if orders:
-            answer.draw(plot, convergence_figure, orders, loaded.title)
+            answer.draw(plot, convergence_figure, orders, loaded.title, judge)
         else:
             answer.draw(plot, comparison_figure, [vars(row) | {"label": row.label} for row in rows])
         data = {"title": loaded.title, "rows": [row.as_dict() for row in rows], "orders": orders}

@@ -23,6 +23,7 @@ def recommend(
     out: Annotated[Path | None, option("-o --out FILE", "File of the runs; by default CASE-recommend.sqlite.")] = None,
     workers: common.Workers = None,
     plugin: common.Plugins = None,
+    reference: common.Reference = "",
     plot: Annotated[Path | None, option("--plot FILE", "Draw the error of all runs over their cost.")] = None,
     as_json: common.AsJson = False,
 ) -> None:
@@ -53,6 +54,7 @@ def recommend(
                 plugins=plugin or [],
                 progress=progress,
                 outputs=[plot] if plot is not None else [],
+                changes=common.reference_of(reference),
             )
         answer.draw(plot, recommendation_figure, found)
         answer.show(found.as_dict(), recommendation_lines(found))

@@ -38,6 +38,7 @@ def run(
     exact_only: Annotated[bool, option("--exact-only", "Compute the exact solution only, without a method.")] = False,
     nudge: Annotated[bool, option("--nudge", "Also run a nudged twin: does the answer depend on round-off?")] = False,
     tied: Annotated[bool, option("--tied", "Tie the interfaces while the exact contact is closed.")] = False,
+    reference: common.Reference = "",
     as_json: common.AsJson = False,
 ) -> None:
     """Run a case; print, save and draw its result."""
@@ -54,7 +55,7 @@ def run(
         if tied and exact_only:
             both = "expected --tied or --exact-only, found both"
             raise InputError([Problem("percuss run", "", both, "An exact solution has no interface to tie.")])
-        loaded = _loaded(case, set_, plugin, tied=tied, exact_only=exact_only)
+        loaded = _loaded(case, set_, plugin, reference, tied=tied, exact_only=exact_only)
         if out is not None and for_paraview:
             expect_meshes(out, present=not loaded.of_bars)
         if (plot or animate or for_paraview) and loaded.record.fields == 0:
@@ -75,7 +76,7 @@ def run(
             common.tell(f"error: {failure}")
         answer.exit_code = 1 if result.status != "done" or open_accounts(result.summary) else 0
         if result.marched:
-            search = "" if tied else _search(case, set_ or [], plugin or [])
+            search = "" if tied else _search(case, set_ or [], plugin or [], reference)
             answer.conclude(run_verdict(result, _alternatives(loaded, result) if search else None, search))
         if result.status == "interrupted" and result.marched:
             answer.exit_code = INTERRUPTED
@@ -96,13 +97,13 @@ def _alternatives(case: Case, result: Result) -> Alternatives | None:
     return alternatives(case, result)
 
 
-def _loaded(file: Path, sets: Any, plugins: Any, *, tied: bool, exact_only: bool) -> Case:
+def _loaded(file: Path, sets: Any, plugins: Any, reference: str, *, tied: bool, exact_only: bool) -> Case:
     """Return the case as it is to be run."""
     if exact_only:
         from percuss.results.exact_only import load_for_exact
 
         return common.load_case(file, sets, plugins, read=load_for_exact)
-    loaded = common.load_case(file, sets, plugins)
+    loaded = common.load_case(file, sets, plugins, reference=reference)
     if tied:
         from percuss.studies.perform import tied_twin
 
@@ -127,8 +128,9 @@ def _outcome(case: Case, *, exact_only: bool, nudge: bool) -> tuple[Result, RunE
             return error.result, error
 
 
-def _search(case: Path, sets: list[str], plugins: list[Path]) -> str:
+def _search(case: Path, sets: list[str], plugins: list[Path], reference: str) -> str:
     """Return the command that finds better methods for a case, in words."""
-    words = shlex.join(["percuss", "recommend", str(case), "--error", "1%", *(f"--plugin={file}" for file in plugins)])
+    options = [*(f"--plugin={file}" for file in plugins), *([f"--reference={reference}"] if reference else [])]
+    words = shlex.join(["percuss", "recommend", str(case), "--error", "1%", *options])
     lost = any(not change.startswith(SEARCHED) for change in sets)
     return f"`{words}`{' (first write the values of --set into the case)' if lost else ''}"

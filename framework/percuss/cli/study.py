@@ -27,6 +27,7 @@ def study(
     workers: common.Workers = None,
     scheduler: Annotated[str | None, option("--scheduler ADDRESS", "Use the workers of this Dask scheduler.")] = None,
     plugin: common.Plugins = None,
+    reference: common.Reference = "",
     again: Annotated[
         list[str] | None,
         option("--again STATUS", "Make the runs of a status again, for example failed. Repeatable."),
@@ -52,7 +53,7 @@ def study(
             refuse_if_any([Problem("percuss study", "", message.format(name), advice) for name in given])
             workers = workers or os.cpu_count() or 1
             with common.progress_bar("runs") as progress:
-                found = forecast(file, plugin or [], progress, workers=workers)
+                found = forecast(file, plugin or [], progress, workers=workers, changes=common.reference_of(reference))
             answer.show(found, _forecast_lines(found, workers))
             answer.conclude(rows_verdict(found["rows"], []))
             answer.exit_code = 0 if found["counts"].get("waiting") else 1
@@ -63,7 +64,15 @@ def study(
             notice = _ResumeNotice(progress)
             tables = [export] if export is not None else []
             made = make_study(
-                file, out, workers, scheduler, notice, plugins=plugin or [], again=again or [], outputs=tables
+                file,
+                out,
+                workers,
+                scheduler,
+                notice,
+                plugins=plugin or [],
+                again=again or [],
+                outputs=tables,
+                changes=common.reference_of(reference),
             )
         rows, counts = made.as_records(), made.counts
         answer.write(export, made.export, export)

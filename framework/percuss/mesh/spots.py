@@ -42,10 +42,11 @@ def shares_at(body: Body, spot: Any) -> list[tuple[int, float]]:
     """
     point = np.zeros(body.mesh.nodes.shape[1])
     point[: len(spot.at)] = spot.at
-    return [(body.start + node, share) for node, share in _shares_in(body.mesh, point)]
+    return [(body.start + node, share) for node, share in shares_in(body.mesh, point)]
 
 
-def _shares_in(mesh: Mesh, point: Floats) -> list[tuple[int, float]]:
+def shares_in(mesh: Mesh, point: Floats) -> list[tuple[int, float]]:
+    """Return nodes of a mesh as `shares_at` does, for a point with a component for each dimension."""
     if mesh.line is not None:
         place, along = mesh.nodes @ mesh.direction, float(point @ mesh.direction)
         across = point - mesh.nodes[0] - (along - place[0]) * mesh.direction

@@ -110,8 +110,8 @@ def _end_time(runs: Sequence[tuple[str, Result]]) -> float:
 
 
 def _run_with_exact(runs: Sequence[tuple[str, Result]]) -> Result:
-    """Return the first run that has exact histories, or the first run if none has."""
-    with_exact = [result for _, result in runs if result.exact_histories]
+    """Return the first run that has exact histories, or those of a finer run, or the first run if none has."""
+    with_exact = [result for _, result in runs if result.exact_histories or result.finer_histories]
     return (with_exact or [runs[0][1]])[0]
 
 
@@ -161,9 +161,9 @@ def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) ->
 # ------------------------------------------------------------------------------------- errors over refinement
 
 
-def convergence_figure(fitted: list[Entries], title: str) -> Figure:
+def convergence_figure(fitted: list[Entries], title: str, judge: str = "the exact solution") -> Figure:
     """Return a figure of errors over mesh refinement on logarithmic axes, with a panel per error and a line per fit."""
-    subject = "errors against the exact solution; the order is the slope of a line through all points"
+    subject = f"errors against {judge}; the order is the slope of a line through all points"
     with new_figure(12.8, 9.0, title, [subject]) as figure:
         refinements = sorted({refine for fit in fitted for refine in fit["refine"]})
         styles = [marked_line(line_style(k)) for k in range(len(fitted))]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from percuss.case.quantities import METRICS, percent
+from percuss.case.quantities import JUDGED_BY, METRICS, percent
 from percuss.case.yaml_text import flow
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
 from percuss.reporting.verdict import failures
@@ -79,7 +79,9 @@ def error_in_words(found: Recommendation) -> str:
             "an estimate: what a mesh twice as fine changes of peak force and impulse, as no exact solution covers "
             "the case"
         )
-    return f"true, against the exact solution: {METRICS[found.bounds.measure].metric}"
+    judges = dict.fromkeys(str(row[JUDGED_BY]) for row in found.study.as_records() if row.get(JUDGED_BY))
+    judge = f"estimates, against a finer run ({'; '.join(judges)})" if judges else "true, against the exact solution"
+    return f"{judge}: {METRICS[found.bounds.measure].metric}"
 
 
 def in_words(one: Tried) -> str:

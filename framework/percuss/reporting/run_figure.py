@@ -46,7 +46,7 @@ def figure_of(result: Result) -> Figure:
     """Return the figure of a run or of an exact solution: contact forces, energies, and stress in space and time.
 
     Where its attribute ``exact_histories`` is not None, a mapping of a contact's name to (times, forces), these exact
-    forces are drawn over those of the run.
+    forces are drawn over those of the run; else those of a finer run, ``finer_histories``.
     """
     until = axis_end(result)
     count, notes = _panel_count(result), contacts_left_out(result.coordinates["contact"])
@@ -115,12 +115,16 @@ def forces(panels: Sequence[Axes], result: Result) -> None:
 def draw_references(axes: Axes, result: Result, names: Sequence[str]) -> Entries:
     """Draw the exact histories and the expected values of contacts, and return their legend entries."""
     entries: Entries = {}
-    exact = result.exact_histories or {}
+    exact, what = result.exact_histories or {}, "exact"
+    if result.finer_histories:
+        exact, what = result.finer_histories, "finer run (estimate)"
     for name in names:
         if name in exact:
             time, force = (np.asarray(part, dtype=float) for part in exact[name])
             covered = np.isfinite(force)
-            words = "exact" if covered.all() or not covered.any() else f"exact, up to {time[covered][-1]:.4g}"
+            # The last step ends after a finer run.
+            whole = covered[:-1].all() or not covered.any()
+            words = what if whole else f"{what}, up to {time[covered][-1]:.4g}"
             time, force = time[covered], force[covered]
             (entries[words],) = axes.plot(*thinned(time, force), color=INK, linewidth=1.0, dashes=(4, 2), zorder=3)
     marks = {"mean": "|", "max": "v", "min": "^"}

@@ -23,6 +23,7 @@ from percuss.jsonable import Data, Entries
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
 from percuss.reporting.verdict import is_number
 from percuss.results.ledger import ledger_words
+from percuss.results.true_error import judge_of
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import Run
 
@@ -111,16 +112,19 @@ def _error_lines(summary: Data) -> Iterator[str]:
 
     Where the exact solution ends before the run, the errors are told with the time up to which they hold.
     """
-    covered = summary.get("exact_covered")
+    covered, estimated = summary.get("exact_covered"), summary.get("estimated")
+    if estimated:
+        yield f"the errors are estimates, by a finer run: {estimated['solution']}"
+    kind = "estimated " if estimated else "" if covered else "true "
     until = f" up to {number_text(covered['until'])}, where the exact solution ends" if covered is not None else ""
-    for comparison in (summary["exact"], covered):
+    for comparison in (summary["exact"], covered, estimated):
         for name, error in comparison["contacts"].items() if comparison is not None else ():
             measures = ", ".join(
                 f"{quantity.head} {quantity.text(error[key])}"
                 for key, quantity in METRICS.items()
                 if quantity.against_exact and key in error
             )
-            yield f"{'true ' if not until else ''}error of {name}{until}: {measures}"
+            yield f"{kind}error of {name}{until}: {measures}"
 
 
 def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
@@ -139,7 +143,9 @@ def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
         cells = [(quantity.text if quantity is not None else number_text)(of_row.get(key), digits) for of_row in values]
         columns.append(Column(head, cells, drop=1 + rank))
     yield Table(columns, title)
-    yield "force, impulse, displ.: true errors"
+    judges = dict.fromkeys(filter(None, (judge_of(row.result.summary) for row in rows if row.result is not None)))
+    kind = f"errors estimated by a finer run: {'; '.join(judges)}" if judges else "true errors"
+    yield f"force, impulse, displ.: {kind}"
 
 
 def order_lines(orders: list[Entries]) -> Iterator[Piece]:

@@ -8,11 +8,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.quantities import METRICS, of_column, percent, ranking
+from percuss.case.quantities import JUDGED_BY, METRICS, of_column, percent, ranking
 from percuss.certificate.cures import capitalised
 from percuss.jsonable import Data
 from percuss.results.ledger import open_accounts
-from percuss.results.true_error import largest_error
+from percuss.results.true_error import errors_of, judge_of, largest_error
 from percuss.studies.columns import metric
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import label_of
@@ -74,13 +74,13 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
 def error_words(result: Result) -> str:
     """Return the true error of a run in a few words, or that it is unknown."""
     summary = result.summary
-    error, covered = largest_error(summary), summary.get("exact_covered")
-    errors = summary["exact"] or covered
+    error, covered, errors = largest_error(summary), summary.get("exact_covered"), errors_of(summary)
     if error is None or errors is None:
         return "the true error is unknown"
     of_force = any(contact["force_error_l1"] is not None for contact in errors["contacts"].values())
     until = f" up to t = {covered['until']:.4g}, where the exact solution ends" if covered else ""
-    off = f"off by {percent(error, 2)}" if error > ROUND_OFF else "exact up to round-off"
+    about = "about " if summary.get("estimated") else ""
+    off = f"off by {about}{percent(error, 2)}" if error > ROUND_OFF else "exact up to round-off"
     return f"the {'contact force' if of_force else 'displacement at the end'} is {off}{until}"
 
 
@@ -88,10 +88,10 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
     """Yield how large the true error of a run is, and how it can be made smaller."""
     summary = result.summary
     error, words = largest_error(summary), capitalised(error_words(result))
-    if error is None and summary["exact"] is None and summary["exact_covered"] is None:
+    if error is None and errors_of(summary) is None:
         yield f"No exact solution is known, so percuss cannot compute the true error ({summary['exact_reason']})."
-        finer = f"refine={2 * result.provenance['case'].get('refine', 1):g}"
-        yield f"To judge the run, compare it with a finer mesh (`--set {finer}`), or try {next_command}."
+        finer = f"refine={4 * result.provenance['case'].get('refine', 1):g}"
+        yield f"To judge the run by a finer mesh, give `--reference {finer}`, or try {next_command}."
         return
     if summary["exact_covered"]:
         yield f"The exact solution ends before the run: {summary['exact_reason']}."
@@ -100,8 +100,10 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
         sparse = f"the force is compared where each step is recorded (record.every: 1, not {every})"
         yield f"{words}: {sparse if every > 1 else 'there is no force and no displacement to compare'}."
         return
+    estimated = summary.get("estimated")
+    known = f"an estimate, by a finer run: {estimated['solution']}" if estimated else "exact solution known"
     if others is None:
-        yield f"{words} (exact solution known)."
+        yield f"{words} ({known})."
         return
     best = min(others.laws.values(), default=0.0)
     law = next((name for name, of_law in others.laws.items() if CLEARLY_BETTER * of_law <= best), "")  # a simple one
@@ -110,7 +112,7 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
         advice.append(f"refine the mesh (twice as fine: {percent(others.finer, 2)})")
     if law and others.laws[law] < min(CLEARLY_BETTER * error, ACCEPTABLE):
         advice.append(f"try {law} ({percent(others.laws[law], 2)})")
-    yield f"{words} (exact solution known): {', or '.join(advice) or f'try {next_command}'}."
+    yield f"{words} ({known}): {', or '.join(advice) or f'try {next_command}'}."
     tried = [*(["a mesh twice as fine"] if others.finer is not None else [])]
     tried += [f"{others.tried} other contact law{'s' if others.tried > 1 else ''}"] if others.tried else []
     if tried:
@@ -129,6 +131,7 @@ def comparison_verdict(title: str, runs: Sequence[Run]) -> Iterator[str]:
         | {"status": run.status, "reason": run.reason, "said_by": run.said_by, "fragile": None}
         | dict.fromkeys(METRICS)
         | metrics(run)
+        | {JUDGED_BY: run.result is not None and judge_of(run.result.summary)}
         for run in runs
     ]
     return rows_verdict(rows, list(METRICS))
@@ -183,8 +186,9 @@ def best_words(case: str, rows: Sequence[Data], error: str) -> str:
     names = [run_words(row) for row in reversed(first_of_pair.values())]
     pairs = f"{', '.join(names[:-1])} and {names[-1]} have" if names[1:] else f"{names[0]} has"
     median = quantity.text(statistics.median(row[error] for row in rows))
+    estimated = "estimated " if any(row.get(JUDGED_BY) for row in rows) else ""
     among = f"; the median of {len(rows):,} runs is {median}" if len(rows) > 1 else ""
-    return f"{case}: {pairs} the smallest {quantity.label} ({quantity.text(best[0][error])}){among}."
+    return f"{case}: {pairs} the smallest {estimated}{quantity.label} ({quantity.text(best[0][error])}){among}."
 
 
 def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from percuss.results.fields import fields_of, in_parts
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
 from percuss.results.result import Result
 from percuss.results.summary import Accounts, EnergySummary, ExactEntries, ExactErrors, StopSummary, Summary
+
+if TYPE_CHECKING:
+    from percuss.results.reference import FinerRun
 
 # Notes that begin with these words are also shown in the row of the run in a table.
 AGAINST_CERTIFICATE, NOT_VALID = "the certificate says unstable", "not a valid result"
@@ -152,51 +156,72 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
 
 
 def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact | None, ExactEntries]:
-    """Return the exact solution of a case and the true errors of its run; add the exact histories to `arrays`.
+    """Return the exact solution of a case and the errors of its run; add the histories that judge it to `arrays`.
+
+    Where no exact solution covers the case, a finer run may stand for it, if the case asks for one.
 
     Returns
     -------
     solution
         Exact solution; None if no registered solution covers the case or the run made no step.
     entries
-        Entries of the summary: ``exact``, ``exact_reason`` and ``exact_covered``.
+        Entries of the summary: ``exact``, ``exact_reason``, ``exact_covered`` and ``estimated``.
     """
-    model, record = march.model, outcome.record
+    model, end = march.model, (outcome.done + 1) * march.model.dt
     if outcome.done == 0:
         return None, true_error.summary_entries(None, "the run did not get beyond its first step")
+    estimated = None
     try:
-        solution, solution_name, reason = exact_solution(model, (outcome.done + 1) * model.dt)
+        solution, name, reason = exact_solution(model, end)
+        if solution is None and model.case.reference is not None:
+            from percuss.results.reference import finer_run
+
+            finer = finer_run(model)
+            if isinstance(finer, str):
+                reason = f"{reason}; {finer}"
+            else:
+                estimated = _errors(finer, finer.name, "finer", march, outcome, arrays)
     except KeyboardInterrupt:
         outcome.status = "interrupted"
         return None, true_error.summary_entries(None, "Ctrl-C ended it")
-    if solution is None:
-        return None, true_error.summary_entries(None, reason)
-    contact_names = list(model.case.contacts)
+    errors = _errors(solution, name, "exact", march, outcome, arrays) if solution is not None else None
+    return solution, true_error.summary_entries(errors, reason, estimated)
+
+
+def _errors(
+    judge: Exact | FinerRun, name: str, kind: str, march: March, outcome: Outcome, arrays: Entries
+) -> ExactErrors:
+    """Return the errors of a run against its judge; add the histories of the judge to `arrays`."""
+    model, contact_names = march.model, list(march.model.case.contacts)
     # The impulse lambda dt acts over the step around t_n, in a multi-stage scheme over that from t_n to t_n+1.
     middle = arrays["time"] + march.stepper.force_at * model.dt
-    arrays |= sampled(solution, contact_names, arrays["time"], middle, model.dt)
+    force, gap = sampled(judge, contact_names, arrays["time"], middle, model.dt)
+    arrays |= {f"contact_force_{kind}": force, f"gap_{kind}": gap}
     contacts = {
         name: true_error.contact_errors(
-            solution.contacts[name],
+            judge.contacts[name],
             middle,
             arrays["contact_force"][:, k],
-            arrays["contact_force_exact"][:, k],
+            force[:, k],
             model.dt,
-            solution.reached,
-            every=record.every,
-            impulse=partial(impulse_at, solution, name),
+            judge.reached,
+            every=outcome.record.every,
+            impulse=partial(impulse_at, judge, name),
         )
         for k, name in enumerate(contact_names)
     }
-    displacement = outcome.final_displacement.reshape(-1, march.dim)
-    errors: ExactErrors = {
-        "solution": solution_name,
-        "reached": solution.reached,
-        "fronts": solution.fronts,
+    moved, time = outcome.final_displacement.reshape(-1, march.dim), outcome.done * model.dt
+    if isinstance(judge, Exact):
+        displacement_error = true_error.displacement_error(model, judge, moved, time)
+    else:
+        displacement_error = judge.displacement_error(model, moved, time)
+    return {
+        "solution": name,
+        "reached": judge.reached,
+        "fronts": judge.fronts,
         "contacts": contacts,
-        "displacement_error": true_error.displacement_error(model, solution, displacement, outcome.done * model.dt),
+        "displacement_error": displacement_error,
     }
-    return solution, true_error.summary_entries(errors, reason)
 
 
 def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:

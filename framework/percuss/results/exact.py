@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import threading
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from percuss.heartbeat import progress
 from percuss.march.model import Model
 from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
 from percuss.methods.plugin_calls import answer
+
+if TYPE_CHECKING:
+    from percuss.results.reference import FinerRun
 
 ROUND_OFF = 1e-12  # relative tolerance of times; a force below this fraction of the peak counts as zero
 # The last exact solutions are kept for other runs of the same problem: those of a study often differ in methods alone.
@@ -82,13 +85,15 @@ def engine_for(model: Model, end: float) -> tuple[Solution | None, ContactProble
     return None, None, "; ".join(reasons) or "no solution engine is registered"
 
 
-def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:
+def sampled(
+    solution: Exact | FinerRun, names: list[str], time: Floats, middle: Floats, dt: float
+) -> tuple[Floats, ...]:
     """Return the exact histories on the time axis of a run, nan after the time that the exact solution reached.
 
     Parameters
     ----------
     solution, names
-        The exact solution, and the names of the contacts.
+        The exact solution, or a finer run in its place, and the names of the contacts.
     time
         Times of the records.
     middle
@@ -98,16 +103,14 @@ def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt:
 
     Returns
     -------
-    dict
-        ``contact_force_exact``, averaged over each step as the impulse lambda dt is, and ``gap_exact``; (T, contacts)
-        each.
+    tuple of arrays
+        Force, averaged over each step as the impulse lambda dt is, and gap; (T, contacts) each.
     """
     places = tuple(names), time.tobytes(), middle.tobytes(), dt
-    force, gap = values_at(solution, "histories", places, lambda: _histories(solution, names, time, middle, dt))
-    return {"contact_force_exact": force, "gap_exact": gap}
+    return values_at(solution, "histories", places, lambda: _histories(solution, names, time, middle, dt))
 
 
-def impulse_at(solution: Exact, name: str, time: Floats) -> Floats:
+def impulse_at(solution: Exact | FinerRun, name: str, time: Floats) -> Floats:
     """Return the exact impulse of the contact `name` from 0 to each of several times."""
     (impulse,) = values_at(
         solution, ("impulse", name), time.tobytes(), lambda: (solution.contacts[name].impulse(time),)
@@ -126,7 +129,9 @@ def displacement_at(solution: Exact, name: str, along: Floats, time: float) -> F
     return displacement
 
 
-def _histories(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> tuple[Floats, Floats]:
+def _histories(
+    solution: Exact | FinerRun, names: list[str], time: Floats, middle: Floats, dt: float
+) -> tuple[Floats, Floats]:
     """Return force, averaged over each step, and gap of the contacts, (T, contacts) each."""
     covered = middle + 0.5 * dt <= solution.reached * (1.0 + 1e-12)
     force = np.full((time.size, len(names)), np.nan)
@@ -174,7 +179,7 @@ def _is_small(found: Exact | str) -> bool:
 
 
 def values_at(
-    solution: Exact, kind: object, places: object, evaluate: Callable[[], tuple[Floats, ...]]
+    solution: Exact | FinerRun, kind: object, places: object, evaluate: Callable[[], tuple[Floats, ...]]
 ) -> tuple[Floats, ...]:
     """Return values of a solution, which `evaluate` finds unless they are kept.
 

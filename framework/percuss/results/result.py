@@ -104,9 +104,17 @@ class Result:
     @property
     def exact_histories(self) -> dict[str, tuple[Floats, Floats]] | None:
         """Times and exact forces of each contact, as figures plot them over those of the run, or None."""
-        if "contact_force_exact" not in self.arrays:
+        return self._histories_of("contact_force_exact")
+
+    @property
+    def finer_histories(self) -> dict[str, tuple[Floats, Floats]] | None:
+        """Times and forces of each contact in the finer run by which the errors are estimated, or None."""
+        return self._histories_of("contact_force_finer")
+
+    def _histories_of(self, quantity: str) -> dict[str, tuple[Floats, Floats]] | None:
+        if quantity not in self.arrays:
             return None
-        forces = self.arrays["contact_force_exact"]
+        forces = self.arrays[quantity]
         return {name: (self.arrays["time"], forces[:, k]) for k, name in enumerate(self.coordinates["contact"])}
 
     def _source(self) -> netcdf.Source:

@@ -173,11 +173,14 @@ class ExactEntries(TypedDict):
         Reason why they are not known.
     exact_covered
         True errors of the part that the exact solution covers, if it ends before the run.
+    estimated
+        Errors against a finer run, which stand for the true errors where the case asks for them.
     """
 
     exact: ExactErrors | None
     exact_reason: str | None
     exact_covered: CoveredErrors | None
+    estimated: ExactErrors | None
 
 
 class Accounts(TypedDict):

@@ -15,7 +15,7 @@ from percuss.results.summary import ContactErrors, CoveredErrors, ExactEntries, 
 NEGLIGIBLE = 1e-18
 
 
-def summary_entries(errors: ExactErrors | None, reason: str) -> ExactEntries:
+def summary_entries(errors: ExactErrors | None, reason: str, estimated: ExactErrors | None = None) -> ExactEntries:
     """Return the entries of a summary about the exact solution and the true errors.
 
     Parameters
@@ -24,28 +24,42 @@ def summary_entries(errors: ExactErrors | None, reason: str) -> ExactEntries:
         True errors of a run; None if there is no exact solution.
     reason
         Why there is none, or why it ends before the run does; empty if it covers the whole run.
+    estimated
+        Errors against a finer run, if there is one.
     """
     # Runs must not be compared by errors of a part of their time: comparisons of runs read `exact`.
     if errors is None or not reason:
-        return {"exact": errors, "exact_reason": reason or None, "exact_covered": None}
+        return {"exact": errors, "exact_reason": reason or None, "exact_covered": None, "estimated": estimated}
     # An exact solution alone has no errors of contacts.
     covered: Any = {name: errors.get(name) for name in CoveredErrors.__annotations__ if name in errors}
     covered["until"] = errors["reached"]
-    return {"exact": None, "exact_reason": reason, "exact_covered": covered}
+    return {"exact": None, "exact_reason": reason, "exact_covered": covered, "estimated": None}
 
 
 def largest_error(summary: ExactEntries) -> float | None:
     """Return the force error, L1, of the worst contact, else the displacement error; None if neither is known.
 
-    Where the exact solution ends before the run, it is the error of the part that the solution covers.
+    Where the exact solution ends before the run, it is the error of the part that the solution covers; where a finer
+    run stands for it, it is an estimate.
     """
-    errors = summary["exact"] or summary.get("exact_covered")
+    errors = errors_of(summary)
     if errors is None:
         return None
     of_contacts = (contact["force_error_l1"] for contact in errors["contacts"].values())
     known = [error for error in of_contacts if error is not None]
     displacement: Any = errors.get("displacement_error")
     return max(known) if known else displacement
+
+
+def errors_of(summary: ExactEntries) -> ExactErrors | CoveredErrors | None:
+    """Return the errors of a run against the exact solution, as far as it goes, or against a finer run."""
+    return summary["exact"] or summary.get("exact_covered") or summary.get("estimated")
+
+
+def judge_of(summary: ExactEntries) -> str:
+    """Return the finer run by which the errors of a run are estimated, in words; nothing where they are true errors."""
+    estimated = summary.get("estimated")
+    return estimated["solution"] if estimated else ""
 
 
 def contact_errors(
@@ -150,6 +164,11 @@ def displacement_error(model: Model, solution: Exact, displacement: Floats, time
         sideways = displacement[body.start : body.stop] - np.outer(computed, axis)
         error += float(weight @ (computed - true) ** 2) + float(weight @ (sideways**2).sum(axis=1))
         size += float(weight @ true**2)
-    if size < NEGLIGIBLE * error:  # bars back at their start: an error relative to round-off means nothing
+    return relative_l2(error, size)
+
+
+def relative_l2(error: float, size: float) -> float | None:
+    """Return the relative error of a field in L2 from the squares of its error and of its size; None if it has none."""
+    if size < NEGLIGIBLE * error:  # bodies back at their start: an error relative to round-off means nothing
         return None
     return _ratio(float(np.sqrt(error)), float(np.sqrt(size)))

@@ -82,8 +82,10 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
     deadline = time.monotonic() + max(LEAST_SECONDS, seconds["total"] - seconds["compile"])
     longest = 4.0 * seconds["march"]  # twice as many elements and steps
     one_law = case.with_one_law()
+    # A mesh twice as fine may be that of the finer run by which the errors are estimated.
+    meshes = {} if result.summary["estimated"] else {"": finer}
     with _compiling_until(deadline - COMPILE_SECONDS):
-        for name, changes in {"": finer, **tried}.items():
+        for name, changes in {**meshes, **tried}.items():
             begun = time.monotonic()
             task = Task("", case.method.integrator.name, name, {}, changes)
             try:

@@ -165,7 +165,10 @@ def metric(result: Result, name: str) -> Any:
     summary, quantity = result.summary, METRICS[name]
     if not quantity.path:
         return _computed(summary, name)
-    values = [value for value in values_at(summary, quantity.path) if value is not None]
+    path = quantity.path
+    if quantity.against_exact and summary.get("estimated"):
+        path = path.replace("exact", "estimated", 1)
+    values = [value for value in values_at(summary, path) if value is not None]
     if quantity.over_contacts == "sum":
         return sum(values)
     # The force and the overlap of a run without contacts are zero; an error that no contact has is not known.

@@ -22,6 +22,7 @@ def forecast(
     progress: Callable[[int, int], None] | None = None,
     *,
     workers: int = 1,
+    changes: Data | None = None,
 ) -> Entries:
     """Return what is known of a study before its first run; one run, the cheapest, is made to time it.
 
@@ -35,6 +36,8 @@ def forecast(
         Called with (runs examined, runs in all).
     workers
         Number of processes that share the runs.
+    changes
+        As of `percuss.study`.
 
     Returns
     -------
@@ -51,7 +54,7 @@ def forecast(
     InputError
         If the study, a case or a varied path is wrong.
     """
-    spec = read_study(path, [Path(plugin) for plugin in plugins])
+    spec = read_study(path, [Path(plugin) for plugin in plugins], changes)
     jobs = planned(spec)[0]
     tasks = [job.task for job in jobs[:: math.ceil(len(jobs) / MOST_EXAMINED)]]
     varied = dict.fromkeys(name for task in tasks for name in task.varied)

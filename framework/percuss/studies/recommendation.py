@@ -222,6 +222,7 @@ def recommend(
     plugins: Sequence[str | Path] = (),
     progress: Progress | None = None,
     outputs: Sequence[str | os.PathLike[str]] = (),
+    changes: Data | None = None,
 ) -> Recommendation:
     """Return the cheapest registered methods with options, mesh and step that meet bounds on a case.
 
@@ -247,6 +248,8 @@ def recommend(
         Called with (runs made, largest number of runs).
     outputs
         Files that the caller writes afterwards, checked before any run is made.
+    changes
+        Values of the case by dotted path, as ``{"reference.refine": 4}``.
 
     Raises
     ------
@@ -254,7 +257,7 @@ def recommend(
         If the case or a bound is wrong, `out` holds something else, or an output cannot be written or is a file that
         the search reads.
     """
-    case = load(Path(path), plugins=plugins)
+    case = load(Path(path), changes, plugins=plugins)
     bounds = Bounds(error, energy, seconds, measure)
     _check(bounds, runs, seed)
     expect_names("percuss.recommend", "integrators", integrators)
@@ -264,7 +267,7 @@ def recommend(
     expect_no_input(file, case.inputs)
     for output in outputs:
         expect_writable(output, [*case.inputs, ("file of runs", file)])
-    bench = _Bench(case, Path(path), bounds, runs, file, workers, plugins, progress)
+    bench = _Bench(case, Path(path), bounds, runs, file, workers, plugins, progress, changes or {})
     return _answer(bench, methods, np.random.default_rng(seed))
 
 
@@ -363,6 +366,7 @@ class _Bench:
     workers: int | None
     plugins: Sequence[str | Path]
     progress: Progress | None
+    changes: Data
     rows: dict[str, Entries] = field(default_factory=dict)
     candidates: dict[str, Candidate] = field(default_factory=dict)
     refused: dict[tuple[str, str], str] = field(default_factory=dict)
@@ -373,7 +377,7 @@ class _Bench:
 
     def __post_init__(self) -> None:
         self.reason: PercussError = InputError([])
-        self.fixed = _fixed(self.case)
+        self.fixed = {**_fixed(self.case), **self.changes}
         self.usual: Entries = {}  # methods that fit, to count nodes and steps with
         self.node_steps = functools.cache(self._node_steps)
         self.stages = functools.cache(self._stages)

@@ -10,7 +10,7 @@ from pathlib import Path
 from percuss.case.case import Case, load
 from percuss.case.cross_checks import after_the_end, misfits
 from percuss.case.hints import name_advice
-from percuss.case.quantities import METRICS
+from percuss.case.quantities import JUDGED_BY, METRICS
 from percuss.case.source import Source
 from percuss.case.specs import MeasureSection
 from percuss.case.type_words import found
@@ -82,7 +82,7 @@ class StudySpec:
         return [*own, *of_cases]
 
 
-def read_study(given: str | Path | Data, plugins: list[Path] | None = None) -> StudySpec:
+def read_study(given: str | Path | Data, plugins: list[Path] | None = None, changes: Data | None = None) -> StudySpec:
     """Return a checked study.
 
     Parameters
@@ -91,6 +91,8 @@ def read_study(given: str | Path | Data, plugins: list[Path] | None = None) -> S
         Path of a YAML file, or its contents as a mapping; paths in a mapping are relative to the current folder.
     plugins
         Single-file plug-ins beside those that the cases name.
+    changes
+        Values that are set in every case, besides those of the study, by dotted path.
 
     Raises
     ------
@@ -100,6 +102,8 @@ def read_study(given: str | Path | Data, plugins: list[Path] | None = None) -> S
     source = Source.of(given) if isinstance(given, Mapping) else Source.read(given)
     if isinstance(given, Mapping):
         source = Source("study", "", source.data, source.marks)
+    if changes and isinstance(source.data, Mapping) and isinstance(source.get(("set",), {}), Mapping):
+        source = source.replaced(("set",), {**source.get(("set",), {}), **changes})
     name = "study" if isinstance(given, Mapping) else Path(given).stem
     return _StudyReader(source, plugins or []).study(name)
 
@@ -311,10 +315,10 @@ class _StudyReader:
                 self.reader.wrong(("measure", i), f"the name '{name}' is taken by another measure", "Rename it.")
             else:
                 out[name] = column_of_measure
-        if not out:
-            return tuple(column_by_name(name) for name in METRICS)
-        # Every row has the cost that does not depend on the machine.
-        return tuple({**out, COST: column_by_name(COST)}.values())
+        # Every row has the cost that does not depend on the machine, and the finer run by which it may be judged.
+        always = [COST, *([JUDGED_BY] if any(case.reference is not None for case in cases.values()) else [])]
+        names = [*([] if out else METRICS), *always]
+        return tuple({**out, **{name: column_by_name(name) for name in names}}.values())
 
     def refuse_after_all_ends(self, at: KeyPath, cases: dict[str, Case], varied: Sequence[str]) -> None:
         """Report a measure of a time that no run reaches, where the cases alone say when all runs end."""

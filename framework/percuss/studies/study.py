@@ -43,6 +43,7 @@ def study(
     plugins: Sequence[str | Path] = (),
     again: Sequence[str] = (),
     outputs: Sequence[str | os.PathLike[str]] = (),
+    changes: Data | None = None,
 ) -> Study:
     """Make the runs of a study that are not made yet.
 
@@ -66,6 +67,8 @@ def study(
         Statuses, as ``failed``, whose runs are made again although their inputs have not changed.
     outputs
         Files that the caller writes afterwards, checked before any run is made.
+    changes
+        Values that every case gets besides those of its ``set``, by dotted path, as ``{"reference.refine": 4}``.
 
     Returns
     -------
@@ -91,7 +94,7 @@ def study(
     if unknown:
         message = f"expected one of {', '.join(AGAIN)}, found '{unknown[0]}'"
         raise wrong_input("--again", message, "Lost runs are always made again.")
-    spec = read_study(path, [Path(plugin) for plugin in plugins])
+    spec = read_study(path, [Path(plugin) for plugin in plugins], changes)
     if out is not None:
         expect_no_input(out, spec.inputs)
     for output in outputs:
@@ -108,7 +111,15 @@ def study(
                 if missing:
                     steps = rehearsals(spec.cases, [job.task for job in missing])
                     check_measures(spec, summaries_of(local, bench, steps))
-                _begin(store, spec, jobs, bench, [Path(file) for file in plugins], _command(path, plugins), identity)
+                _begin(
+                    store,
+                    spec,
+                    jobs,
+                    bench,
+                    [Path(file) for file in plugins],
+                    _command(path, plugins, changes),
+                    identity,
+                )
                 done = Study(store.path)
                 done.found = sum(job.key in finished for job in jobs)
                 count = row_counter(progress, jobs, finished)
@@ -155,13 +166,15 @@ def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
     return jobs, packed(spec.cases, spec.rows, keys)
 
 
-def _command(given: str | Path | Data, plugins: Sequence[str | Path]) -> str | None:
+def _command(given: str | Path | Data, plugins: Sequence[str | Path], changes: Data | None) -> str | None:
     """Return the command that makes a study again, or None if the study has no file."""
     if isinstance(given, Mapping):
         return None
-    return shlex.join(
-        ["percuss", "study", str(given), *(word for plugin in plugins for word in ("--plugin", str(plugin)))]
-    )
+    options = [word for plugin in plugins for word in ("--plugin", str(plugin))]
+    if changes:
+        values = (f"{path.removeprefix('reference.')}={value}" for path, value in changes.items())
+        options += ["--reference", ",".join(values)]
+    return shlex.join(["percuss", "study", str(given), *options])
 
 
 def _begin(

@@ -1,0 +1,214 @@
+"""A finer run of a case, which judges a run where no exact solution covers it: its errors are estimates."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from percuss.case.case import Case, load
+from percuss.case.yaml_text import flow
+from percuss.certificate import verdict
+from percuss.errors import PercussError
+from percuss.interrupt import interruptible
+from percuss.jsonable import as_lists
+from percuss.march.march import March
+from percuss.march.model import Model
+from percuss.march.recording import recordable
+from percuss.mesh.body import Body
+from percuss.mesh.spots import shares_in
+from percuss.methods.interfaces import ExactContact, Floats
+from percuss.results.exact import ROUND_OFF
+from percuss.results.true_error import relative_l2
+
+# Keys that say how a case is computed, not what it is; the finer run says its own.
+COMPUTED_BY = ("time", "method", "refine", "reference", "record", "expect")
+MOST_KEPT = 4  # finer runs that are kept for other runs of the same case: those of a study differ in methods alone
+
+
+class FinerContact(ExactContact):
+    """The history of one contact in a finer run, whose force is constant over each of its steps.
+
+    Parameters
+    ----------
+    edges : (n + 1,) array
+        Times between the steps over which the forces act.
+    force : (n,) array
+        The forces.
+    time, gap : (n,) arrays
+        Times of the records, and the gaps.
+    """
+
+    def __init__(self, edges: Floats, force: Floats, time: Floats, gap: Floats) -> None:
+        self.edges, self.forces, self.times, self.gaps = edges, force, time, gap
+        self.impulses = np.concatenate([[0.0], np.cumsum(force * np.diff(edges))])
+
+    def force(self, time: Floats) -> Floats:
+        """Return the force of the step around each time."""
+        k = np.clip(np.searchsorted(self.edges, time) - 1, 0, len(self.forces) - 1)
+        at: Floats = self.forces[k]
+        return at
+
+    def impulse(self, time: Floats) -> Floats:
+        """Return the impulse from 0 to each time."""
+        return np.interp(time, self.edges, self.impulses)
+
+    def gap(self, time: Floats) -> Floats:
+        """Return the gap at each time."""
+        return np.interp(time, self.times, self.gaps)
+
+    @cached_property
+    def closed(self) -> tuple[tuple[float, float], ...]:
+        """The intervals in which the contact presses."""
+        presses = self.forces > ROUND_OFF * self.forces.max(initial=0.0)
+        starts, ends = (np.flatnonzero(np.diff(presses, **{side: False}) & presses) for side in ("prepend", "append"))
+        return tuple(zip(self.edges[starts].tolist(), self.edges[ends + 1].tolist(), strict=True))
+
+    def largest_force(self, start: float, stop: float) -> float:
+        """Return the largest force between two times."""
+        within = (self.edges[1:] > start) & (self.edges[:-1] < stop)
+        return float(self.forces[within].max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class FinerRun:
+    """A finer run, which stands where the exact solution would.
+
+    Attributes
+    ----------
+    name
+        The finer run in words.
+    bodies
+        Its bodies by name.
+    contacts
+        The history of each contact.
+    displacement, velocity : (nodes, dim) arrays
+        Motion at the time `end`.
+    reached
+        Time up to which the forces are known.
+    """
+
+    name: str
+    bodies: Mapping[str, Body]
+    contacts: Mapping[str, ExactContact]
+    displacement: Floats
+    velocity: Floats
+    end: float
+    reached: float
+    fronts: int = 0
+
+    def displacement_error(self, model: Model, displacement: Floats, time: float) -> float | None:
+        """Return the relative difference of displacements at `time` from this run's, in L2 over all bodies, or None.
+
+        Between the end of this run and `time`, which lie less than a step apart, its nodes move with their velocity.
+        """
+        if abs(time - self.end) > model.dt * (1.0 + ROUND_OFF):
+            return None
+        fine = self.displacement + (time - self.end) * self.velocity
+        there = np.concatenate(
+            [
+                _at_nodes(body.mesh.nodes, finer, fine[finer.start : finer.stop])
+                for body, finer in ((body, self.bodies[name]) for name, body in model.bodies.items())
+            ]
+        )
+        mass = model.bodies.mass
+        error, size = (float(mass @ (field**2).sum(axis=1)) for field in (displacement - there, there))
+        return relative_l2(error, size)
+
+
+def _at_nodes(nodes: Floats, finer: Body, displacement: Floats) -> Floats:
+    """Return the displacements of a finer body at the nodes of the coarse one: at a node of its own, or in a cell."""
+    from scipy.spatial import cKDTree
+
+    apart, nearest = cKDTree(finer.mesh.nodes).query(nodes)
+    found: Floats = displacement[nearest].copy()
+    for k in np.flatnonzero(apart > ROUND_OFF * np.ptp(finer.mesh.nodes, axis=0).max()):
+        # A node that the finer boundary cuts off moves as the nearest node.
+        if shares := shares_in(finer.mesh, nodes[k]):
+            found[k] = sum(share * displacement[node] for node, share in shares)
+    return found
+
+
+def case_of(case: Case, end: float) -> Case:
+    """Return the case of the finer run, which lasts until `end`."""
+    chosen: Any = case.reference
+    given = case.data["reference"]
+    source = replace(case.origin, data={key: value for key, value in case.data.items() if key not in COMPUTED_BY})
+    contacts = case.data.get("contacts", {})
+    own = {name: {key: value for key, value in one.items() if key != "pairing"} for name, one in contacts.items()}
+    sections = {
+        "contacts": own,
+        "time": {"end": end, "courant": chosen.courant},
+        "method": {key: given[key] for key in ("contact", "pairing") if given.get(key) is not None},
+        "refine": chosen.refine,
+        "record": {"probes": ()},
+    }
+    for key, value in sections.items():
+        source = source.replaced((key,), value)
+    return load(source, registry=case.registry, plugins=case.files)
+
+
+_kept: dict[object, FinerRun] = {}
+_lock = threading.Lock()
+
+
+def finer_run(model: Model) -> FinerRun | str:
+    """Return the finer run that judges a run of a model, or why there is none."""
+    case = model.case
+    if case.reference is not None and case.refine >= case.reference.refine:
+        return f"the finer run (refine {case.reference.refine:g}) is not finer than this run (refine {case.refine:g})"
+    try:
+        finer = case_of(case, case.time.known_end or model.steps * model.dt)
+        key = flow(as_lists(finer.data)), tuple(finer.data_files.items()), id(finer.registry)
+        with _lock:
+            found = _kept.get(key)
+        if found is None:
+            found = _march(finer)
+            with _lock:
+                _kept[key] = found
+                while len(_kept) > MOST_KEPT:
+                    del _kept[next(iter(_kept))]
+    except PercussError as error:
+        return f"the finer run that would judge it was not made: {error}"
+    return found
+
+
+def _march(case: Case) -> FinerRun:
+    """Return the finer run of its case.
+
+    Raises
+    ------
+    PercussError
+        If it cannot be run, or did not come to its end.
+    """
+    model, criterion = verdict.settled(case)
+    certificate = verdict.certificate(model, criterion, with_critical_step=False)
+    if certificate["stable"] == "no":
+        raise PercussError(f"it is unstable: {certificate['why']}")
+    march = March(recordable(model))
+    march.compile()
+    with interruptible() as interrupted:
+        outcome = march.run(marginal=certificate["stable"] == "marginal", interrupted=interrupted)
+    if outcome.status == "interrupted":
+        raise KeyboardInterrupt
+    if outcome.stop is not None:
+        raise PercussError(f"it stopped at step {outcome.stop.step}: {outcome.stop.what}")
+    time, record = outcome.time[: outcome.records], outcome.record
+    middle = time + march.stepper.force_at * model.dt
+    edges = np.append(middle - 0.5 * model.dt, middle[-1] + 0.5 * model.dt)
+    contacts = {
+        name: FinerContact(edges, record.contact_force[: len(time), k], time, record.gap[: len(time), k])
+        for k, name in enumerate(case.contacts)
+    }
+    moved, velocity = (
+        field.reshape(-1, march.dim).copy() for field in (outcome.final_displacement, outcome.final_velocity)
+    )
+    methods = [case.method.integrator.name, *dict.fromkeys(contact.law.name for contact in case.contacts.values())]
+    name = f"refine {case.refine:g} with {' and '.join(methods)}"
+    return FinerRun(
+        name, dict(model.bodies.items()), contacts, moved, velocity, outcome.done * model.dt, float(edges[-1])
+    )
