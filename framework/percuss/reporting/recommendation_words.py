@@ -80,7 +80,7 @@ def error_in_words(found: Recommendation) -> str:
             "the case"
         )
     judges = dict.fromkeys(str(row[JUDGED_BY]) for row in found.study.as_records() if row.get(JUDGED_BY))
-    judge = f"estimates, against a finer run ({'; '.join(judges)})" if judges else "true, against the exact solution"
+    judge = f"an estimate, against a finer run ({'; '.join(judges)})" if judges else "true, against the exact solution"
     return f"{judge}: {METRICS[found.bounds.measure].metric}"
 
 

@@ -49,17 +49,16 @@ class FinerContact(ExactContact):
 
     def force(self, time: Floats) -> Floats:
         """Return the force of the step around each time."""
-        k = np.clip(np.searchsorted(self.edges, time) - 1, 0, len(self.forces) - 1)
-        at: Floats = self.forces[k]
-        return at
+        step = np.clip(np.searchsorted(self.edges, time) - 1, 0, len(self.forces) - 1)
+        return np.asarray(self.forces[step], dtype=np.float64)
 
     def impulse(self, time: Floats) -> Floats:
         """Return the impulse from 0 to each time."""
-        return np.interp(time, self.edges, self.impulses)
+        return np.asarray(np.interp(time, self.edges, self.impulses))
 
     def gap(self, time: Floats) -> Floats:
         """Return the gap at each time."""
-        return np.interp(time, self.times, self.gaps)
+        return np.asarray(np.interp(time, self.times, self.gaps))
 
     @cached_property
     def closed(self) -> tuple[tuple[float, float], ...]:

@@ -59,6 +59,7 @@ from percuss.studies.study_table import Study
 FEWEST_RUNS = 10
 SHARE_OF_FIRST_RUNS = 1 / 3  # of all runs; of more pairs than that some are drawn, and the others wait
 STABLE = "certificate.stable"  # of the summary of a run
+MOST_CELLS = 100_000  # of a mesh in two or three dimensions, which a search builds to know what it costs
 TWICE_AS_FINE = ("peak_force", "impulse")  # numbers whose change on a finer mesh estimates an error
 
 
@@ -430,7 +431,13 @@ class _Bench:
     def meshes(self, candidate: Candidate) -> list[float]:
         """Return the refinements to choose from; a candidate that fits tells numbers of elements, nodes and steps."""
         self.usual = candidate.changes
-        found = meshes([body.in_a_row for body in self._model(self.usual).bodies.values()])
+        bodies = self._model(self.usual).bodies
+        found = meshes([body.in_a_row for body in bodies.values()])
+        if not self.case.of_bars:
+            cells = sum(body.count for body in bodies.values())
+            found = [refine for refine in found if cells * refine**bodies.dim <= MOST_CELLS]
+        if self.case.reference is not None:  # which judges coarser runs alone
+            found = [refine for refine in found if refine < self.case.reference.refine]
         try:
             self._model({**self.usual, "refine": found[0]})
         except PluginError:  # of a shape that knows whole numbers alone
