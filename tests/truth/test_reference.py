@@ -1,0 +1,140 @@
+"""A finer run as judge: its errors are those against an exact solution but for its own error, and it is one for all."""
+
+import math
+
+import numpy as np
+import pytest
+from support.places import CASES
+
+import percuss
+from percuss.errors import InputError
+from percuss.march.model import Model
+from percuss.reporting.terminal import comparison_lines
+from percuss.reporting.verdict import comparison_verdict, run_verdict
+from percuss.results import reference
+from percuss.results.reference import _at_nodes, case_of
+
+BLOCKS = CASES / "tilted-blocks.yaml"
+
+
+def hidden(monkeypatch):
+    """Hide the exact solutions, so that a case that has one is judged by a finer run."""
+    monkeypatch.setattr("percuss.results.assemble.exact_solution", lambda *_: (None, "", "hidden"))
+
+
+@pytest.mark.parametrize("name", ["unlike", pytest.param("strip-unlike", marks=pytest.mark.deep)])
+def test_an_estimate_is_the_true_error_but_for_the_error_of_the_finer_run(name, monkeypatch):
+    case = percuss.load(CASES / f"{name}.yaml", {"time": {"courant": 0.7, "end": 0.2}, "expect": ()})
+    true = percuss.run(case)
+    own = percuss.run(case_of(case.with_overrides({"reference.refine": 3}), 0.2)).summary["exact"]["displacement_error"]
+    hidden(monkeypatch)
+    judged = percuss.run(case, {"reference.refine": 3})
+    exact, finer = (result.arrays[f"contact_force_{kind}"] for result, kind in ((true, "exact"), (judged, "finer")))
+    force = true.arrays["contact_force"]
+    known = np.isfinite(exact) & np.isfinite(finer)
+    assert known.sum() >= known.size - 2 * known.shape[1]
+    (of_run, of_finer, between) = (
+        np.abs(np.where(known, part, 0.0)).sum() for part in (force - exact, finer - exact, force - finer)
+    )
+    assert of_finer < 0.7 * of_run
+    assert abs(of_run - between) <= of_finer * (1.0 + 1e-9)
+    (told,) = (contact["force_error_l1"] for contact in judged.summary["estimated"]["contacts"].values())
+    assert told == pytest.approx(between / np.abs(np.where(known, finer, 0.0)).sum(), rel=1e-9)
+    error, estimate = true.summary["exact"]["displacement_error"], judged.summary["estimated"]["displacement_error"]
+    assert own < 0.9 * error
+    assert abs(estimate - error) < 1.1 * own  # their norms are on unlike meshes
+    assert judged.summary["exact"] is None
+
+
+def test_one_finer_run_judges_all_methods_steps_and_meshes(monkeypatch):
+    marched, march = [], reference._march
+    monkeypatch.setattr(reference, "_march", lambda case: marched.append(case) or march(case))
+    case = percuss.load(BLOCKS, {"reference.refine": 3, "expect": (), "title": "one finer run"})
+    runs = percuss.compare(case, contacts=["lagrange", "penalty"], vary={"time.courant": [0.5, 0.9], "refine": [1, 2]})
+    assert [run.status for run in runs] == ["done"] * 8
+    assert len(marched) == 1
+    judges = {run.result.summary["estimated"]["solution"] for run in runs}
+    assert judges == {"refine 3 with wu-predictor-corrector and regularised-lagrange"}
+    errors = {run.varied["refine"]: run.result.summary["estimated"]["displacement_error"] for run in runs}
+    assert errors[2] < errors[1]
+
+
+def test_displacements_between_the_nodes_of_the_finer_mesh_are_those_of_its_cells():
+    case = percuss.load(BLOCKS, {"expect": ()})
+    coarse, fine = Model(case), Model(case.with_overrides({"refine": 1.6}))
+    gradient = np.array([[0.3, -0.2], [0.1, 0.4]])
+    for name, body in coarse.bodies.items():
+        moved = _at_nodes(body.mesh.nodes, fine.bodies[name], fine.bodies[name].mesh.nodes @ gradient)
+        assert np.abs(moved - body.mesh.nodes @ gradient).max() < 1e-12
+
+
+def test_the_finer_run_keeps_what_the_case_is_and_leaves_how_it_is_computed():
+    case = percuss.load(
+        BLOCKS,
+        {
+            "reference": {"refine": 2, "contact": "lagrange"},
+            "method.contact": "penalty",
+            "method.integrator": "central-difference",
+            "contacts.seam.pairing": "node-to-segment",
+            "expect": (),
+        },
+    )
+    finer = case_of(case, 2.0)
+    assert [finer.refine, finer.time.end, finer.time.courant] == [2, 2.0, 0.5]
+    seam = finer.contacts["seam"]
+    assert [seam.law.name, seam.pairing.name] == ["lagrange", "mortar"]
+    assert finer.method.integrator.name == "wu-predictor-corrector"
+    own = case.with_overrides({"contacts.seam.method": {"name": "tied"}})
+    assert case_of(own, 2.0).contacts["seam"].law.name == "tied"
+
+
+def test_a_finer_run_that_cannot_judge_says_why():
+    case = percuss.load(BLOCKS, {"expect": ()})
+    same = percuss.run(case, {"reference.refine": 1}).summary
+    assert same["estimated"] is None
+    assert "the finer run (refine 1) is not finer than this run (refine 1)" in same["exact_reason"]
+    unstable = percuss.run(case, {"reference": {"refine": 2, "courant": 3.0}}).summary
+    assert unstable["estimated"] is None
+    assert "the finer run that would judge it was not made: it is unstable" in unstable["exact_reason"]
+
+
+def test_where_the_exact_solution_is_known_no_finer_run_is_made(monkeypatch):
+    monkeypatch.setattr("percuss.results.reference._march", lambda *_: pytest.fail("a finer run was made"))
+    summary = percuss.run(percuss.load(CASES / "strip-unlike.yaml", {"reference.refine": 2, "expect": ()})).summary
+    assert summary["estimated"] is None
+    assert summary["exact"] is not None
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"refine": 0}, "greater than 0"),
+        ({"contact": "lagrange"}, "missing"),
+        ({"refine": 2, "mesh": 1}, "unknown key"),
+    ],
+)
+def test_a_wrong_reference_is_refused(given, words):
+    with pytest.raises(InputError, match=words):
+        percuss.load(BLOCKS, {"reference": given})
+
+
+def test_estimates_are_called_estimates_in_words_and_rows(tmp_path):
+    runs = percuss.compare(
+        percuss.load(BLOCKS, {"reference.refine": 2, "expect": ()}), contacts=["lagrange", "penalty"]
+    )
+    told = list(map(str, comparison_lines("", runs)))[-1]
+    assert told.startswith("force, impulse, displ.: errors estimated by a finer run: refine 2 with")
+    assert "has the smallest estimated force error" in next(comparison_verdict("", runs))
+    words = " ".join(run_verdict(runs[0].result, None, "more"))
+    assert " is off by about " in words
+    assert "(an estimate, by a finer run: refine 2 with" in words
+    study = {
+        "percuss-study": 1,
+        "cases": [str(BLOCKS), str(CASES / "strip-unlike.yaml")],
+        "measure": ["force_error_l1"],
+        "set": {"time.end": 1.0},
+    }
+    rows = percuss.study(study, tmp_path / "rows.sqlite", 1, changes={"reference.refine": 2}).as_records()
+    judges = [row["estimated.solution"] for row in rows]
+    assert judges == ["refine 2 with wu-predictor-corrector and regularised-lagrange", None]
+    assert all(math.isfinite(row["force_error_l1"]) for row in rows)
