@@ -109,7 +109,7 @@ def test_a_small_error_needs_no_other_run() -> None:
         (("refine=40", "method.contact=lagrange"), r"off by \S+ % \(exact solution known\)\.\n"),
         (
             ("refine=4", *RAMBERG_OSGOOD),
-            r"`--set refine=8`\), or try `percuss recommend .*` \(first write the values of",
+            r"`--reference refine=16`, or try `percuss recommend .*` \(first write the values of",
         ),
         (("time.end=2.5",), r"\(first write the values of --set into the case\) searches more\.\n"),
         (("contacts={}",), "(?s)materials kept the energy put in.*is exact up to round-off"),

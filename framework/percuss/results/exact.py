@@ -6,18 +6,15 @@ import dataclasses
 import functools
 import threading
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from percuss.blas import one_blas_thread
 from percuss.heartbeat import progress
 from percuss.march.model import Model
-from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
+from percuss.methods.interfaces import ContactProblem, Exact, ExactContact, Floats, Solution
 from percuss.methods.plugin_calls import answer
-
-if TYPE_CHECKING:
-    from percuss.results.reference import FinerRun
 
 ROUND_OFF = 1e-12  # relative tolerance of times; a force below this fraction of the peak counts as zero
 # The last exact solutions are kept for other runs of the same problem: those of a study often differ in methods alone.
@@ -26,6 +23,18 @@ MOST_KEPT = 4
 MOST_FRONTS = 10_000
 MOST_BYTES = 2**24
 MOST_VALUES = 1_000_000
+
+
+class Judge(Protocol):
+    """What a run is compared with: its exact solution, or a finer run."""
+
+    @property
+    def reached(self) -> float:
+        """Time up to which it is known."""
+
+    @property
+    def contacts(self) -> Mapping[str, ExactContact]:
+        """The history of each contact."""
 
 
 @one_blas_thread()
@@ -85,9 +94,7 @@ def engine_for(model: Model, end: float) -> tuple[Solution | None, ContactProble
     return None, None, "; ".join(reasons) or "no solution engine is registered"
 
 
-def sampled(
-    solution: Exact | FinerRun, names: list[str], time: Floats, middle: Floats, dt: float
-) -> tuple[Floats, ...]:
+def sampled(solution: Judge, names: list[str], time: Floats, middle: Floats, dt: float) -> tuple[Floats, ...]:
     """Return the exact histories on the time axis of a run, nan after the time that the exact solution reached.
 
     Parameters
@@ -110,7 +117,7 @@ def sampled(
     return values_at(solution, "histories", places, lambda: _histories(solution, names, time, middle, dt))
 
 
-def impulse_at(solution: Exact | FinerRun, name: str, time: Floats) -> Floats:
+def impulse_at(solution: Judge, name: str, time: Floats) -> Floats:
     """Return the exact impulse of the contact `name` from 0 to each of several times."""
     (impulse,) = values_at(
         solution, ("impulse", name), time.tobytes(), lambda: (solution.contacts[name].impulse(time),)
@@ -129,9 +136,7 @@ def displacement_at(solution: Exact, name: str, along: Floats, time: float) -> F
     return displacement
 
 
-def _histories(
-    solution: Exact | FinerRun, names: list[str], time: Floats, middle: Floats, dt: float
-) -> tuple[Floats, Floats]:
+def _histories(solution: Judge, names: list[str], time: Floats, middle: Floats, dt: float) -> tuple[Floats, Floats]:
     """Return force, averaged over each step, and gap of the contacts, (T, contacts) each."""
     covered = middle + 0.5 * dt <= solution.reached * (1.0 + 1e-12)
     force = np.full((time.size, len(names)), np.nan)
@@ -179,7 +184,7 @@ def _is_small(found: Exact | str) -> bool:
 
 
 def values_at(
-    solution: Exact | FinerRun, kind: object, places: object, evaluate: Callable[[], tuple[Floats, ...]]
+    solution: Judge, kind: object, places: object, evaluate: Callable[[], tuple[Floats, ...]]
 ) -> tuple[Floats, ...]:
     """Return values of a solution, which `evaluate` finds unless they are kept.
 

@@ -433,9 +433,9 @@ class _Bench:
         self.usual = candidate.changes
         bodies = self._model(self.usual).bodies
         found = meshes([body.in_a_row for body in bodies.values()])
-        if not self.case.of_bars:
-            cells = sum(body.count for body in bodies.values())
-            found = [refine for refine in found if cells * refine**bodies.dim <= MOST_CELLS]
+        # A bar has one row of elements, other bodies as many rows as elements in a row, and as many layers.
+        others = [body for body in bodies.values() if body.count > body.in_a_row]
+        found = [refine for refine in found if sum(body.count * refine**bodies.dim for body in others) <= MOST_CELLS]
         if self.case.reference is not None:  # which judges coarser runs alone
             found = [refine for refine in found if refine < self.case.reference.refine]
         try:
