@@ -39,6 +39,9 @@ def run(
     nudge: Annotated[bool, option("--nudge", "Also run a nudged twin: does the answer depend on round-off?")] = False,
     tied: Annotated[bool, option("--tied", "Tie the interfaces while the exact contact is closed.")] = False,
     reference: common.Reference = "",
+    resume: Annotated[
+        bool, option("--resume", "Go on from the state that a killed run of the case has saved.")
+    ] = False,
     as_json: common.AsJson = False,
 ) -> None:
     """Run a case; print, save and draw its result."""
@@ -52,9 +55,10 @@ def run(
         common.expect_drawable(plot)
         if animate is not None:
             _animation().check_animation(animate)
-        if tied and exact_only:
-            both = "expected --tied or --exact-only, found both"
-            raise InputError([Problem("percuss run", "", both, "An exact solution has no interface to tie.")])
+        if exact_only and (tied or resume):
+            both = f"expected {'--tied' if tied else '--resume'} or --exact-only, found both"
+            advice = "An exact solution has no interface to tie." if tied else "An exact solution makes no steps."
+            raise InputError([Problem("percuss run", "", both, advice)])
         loaded = _loaded(case, set_, plugin, reference, tied=tied, exact_only=exact_only)
         if out is not None and for_paraview:
             expect_meshes(out, present=not loaded.of_bars)
@@ -64,7 +68,7 @@ def run(
             common.print_notes(loaded)
         for path in filter(None, (out, plot, animate)):
             expect_writable(path, loaded.inputs)
-        result, failure = _outcome(loaded, exact_only=exact_only, nudge=nudge)
+        result, failure = _outcome(loaded, exact_only=exact_only, nudge=nudge, resume=resume)
         if result.status != "unstable" or result.summary["steps"]:  # a run that was not started has nothing to show
             answer.write(out, result.save, out)
             answer.write(plot, result.plot, plot)
@@ -111,14 +115,14 @@ def _loaded(file: Path, sets: Any, plugins: Any, reference: str, *, tied: bool, 
     return loaded
 
 
-def _outcome(case: Case, *, exact_only: bool, nudge: bool) -> tuple[Result, RunError | None]:
+def _outcome(case: Case, *, exact_only: bool, nudge: bool, resume: bool) -> tuple[Result, RunError | None]:
     """Return the result of a case or its exact solution, and the error that stopped the run, if one did."""
     from percuss.results.runner import run as run_case
 
     with common.progress_bar() as progress, common.exact_solution_shown():
         try:
             if not exact_only:
-                return run_case(case, nudge=nudge, progress=progress), None
+                return run_case(case, nudge=nudge, progress=progress, resume=resume), None
             from percuss.results.exact_only import run_exact
 
             return run_exact(case), None

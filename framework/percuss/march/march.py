@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from percuss.march.stop import Kind, Stop
 from percuss.step.account import NOISE
 from percuss.step.build import Kernels, compile_actions, kernels, why_not_compiled
 from percuss.step.equation import SWEEPS
-from percuss.step.record import Record
+from percuss.step.record import OF_CONTACTS, OF_PROBES, Record
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -46,6 +46,27 @@ LARGEST_ENERGY = 1e200  # with stiffnesses and masses of at least 1e-100 the squ
 SILENT_STRAIN = 1e-10  # the elastic energy of this strain in all elements counts as round-off
 
 Progress = Callable[[int, int], None]
+
+
+class Keeper(Protocol):
+    """What keeps the state of a run, so that another march can go on from it.
+
+    Attributes
+    ----------
+    done
+        Steps that an earlier march has made, from whose state this one goes on; 0 for none.
+    seconds
+        Time that they took.
+    """
+
+    done: int
+    seconds: float
+
+    def offer(self, done: int, seconds: float, arrays: Sequence[Array], *, at_once: bool) -> None:
+        """Keep the arrays as they are after `done` steps, if it is time or `at_once`."""
+
+    def restore(self, arrays: Sequence[Array]) -> None:
+        """Fill the arrays with what was kept of them."""
 
 
 @dataclass
@@ -173,13 +194,14 @@ class March:
         marginal: bool = False,
         interrupted: threading.Event | None = None,
         interrupt_after: int | None = None,
+        keeper: Keeper | None = None,
     ) -> Outcome:
         """Integrate to the end of the run, or until it is stopped.
 
         Parameters
         ----------
         progress
-            Called with (completed steps, number of steps) between chunks.
+            Called with (completed steps, number of steps) between chunks, both without those of an earlier march.
         marginal
             Whether the time step is the critical one, at which the motion of highest frequency of a bar may grow
             linearly with time.
@@ -187,6 +209,8 @@ class March:
             Event that ends the run after the next chunk of steps when it is set (`percuss.interrupt.interruptible`).
         interrupt_after
             Number of steps after which the run ends as if it were interrupted, as an earlier run was; None for none.
+        keeper
+            Where the state of the run is kept, and that of an earlier march comes from; None for nowhere.
         """
         started = time.perf_counter()
         self.compile()
@@ -202,7 +226,7 @@ class March:
         outcome.kinetic_before = energy_before
         # Plain Python would warn of overflow and invalid values; the checks after each chunk report them.
         with np.errstate(all="ignore"):
-            self._march(outcome, progress, interrupted or threading.Event(), interrupt_after)
+            self._march(outcome, progress, interrupted or threading.Event(), interrupt_after, keeper)
             self._add_reactions()
             outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()
             outcome.final_displacement = self._displacement(outcome.done)
@@ -216,7 +240,8 @@ class March:
             outcome.records = self.arrays.time.size
         else:  # a record needs the step after it: the last record is complete only if a trial step was made
             outcome.records = -(-outcome.done // every) if outcome.status == "unstable" else outcome.done // every + 1
-        self.seconds["march"] = time.perf_counter() - settled - (compile_seconds() - compiled)
+        earlier = keeper.seconds if keeper else 0.0
+        self.seconds["march"] = earlier + time.perf_counter() - settled - (compile_seconds() - compiled)
         return outcome
 
     @cached_property
@@ -264,13 +289,23 @@ class March:
         )
 
     def _march(
-        self, outcome: Outcome, progress: Progress | None, interrupted: threading.Event, interrupt_after: int | None
+        self,
+        outcome: Outcome,
+        progress: Progress | None,
+        interrupted: threading.Event,
+        interrupt_after: int | None,
+        keeper: Keeper | None,
     ) -> None:
-        model = self.model
+        model, resumed, began = self.model, keeper.done if keeper else 0, time.perf_counter()
         for first, last in model.segments():
             if first > 0:
                 self.switch((first + 0.5) * model.dt)
             for start, count in self._chunks(first, min(last, model.steps)):
+                if start < resumed:
+                    if keeper is not None and start + count == resumed:
+                        keeper.restore(self._state_and_histories(outcome, resumed))
+                        outcome.done = resumed
+                    continue
                 amplitudes = self.stepper.amplitudes(start, count)
                 saved = self._saved_state()
                 if self._advance_or_report(amplitudes, saved, start, count) < count or not self._is_sound():
@@ -281,9 +316,13 @@ class March:
                 outcome.load_impulse = self.stepper.load_impulse(amplitudes)
                 beat()
                 if progress is not None:
-                    progress(outcome.done, model.steps)
+                    progress(outcome.done - resumed, model.steps - resumed)
                 if interrupt_after is not None and outcome.done >= interrupt_after:
                     interrupted.set()
+                if keeper is not None and outcome.done < model.steps:
+                    seconds = keeper.seconds + time.perf_counter() - began
+                    arrays = self._state_and_histories(outcome, outcome.done)
+                    keeper.offer(outcome.done, seconds, arrays, at_once=interrupted.is_set())
                 if interrupted.is_set() and outcome.done < model.steps:
                     outcome.status = "interrupted"
                     return
@@ -407,6 +446,14 @@ class March:
     def changing_arrays(self) -> list[Array]:
         """Return the arrays that a step changes, always in the same order."""
         return [*self.stepper.changing_arrays(), *self.arrays.changing_arrays()]
+
+    def _state_and_histories(self, outcome: Outcome, done: int) -> list[Array]:
+        """Return all arrays that `done` steps have changed, of histories the rows that they have reached."""
+        record = outcome.record
+        histories = [getattr(record, name) for name in (*OF_CONTACTS, *OF_PROBES, "energy", "field")]
+        histories += outcome.histories.values()
+        rows = (array[: len(array) * done // self.model.steps + 2] for array in histories)
+        return [*self.changing_arrays(), self.reactions, *rows]
 
     def _saved_state(self) -> list[bytes]:
         """Return the contents of the arrays that a step changes, as bytes: NumPy copies records field by field."""

@@ -24,6 +24,7 @@ from percuss.methods.interfaces import Floats
 from percuss.methods.process_guard import process_as_before
 from percuss.results.assemble import result_of
 from percuss.results.result import Result
+from percuss.results.saved_state import SavedState
 from percuss.results.summary import StopSummary
 
 REPEATS, REPEAT_SECONDS = 5, 0.3  # most marches of a timed run, and seconds after which no other begins
@@ -42,8 +43,11 @@ def run(
     compiled: bool = True,
     nudge: bool = False,
     progress: Progress | None = None,
+    resume: bool = False,
 ) -> Result:
     """Run a case and return its result.
+
+    A run that lasts saves its state, so that another call can go on from it.
 
     Parameters
     ----------
@@ -58,6 +62,9 @@ def run(
         (``summary["fragile"]``).
     progress
         Called at intervals with (steps done, steps in all).
+    resume
+        Whether the run goes on from the state that an earlier run of the case saved before it was killed or
+        interrupted. The result has the bits of a run that nothing has stopped.
 
     Returns
     -------
@@ -67,7 +74,7 @@ def run(
     Raises
     ------
     InputError
-        If the case or an override is wrong.
+        If the case or an override is wrong, or there is no state from which the run can go on.
     RefusedPair
         If the integrator and a contact law make no sense together.
     RunError
@@ -76,7 +83,8 @@ def run(
     watch = Stopwatch()
     expect_case("percuss.run", case, overrides=overrides)
     case = case.with_overrides(overrides) if overrides else case
-    return _run(case, watch, compiled=compiled, nudge=nudge, progress=progress)
+    keeper = SavedState(case, compiled=compiled, resume=resume)
+    return _run(case, watch, compiled=compiled, nudge=nudge, progress=progress, keeper=keeper)
 
 
 def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None) -> Result:
@@ -137,6 +145,7 @@ def _run(
     repeats: int | None = 1,
     timed: bool = False,
     with_critical_step: bool = True,
+    keeper: SavedState | None = None,
 ) -> Result:
     model, criterion = verdict.settled(case)
     march = March(recordable(model), compiled=compiled)
@@ -152,7 +161,9 @@ def _run(
         if timed:
             march.keep_beginning()
         with MARCH_LOCK if timed else nullcontext(), interruptible() as interrupted:
-            outcome = march.run(progress, marginal=marginal, interrupted=interrupted, interrupt_after=interrupt_after)
+            outcome = march.run(
+                progress, marginal=marginal, interrupted=interrupted, interrupt_after=interrupt_after, keeper=keeper
+            )
             if timed and outcome.status == "done":
                 _repeat(march, outcome, repeats, interrupted, marginal=marginal)
     watch.lap()
@@ -169,6 +180,8 @@ def _run(
         compared = "contact_force" if result.arrays["contact_force"].size else "displacement"
         result.summary["fragile"] = differs(result.arrays[compared], twin.arrays[compared])
     result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
+    if keeper is not None and outcome.status != "interrupted":
+        keeper.forget()
     stop = result.summary["stop"]
     if stop is not None:
         raise RunError(stop_message(stop), result)

@@ -1,0 +1,316 @@
+"""A run that is killed goes on from its saved state, to the last bit as if nothing had stopped it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import yaml
+from benchmarks import digest_cases
+
+import percuss
+from command_line import percuss_command
+from percuss.errors import PercussError
+from percuss.march import march
+from percuss.methods.registry import Registry
+from percuss.results import saved_state
+from percuss.results.saved_state import SavedState
+from strategies import hunek
+
+RUNS = {run.name: run for run in digest_cases.Runs(Registry.load()).every() if run.quick}
+MATERIAL = {"young": 1.0, "density": 1.0, "poisson": 0.0}
+SOME = (
+    "laws with kernels, end forces and shifts at one end | central-difference | penalty",
+    "stretches with drives, laws with state and a tie for a while | central-difference | penalty",
+    "stretches with drives, laws with state and a tie for a while | asynchronous | lagrange",
+    "equal bars | implicit-hht | penalty",
+)
+
+
+class Killed(BaseException):
+    """What ends a run where SIGKILL would."""
+
+
+@pytest.fixture(autouse=True)
+def short_chunks(monkeypatch, tmp_path_factory):
+    """Save after every chunk of a few steps, in a folder of the test."""
+    folder = tmp_path_factory.mktemp("states")
+    monkeypatch.setattr(march, "CHUNK_STEPS", 7)
+    monkeypatch.setattr(saved_state, "SAVE_SECONDS", -1.0)
+    monkeypatch.setattr(saved_state, "MOST_OF_TIME", np.inf)
+    monkeypatch.setattr(saved_state, "cache_folder", lambda: folder)
+
+
+def kill_after(monkeypatch, chunks):
+    """Have a run end as soon as it has saved its state so often."""
+    saved = []
+
+    def offer(self, *arguments, **keywords):
+        SavedState.offer.original(self, *arguments, **keywords)
+        saved.append(arguments[0])
+        if len(saved) == chunks:
+            raise Killed
+
+    offer.original = SavedState.offer
+    monkeypatch.setattr(SavedState, "offer", offer)
+    return saved
+
+
+def outcome(case, **how):
+    """Return the result of a run, also of one that is stopped, or the words of its refusal."""
+    try:
+        return percuss.run(percuss.load(case), **how)
+    except percuss.RunError as error:
+        return error.result
+    except PercussError as error:
+        return str(error)
+
+
+def content(result):
+    """Return all that a result holds but for times and the clock."""
+    if isinstance(result, str):
+        return result
+    summary = {name: value for name, value in result.summary.items() if name != "seconds"}
+    provenance = {name: value for name, value in result.provenance.items() if name != "time"}
+    arrays = {name: values.tobytes() for name, values in result.arrays.items()}
+    fields = {name: np.asarray(values).tobytes() for name, values in result.field_arrays.items()}
+    return json.dumps([summary, provenance], default=str), arrays, fields
+
+
+def killed(case, chunks, **how):
+    """Return whether a run was killed after so many chunks, before it ended."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        kill_after(monkeypatch, chunks)
+        try:
+            outcome(case, **how)
+        except Killed:
+            return True
+    return False
+
+
+def expect_the_same_bits(case, **how):
+    whole = outcome(case, **how)
+    assert [chunks for chunks in (1, 4) if killed(case, chunks, **how) and resumed_differs(case, whole, **how)] == []
+
+
+def resumed_differs(case, whole, **how):
+    return content(outcome(case, resume=True, **how)) != content(whole)
+
+
+def solid(size, cells, **more):
+    speeds = [0.1] + [0.0] * (len(size) - 1)
+    body = {"block": {"size": size, "elements": [2] * len(size), "cells": cells}, "material": MATERIAL}
+    bodies = {
+        "left": {**body, "at": [0.0] * len(size), "velocity": speeds},
+        "right": {**body, "at": [size[0], *[0.0] * (len(size) - 1)], "fixed": ["right"]},
+    }
+    contacts = {"seam": {"between": ["left.right", "right.left"]}}
+    time_of_run = {"steps": 40, "courant": 0.4}
+    return {"percuss": 1, "bodies": bodies, "contacts": contacts, "time": time_of_run, "record": {"fields": 5}, **more}
+
+
+SOLIDS = {
+    "quad4": solid([1.0, 1.0], "quad4", loads={"push": {"ramp": {"value": 1e-3, "duration": 1.0}, "on": "left.left"}}),
+    "tri3 by Gauss points": solid([1.0, 1.0], "tri3", method={"pairing": "gauss-points"}),
+    "hex8": solid([1.0, 1.0, 1.0], "hex8", method={"contact": "hunt-crossley"}),
+    "tet4 in stages": solid([1.0, 1.0, 1.0], "tet4", method={"integrator": "noh-bathe", "contact": "penalty"}),
+}
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_a_killed_run_of_bars_goes_on_bit_for_bit(name):
+    expect_the_same_bits(RUNS[name].case)
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_a_killed_run_of_solids_goes_on_bit_for_bit(name):
+    expect_the_same_bits(SOLIDS[name])
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("part", range(8))
+def test_every_method_and_feature_goes_on_bit_for_bit(part):
+    """Runs of every method, feature, element, material and load; a few of them are refused or stopped."""
+    for run in list(RUNS.values())[part::8]:
+        try:
+            expect_the_same_bits(run.case, compiled=run.compiled)
+        except AssertionError as error:
+            raise AssertionError(run.name) from error
+
+
+def test_a_resumed_file_has_the_bytes_of_a_whole_one(tmp_path):
+    case = RUNS[SOME[1]].case
+    assert killed(case, 2)
+    for name, result in (("resumed", outcome(case, resume=True)), ("whole", outcome(case))):
+        result.summary["seconds"] = result.provenance["time"] = None  # the clock
+        result.save(tmp_path / f"{name}.nc")
+    assert (tmp_path / "resumed.nc").read_bytes() == (tmp_path / "whole.nc").read_bytes()
+
+
+def test_a_run_may_be_killed_again_and_again(monkeypatch):
+    case = RUNS[SOME[0]].case
+    saved = []
+    for _ in range(3):
+        with pytest.MonkeyPatch.context() as again:
+            steps = kill_after(again, 2)
+            with pytest.raises(Killed):
+                outcome(case, resume=bool(saved))
+        saved.append(steps[-1])
+    assert saved == [14, 28, 42]
+    assert content(outcome(case, resume=True)) == content(outcome(case))
+
+
+def test_the_state_of_a_run_is_gone_with_its_end():
+    case = RUNS[SOME[0]].case
+    outcome(case)
+    assert outcome(case, resume=True).startswith("--resume: expected the saved state of a run of this case, found none")
+
+
+def test_ctrl_c_saves_the_state_whatever_the_time(monkeypatch):
+    monkeypatch.setattr(saved_state, "SAVE_SECONDS", 1e9)
+    case = RUNS[SOME[0]].case
+
+    def press(done, total):
+        if done == 21:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    assert outcome(case, progress=press).status == "interrupted"
+    left = []
+    assert content(outcome(case, resume=True, progress=lambda *steps: left.append(steps))) == content(outcome(case))
+    assert left[0] == (7, 29)
+
+
+@pytest.fixture
+def bench(tmp_path):
+    """A folder with a case of a plug-in, whose run has saved its state."""
+    law = RESOURCES.replace("FACTOR", "1.0")
+    (tmp_path / "law.py").write_text(law)
+    case = {**hunek(4, end=0.2), "plugins": ["law.py"], "method": {"contact": "spring-of-mine"}}
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case))
+    assert killed(tmp_path / "case.yaml", 2)
+    return tmp_path
+
+
+RESOURCES = '''
+from dataclasses import dataclass
+from percuss import ContactLaw, LinearLaw
+
+
+@dataclass(frozen=True)
+class Spring(ContactLaw):
+    """A spring."""
+
+    name = "spring-of-mine"
+    summary = "Spring"
+
+    def bind(self, points, dt):
+        return LinearLaw(at="explicit", sigma=FACTOR / points.stiffness)
+'''
+
+
+def resumed_by_command(folder, *options):
+    return percuss_command("run", "case.yaml", "--resume", *options, cwd=folder, plain=True)
+
+
+def test_the_command_goes_on(bench):
+    done = resumed_by_command(bench, "-o", "run.nc")
+    assert done.returncode == 0, done.stderr
+    assert percuss_command("verify", "run.nc", cwd=bench, plain=True).returncode == 0
+    assert resumed_by_command(bench).returncode == 2
+
+
+def told(done):
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.endswith("1 mistake; nothing was run\n")
+    return done.stderr
+
+
+def test_another_case_has_no_state(bench):
+    said = told(resumed_by_command(bench, "--set", "time.end=0.3"))
+    assert said.startswith("--resume: expected the saved state of a run of this case, found none\n")
+    assert "Run the case without --resume: it begins anew." in said
+
+
+def test_other_sources_are_named(bench):
+    (bench / "law.py").write_text(RESOURCES.replace("FACTOR", "2.0"))
+    said = told(resumed_by_command(bench))
+    assert said.startswith("--resume: expected all on which bits depend as it was when the state was saved, found")
+    assert "plug-in contacts/spring-of-mine (a file, sources " in said
+
+
+@pytest.mark.parametrize("damage", ["a bit", "its end", "everything"])
+def test_a_damaged_state_is_not_used(bench, damage):
+    file = SavedState(percuss.load(bench / "case.yaml"), compiled=True, resume=False).path
+    sound = file.read_bytes()
+    middle = len(sound) // 2
+    file.write_bytes(
+        {
+            "a bit": sound[:middle] + bytes([sound[middle] ^ 1]) + sound[middle + 1 :],
+            "its end": sound[:-1],
+            "everything": b"",
+        }[damage]
+    )
+    assert told(resumed_by_command(bench)).startswith(f"--resume: the saved state {file} is damaged\n")
+
+
+def test_an_exact_solution_has_no_state(bench):
+    assert "expected --resume or --exact-only, found both" in told(resumed_by_command(bench, "--exact-only"))
+
+
+def test_a_disk_that_is_full_keeps_no_state_and_ends_no_run(monkeypatch):
+    def full(path, suffix):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(saved_state, "replacing", full)
+    assert outcome(RUNS[SOME[0]].case).status == "done"
+
+
+def test_saving_takes_a_small_share_of_the_time(monkeypatch):
+    monkeypatch.setattr(saved_state, "SAVE_SECONDS", 10.0)
+    monkeypatch.setattr(saved_state, "MOST_OF_TIME", 0.05)
+    now, saved = [0.0], []
+    monkeypatch.setattr(saved_state.time, "monotonic", lambda: now[0])
+
+    def slow(self):
+        now[0] += 3.0
+        saved.append(now[0])
+        return {}
+
+    monkeypatch.setattr(SavedState, "_made_with", slow)
+    keeper = SavedState(percuss.load(hunek(4)), compiled=True, resume=False)
+    while now[0] < 200.0:
+        now[0] += 1.0
+        keeper.offer(1, now[0], [], at_once=False)
+    keeper.forget()
+    assert saved == [13.0, 76.0, 139.0, 202.0]  # after 10 s, then 20 times as long as saving took
+
+
+@pytest.mark.deep
+def test_sigkill(tmp_path):
+    """A process of its own is killed by the system three times."""
+    case = {**hunek(400, end=30.0), "record": {"every": 50, "fields": 20}}
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case))
+    code = (
+        "import sys; from percuss.results import saved_state; saved_state.SAVE_SECONDS = 0.1\n"
+        "from percuss.__main__ import main; sys.exit(main())"
+    )
+    folder = tmp_path / "cache"
+    environment = {**os.environ, "XDG_CACHE_HOME": str(folder)}
+    command = [sys.executable, "-P", "-c", code, "run", "case.yaml"]
+    options = []
+    for _ in range(3):
+        process = subprocess.Popen([*command, *options], cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL)
+        before = {path: path.stat().st_mtime_ns for path in folder.rglob("*.state")}
+        while {path: path.stat().st_mtime_ns for path in folder.rglob("*.state")} == before:
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.send_signal(signal.SIGKILL)
+        assert process.wait() == -signal.SIGKILL
+        options = ["--resume"]
+    subprocess.run([*command, "--resume", "-o", "run.nc"], cwd=tmp_path, env=environment, check=True, timeout=300)
+    assert percuss_command("verify", "run.nc", cwd=tmp_path, plain=True).returncode == 0
+    assert list(folder.rglob("*.state")) == []
