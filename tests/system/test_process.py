@@ -28,7 +28,9 @@ def shell(line, *words, **options):
 # --------------------------------------------------------------------------------------------------- streams
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "closed", ["<&- >&- 2>&-", *(pytest.param(one, marks=pytest.mark.deep) for one in (">&-", "2>&-", "<&-"))]
+)
 def test_a_closed_stream_changes_nothing_of_the_work(closed, tmp_path):
     done = shell(closed, "run", HUNEK, "-o", "out.nc", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -45,9 +47,9 @@ def test_an_error_without_a_stream_of_its_own_is_not_told_on_another(tmp_path):
 @pytest.mark.parametrize(
     "settings",
     [
-        {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+        pytest.param({"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, marks=pytest.mark.deep),
         {"PYTHONIOENCODING": "ascii"},
-        {"PYTHONIOENCODING": "latin-1"},
+        pytest.param({"PYTHONIOENCODING": "latin-1"}, marks=pytest.mark.deep),
     ],
     ids=["locale", "ascii", "latin-1"],
 )
@@ -57,7 +59,7 @@ def test_a_letter_that_a_stream_lacks_is_written_as_its_code(settings):
     assert r"\u011b" in done.stdout
 
 
-@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+@pytest.mark.parametrize("stream", ["stdout", pytest.param("stderr", marks=pytest.mark.deep)])
 def test_a_reader_that_leaves_ends_no_work(stream, tmp_path):
     reader, writer = os.pipe()
     os.close(reader)
@@ -148,7 +150,13 @@ DEEDS = {
 }
 
 
-@pytest.mark.parametrize("deed", DEEDS)
+@pytest.mark.parametrize(
+    "deed",
+    [
+        deed if deed in {"closes the streams", "starts a thread"} else pytest.param(deed, marks=pytest.mark.deep)
+        for deed in DEEDS
+    ],
+)
 def test_what_a_plug_in_does_to_the_process_is_undone(deed, tmp_path):
     (tmp_path / "busy.py").write_text(PLUGIN.format(deed=DEEDS[deed]))
     command = ["run", HUNEK, "--plugin", "busy.py", "--set", "method.contact=busy", "--json"]

@@ -143,7 +143,14 @@ def calls_of(contacts, method):
     return count
 
 
-@pytest.mark.parametrize("method", [name for name in SERIES if "contacts" in name])
+@pytest.mark.parametrize(
+    "method",
+    [
+        pytest.param(name, marks=pytest.mark.deep) if name != "contacts" else name
+        for name in SERIES
+        if "contacts" in name
+    ],
+)
 def test_functions_called_grow_with_the_number_of_contacts_and_no_faster(method):
     """Calls are counted and not timed; 100 to 400 contacts would be sixteen times as many in a quadratic part."""
     few, some, many = (calls_of(contacts, method) for contacts in (100, 200, 400))

@@ -785,7 +785,7 @@ def test_every_mistake_is_told_at_once(tmp_path, monkeypatch):
 )
 def test_wrong_use_of_the_command_is_one_clear_message(args, said, tmp_path):
     write(tmp_path)
-    done = subprocess.run(command(*args), cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = percuss_command("study", *args, cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -813,8 +813,7 @@ def test_the_table_can_be_exported(tmp_path, whole):
     import pandas as pd
 
     file = write(tmp_path, **MANY)
-    args = command(file, "--workers", 1, "--export", "a.csv")
-    done = subprocess.run(args, cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = percuss_command("study", file, "--workers", 1, "--export", "a.csv", cwd=tmp_path)
     assert f"{RUNS} runs: {RUNS} done" in done.stdout
     table = pd.read_csv(tmp_path / "a.csv")
     assert list(table.columns) == list(whole.columns)

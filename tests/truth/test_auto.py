@@ -261,7 +261,7 @@ def test_one_stiffness_is_enough(given, message):
 # ------------------------------------------------------------------------------------------------ what is measured
 
 
-@pytest.mark.parametrize("name", ["penalty", "bipenalty"])
+@pytest.mark.parametrize("name", ["penalty", pytest.param("bipenalty", marks=pytest.mark.deep)])
 def test_the_energy_gained_is_what_the_law_says(name):
     """The first rows of those that were measured: within what is said of all of them."""
     said = law_of(name).measured[CD]
@@ -277,6 +277,7 @@ def test_the_energy_gained_is_what_the_law_says(name):
     assert found.largest > 0.0  # energy is gained: nothing is guaranteed here
 
 
+@pytest.mark.deep
 def test_a_stiffer_bipenalty_gains_more():
     """Why auto stops at 1/2."""
     found = [gains({"name": "bipenalty", "beta_s": beta_s}, rows=30, seed=0) for beta_s in (0.5, 1.0, 2.0)]

@@ -312,7 +312,7 @@ def test_a_large_model_is_judged_by_a_krylov_iteration():
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)  # what was not found may be there
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_krylov_iteration_gives_the_same_number_again():
     """SciPy draws vectors of its own; without a seed the sixth digit of the critical step is left to chance."""
     model = model_of(hunek(n=100, integrator=CD, contact={"name": "walton-braun", "beta_s": 30.0}))
