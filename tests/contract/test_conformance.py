@@ -24,12 +24,12 @@ def outcome(label, check, partner):
     return perform(check, SUBJECTS[label], partner)
 
 
-# Of laws, integrators, elements and materials these are checked in every run, the others in the whole check.
+# Of laws, integrators, elements, materials and masses these are checked in every run, the others in the whole check.
 QUICK = (
     *("contacts/penalty", "integrators/central-difference", "integrators/wu-predictor-corrector"),
-    *("elements/bar", "elements/quad4", "materials/elastic"),
+    *("elements/bar", "elements/quad4", "materials/elastic", "masses/lumped"),
 )
-OF_MANY = ("contacts/", "integrators/", "elements/", "materials/")
+OF_MANY = ("contacts/", "integrators/", "elements/", "materials/", "masses/")
 # These checks of a law or an integrator compile the loop anew, with kernels of their own or in the plane.
 COMPILING = ("no-hidden-state", "placement")
 

@@ -376,7 +376,7 @@ def test_the_module_runs_too() -> None:
     assert "compare" in done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.skipif(os.name == "nt", reason="a pseudo-terminal is wanted")
 def test_a_terminal_is_told_while_the_loop_is_compiled_and_not_when_it_is_loaded(tmp_path: Path) -> None:
     import pty

@@ -80,6 +80,7 @@ def test_the_summary_is_printed_with_the_reason(study):
     assert told["error"].startswith("lost.nc: cannot be written: File too large")
 
 
+@pytest.mark.deep
 def test_rows_that_do_not_fit_leave_those_before(study, tmp_path):
     """The file of a study grows while it runs: what does not fit any more is made by the next call."""
     rows = tmp_path / "rows.sqlite"

@@ -92,7 +92,11 @@ LASTING = (
     "percuss report",
     "percuss recommend",
     "--vary",
-)  # commands that take long
+    "element=",
+    "perfectly_plastic.py",
+    "wedge.py",
+    "cases/box-impact.yaml",
+)  # commands that take long, many of them with a kernel that nothing else compiles
 
 
 @pytest.mark.slow

@@ -852,6 +852,7 @@ def test_no_text_of_a_study_runs_in_the_browser(browser, pages):
         assert opened.complaints == []
 
 
+@pytest.mark.deep
 def test_observed_orders_are_told_over_the_mesh(browser, pages, small):
     with Opened(browser, pages / "small.html") as opened:
         opened.filter("method.contact.beta_s", "0.2")
@@ -890,6 +891,7 @@ def test_the_page_and_the_files_draw_the_same_medians(browser, pages, several, p
             assert got == pytest.approx(band.T, nan_ok=True)
 
 
+@pytest.mark.deep
 def test_a_sampled_page_says_of_what_its_lines_are(browser, pages, large):
     """The best runs that were added to the sample are in the lines of the best, and in no median and no count."""
     with Opened(browser, pages / "large.html") as opened:
@@ -907,6 +909,7 @@ def test_a_sampled_page_says_of_what_its_lines_are(browser, pages, large):
         assert best == 100.0 * large.table["force_error_l1"].min()
 
 
+@pytest.mark.deep
 def test_the_page_prints_with_its_charts(browser, pages, tmp_path):
     with Opened(browser, pages / "small.html", scheme="dark") as opened:
         page = opened.page
@@ -1031,6 +1034,7 @@ def test_points_are_where_their_axes_say(browser, pages, name):
         assert opened.complaints == []
 
 
+@pytest.mark.deep
 def test_a_click_never_leads_to_an_empty_chart(browser, pages, several):
     kept = set(odd(several).kept)
     for name in ("several", "odd"):  # one that kept no history, and one that kept those of every other run
@@ -1108,7 +1112,7 @@ def test_lost_runs_are_told_in_cell_legend_and_tooltip(browser, pages):
         assert "28 of 240 runs failed or have no such number" in page.inner_text("#vary-note")
 
 
-@pytest.mark.parametrize("statistic", ["best", "median"])
+@pytest.mark.parametrize("statistic", ["median", pytest.param("best", marks=pytest.mark.deep)])
 def test_a_law_without_the_varied_value_is_shown_at_every_value_of_it(browser, pages, several, statistic):
     with Opened(browser, pages / "several.html") as opened:
         page = opened.page
@@ -1145,7 +1149,7 @@ def best_rows(page):
     )
 
 
-@pytest.mark.parametrize("statistic", ["best", "median"])
+@pytest.mark.parametrize("statistic", ["median", pytest.param("best", marks=pytest.mark.deep)])
 def test_the_page_ranks_the_pairs_of_each_case_as_the_rows_do(browser, pages, several, statistic):
     cells = study_data.cells(several.table, "force_error_l1")
     with Opened(browser, pages / "several.html") as opened:
@@ -1173,6 +1177,7 @@ def test_the_page_ranks_the_pairs_of_each_case_as_the_rows_do(browser, pages, se
         assert opened.complaints == []
 
 
+@pytest.mark.deep
 def test_the_profile_follows_measure_and_statistic(browser, pages):
     first = """() => Object.fromEntries(
       charts.profile.chart.getOption().series.map((one) => [one.name, one.data[0][1]]))"""
@@ -1198,6 +1203,7 @@ def test_the_profile_follows_measure_and_statistic(browser, pages):
         assert opened.page.locator("#profiles:visible").count() == 0
 
 
+@pytest.mark.deep
 def test_a_pair_with_one_run_that_is_not_beaten_has_a_mark_and_its_name(browser, tmp_path, several):
     study = copy.deepcopy(several)
     study.table = study.table[(study.table["refine"] == 1) | (study.table["contact"] == "tied")].reset_index(drop=True)
@@ -1222,6 +1228,7 @@ def test_a_pair_with_one_run_that_is_not_beaten_has_a_mark_and_its_name(browser,
         assert at == pytest.approx(wanted[case, pair])
 
 
+@pytest.mark.deep
 def test_forces_begin_with_the_best_of_each_pair_and_follow_the_filters(browser, pages, small):
     table = small.table
     pairs = np.array(study_data.methods(table))
@@ -1245,6 +1252,7 @@ def test_forces_begin_with_the_best_of_each_pair_and_follow_the_filters(browser,
         assert opened.complaints == []
 
 
+@pytest.mark.deep
 def test_each_contact_has_a_panel_of_its_own(browser, tmp_path, several):
     study = copy.deepcopy(several)
     line = {"time": np.linspace(0, 1, 9), "contact_force": np.arange(18.0).reshape(9, 2), "contact": ["a", "b"]}
@@ -1258,7 +1266,7 @@ def test_each_contact_has_a_panel_of_its_own(browser, tmp_path, several):
         assert opened.page.evaluate("page.rows - Object.keys(page.histories).length") == left
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["dark", pytest.param("light", marks=pytest.mark.deep)])
 def test_colours_and_marks_are_told_from_the_page_and_from_each_other(browser, pages, scheme):
     with Opened(browser, pages / "several.html", scheme=scheme) as opened:
         colours, paper, marks = opened.page.evaluate(

@@ -69,6 +69,7 @@ def test_without_time_no_other_run_is_made(coarse: Path, monkeypatch: pytest.Mon
     assert "lagrange" in made.untried
 
 
+@pytest.mark.deep
 def test_a_law_that_loses_energy_is_not_advised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "LEAST_SECONDS", 5.0)
     case = percuss.load(CASES / "fifty-impacts.yaml")

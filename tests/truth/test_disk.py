@@ -42,8 +42,8 @@ DEEP = pytest.mark.deep
     ("speed", "elements", "grading", "near", "light"),
     [
         (1e-2, 64, 1.0, 5e-3, 5e-4),
-        (3e-2, 64, 1.0, 5e-3, 5e-4),
-        (1e-3, 64, 16.0, 3e-3, 3e-3),
+        pytest.param(3e-2, 64, 1.0, 5e-3, 5e-4, marks=DEEP),
+        pytest.param(1e-3, 64, 16.0, 3e-3, 3e-3, marks=DEEP),
         pytest.param(1e-2, 128, 1.0, 3e-3, 2e-4, marks=DEEP),
         pytest.param(3e-2, 128, 1.0, 3e-3, 2e-4, marks=DEEP),
         pytest.param(1e-2, 64, 4.0, 3e-3, 1e-3, marks=DEEP),
@@ -209,8 +209,8 @@ def test_a_grading_that_makes_cells_larger_than_the_radius_is_told():
     ("speed", "poisson", "time", "force", "depth", "elements", "grading"),
     [
         (1e-2, 0.3, 0.9375, 1.098, 0.9347, 64, 1.0),
-        (3e-2, 0.3, 0.916, 1.146, 0.8961, 64, 1.0),
-        (1e-2, 0.0, 0.954, 1.070, 0.9516, 64, 1.0),
+        pytest.param(3e-2, 0.3, 0.916, 1.146, 0.8961, 64, 1.0, marks=DEEP),
+        pytest.param(1e-2, 0.0, 0.954, 1.070, 0.9516, 64, 1.0, marks=DEEP),
         pytest.param(1e-3, 0.3, 0.9745, 1.035, 0.9754, 64, 16.0, marks=DEEP),
         pytest.param(1e-3, 0.3, 0.9745, 1.035, 0.9754, 96, 25.0, marks=DEEP),
     ],

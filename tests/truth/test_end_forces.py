@@ -437,7 +437,7 @@ def test_symmetric_laws_at_the_end_of_the_step_need_no_shorter_step_than_the_bod
     assert max(limits) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("theta", [1.0, 0.0, -1.0])
+@pytest.mark.parametrize("theta", [1.0, *(pytest.param(theta, marks=pytest.mark.deep) for theta in (0.0, -1.0))])
 @pytest.mark.parametrize(("integrator", "at"), [(CD, "current"), (WU, "predicted")])
 def test_the_certificate_says_what_the_radius_of_dense_matrices_says(integrator, at, theta):
     """With Wu's predictor-corrector a force that is the slope of no energy is damped negatively, or not."""

@@ -130,7 +130,7 @@ def exactly_as_dense(case, integrator, law):
     return result
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", [pytest.param(law, marks=pytest.mark.deep) if " eps" in law else law for law in LAWS])
 @pytest.mark.parametrize("integrator", [WU, CD])
 @pytest.mark.parametrize("name", CASES)
 def test_runs_equal_the_dense_solver(name, integrator, law):

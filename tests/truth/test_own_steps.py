@@ -64,7 +64,7 @@ def two_bars(contact="penalty", courant=0.5, soft=40, **time):
 # ------------------------------------------------------------------------------------------------- the motion
 
 
-@pytest.mark.parametrize("contact", ["penalty", "bipenalty", "lagrange"])
+@pytest.mark.parametrize("contact", ["penalty", pytest.param("bipenalty", marks=pytest.mark.deep), "lagrange"])
 def test_motion_forces_and_energies_are_those_of_full_matrices(contact):
     law = {"name": contact} | ({} if contact == "lagrange" else {"beta_s": 0.3})
     case = three_bars(law, on_unstable="warn")

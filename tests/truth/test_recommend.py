@@ -75,7 +75,7 @@ BAR = "{bar: {length: 1, elements: 6}, material: {young: 100, density: 0.01}, ar
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [("steps: 20, courant: 0.5", "steps: 20, step: 0.0005"), (BAR, BLOCK)],
+    [("steps: 20, courant: 0.5", "steps: 20, step: 0.0005"), pytest.param(BAR, BLOCK, marks=pytest.mark.deep)],
     ids=["of a case with a time step", "of a block"],
 )
 def test_a_search_begins_with_any_case(small, old, new):

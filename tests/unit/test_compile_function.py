@@ -128,7 +128,7 @@ np.savez(file, **result.arrays)
 """
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_without_names_from_inside_numba_a_case_gives_the_same_numbers(tmp_path):
     case = tmp_path / "case.yaml"
     case.write_text(json.dumps(hunek(8, integrator="wu-predictor-corrector", end=0.5)))
