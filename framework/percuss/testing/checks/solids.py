@@ -26,6 +26,7 @@ SPIN = np.array([[0.0, 1.0, -0.3], [-1.0, 0.0, 0.5], [0.3, -0.5, 0.0]])
 CELLS = {"quad": "quad4", "triangle": "tri3", "hexahedron": "hex8", "tetra": "tet4"}
 SLIVER = 5.0  # degrees
 UNIFORM = 1e-10  # largest relative deviation of a pressure
+WAYS = 8  # in which all nodes of two surfaces move at once, each by a length of its own
 FEWER, MORE, WIDTH = 5, 7, 0.8  # cells of two surfaces, and the width of the first one
 
 
@@ -356,7 +357,9 @@ def _check_slopes(pairing: Any, *surfaces: Surface) -> None:
         moved = (_surface(s.positions + by, s.facets, s.nodes[0]) for s, by in zip(surfaces, parts, strict=True))
         return _points(pairing, *moved).gap
 
-    wrong = np.abs(np.moveaxis(slopes(gaps, np.zeros_like(places), 1e-6), -1, 0) - rows)
+    moves = 1e-6 * uneven(WAYS, *places.shape)
+    found = [gaps(move) - gaps(-move) for move in moves]
+    wrong = np.abs(np.array(found) / 2.0 - np.einsum("pnd,wnd->wp", rows, moves)) / 1e-6
     if wrong.max() > 1e-6:
         raise CheckFailed(f"the slope of a gap by a displacement is not that of its row, by up to {wrong.max():.3g}")
 
