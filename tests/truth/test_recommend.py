@@ -454,3 +454,25 @@ def error_of(case, candidate):
     except percuss.RunError:
         return math.inf
     return max(one["force_error_l1"] for one in result.summary["exact"]["contacts"].values())
+
+
+def test_neighbours_between_surfaces_have_the_other_pairings():
+    beside = neighbours(Candidate("chung-lee", "penalty", pairing="mortar"), REGISTRY)
+    assert {one.pairing for one in beside} == set(REGISTRY.names("pairings"))
+    assert {one.pairing for one in neighbours(Candidate("chung-lee", "penalty"), REGISTRY)} == {""}
+
+
+@pytest.mark.deep
+def test_a_search_between_surfaces_tries_the_pairings_by_a_finer_run(tmp_path):
+    """The finer run judges coarser meshes alone, so that no finer mesh is tried."""
+    blocks = (CASES / "tilted-blocks.yaml").read_text(encoding="utf-8").partition("expect:")[0]
+    case = tmp_path / "blocks.yaml"
+    case.write_text(blocks.replace("seam: {", "seam: {pairing: node-to-segment, "), encoding="utf-8")
+    given = {"integrators": ["wu-predictor-corrector"], "contacts": ["penalty"], "runs": 20, "workers": 1}
+    answer = recommend(case, error=0.08, changes={"reference.refine": 2}, out=tmp_path / "runs.sqlite", **given)
+    assert not answer.estimated
+    assert {one.candidate.pairing for one in answer.tried} > {"mortar"}
+    assert all(one.candidate.refine < 2 for one in answer.tried)
+    assert len({one.error for one in answer.tried if one.candidate.pairing == "node-to-segment"}) >= 1
+    assert "--set reference.refine=2" in answer.study.command(answer.best.key)
+    assert "--set contacts.seam.pairing=null" in answer.study.command(answer.best.key)

@@ -358,9 +358,15 @@ class Named:
         return DEFAULTS[self.family]
 
     def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        schema = core_schema.with_info_plain_validator_function(self.component, metadata={"percuss": self})
         may_be_absent = type(None) in get_args(source)  # None is then not the default component
+        schema = core_schema.with_info_plain_validator_function(
+            self.component_or_none if may_be_absent else self.component, metadata={"percuss": self}
+        )
         return schema if may_be_absent else core_schema.with_default_schema(schema, default={}, validate_default=True)
+
+    def component_or_none(self, entry: object, info: core_schema.ValidationInfo[Context]) -> Component | None:
+        """Return the component that an entry names; null is as if the key were absent."""
+        return None if entry is None else self.component(entry, info)
 
     def component(self, entry: object, info: core_schema.ValidationInfo[Context]) -> Component:
         """Return the component that an entry names."""

@@ -105,15 +105,15 @@ def methods_in_words(one: Tried) -> str:
             (candidate.contact, candidate.contact_options),
         )
     ]
+    names[1:] = [f"{names[1]}, {candidate.pairing}" if candidate.pairing else names[1]]
     return f"{' + '.join(names)}, refine {candidate.refine:g}, Courant number {candidate.courant:g}"
 
 
 def _in_case(found: Recommendation, best: Tried) -> Iterator[str]:
     """Yield what the best run says in a case, and the command that makes it."""
     yield "method:"
-    yield from (
-        f"{INDENT}{name}: {flow(best.candidate.changes[f'method.{name}'])}" for name in ("integrator", "contact")
-    )
+    changes = {path: value for path, value in best.candidate.changes.items() if path.startswith("method.")}
+    yield from (f"{INDENT}{path.removeprefix('method.')}: {flow(value)}" for path, value in changes.items())
     yield f"refine: {best.candidate.refine:g}"
     yield f"time: {{courant: {best.candidate.courant:g}}}"
     if (command := found.study.command(best.key)) is not None:

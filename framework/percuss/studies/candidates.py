@@ -32,7 +32,7 @@ FINITE_STEP = 0.15  # of the range of an option with two bounds, between neighbo
 
 @dataclass(frozen=True)
 class Candidate:
-    """A pair of methods with the options that differ from their defaults, a mesh and a step."""
+    """A pair of methods with the options that differ from their defaults, a mesh, a step, and a pairing of surfaces."""
 
     integrator: str
     contact: str
@@ -40,6 +40,7 @@ class Candidate:
     contact_options: Data = field(default_factory=dict)
     courant: float = FIRST_COURANT
     refine: float = 1
+    pairing: str = ""  # none between bars
 
     @property
     def pair(self) -> tuple[str, str]:
@@ -59,6 +60,7 @@ class Candidate:
             "method.contact": {"name": self.contact, **self.contact_options},
             "time.courant": self.courant,
             "refine": self.refine,
+            **({"method.pairing": self.pairing} if self.pairing else {}),
         }
 
 
@@ -88,15 +90,15 @@ def meshes(counts: Sequence[int]) -> list[float]:
     return sorted(found.values())
 
 
-def defaults(integrators: list[str], contacts: list[str], registry: Registry) -> list[Candidate]:
-    """Return every pair with its default options on the mesh of the case, with two steps."""
+def defaults(integrators: list[str], contacts: list[str], registry: Registry, pairing: str = "") -> list[Candidate]:
+    """Return every pair with its default options on the mesh of the case with its pairing, with two steps."""
     required = {
         name: required_options(registry.get(family, name))
         for family, names in (("integrators", integrators), ("contacts", contacts))
         for name in names
     }
     return [
-        Candidate(integrator, contact, required[integrator], required[contact], courant)
+        Candidate(integrator, contact, required[integrator], required[contact], courant, pairing=pairing)
         for integrator in integrators
         for contact in contacts
         for courant in (FIRST_COURANT, SAFE_COURANT)
@@ -149,7 +151,7 @@ def _rounded(option: Option, value: float) -> int | float:
 
 
 def neighbours(candidate: Candidate, registry: Registry) -> list[Candidate]:
-    """Return the candidates on the same mesh that differ in the step or in one option, the most promising first."""
+    """Return the candidates on the same mesh that differ in step, pairing or one option, the most promising first."""
     options: list[list[Candidate]] = []
     for kind in ("integrator", "contact"):
         attribute, component = f"{kind}_options", registry.get(f"{kind}s", getattr(candidate, kind))
@@ -159,6 +161,10 @@ def neighbours(candidate: Candidate, registry: Registry) -> list[Candidate]:
             others = dict.fromkeys(one for one in _beside(option, value) if one != value)
             changed: list[Entries] = [{attribute: {**given, option.key: other}} for other in others]
             options.append([replace(candidate, **change) for change in changed])
+    others_of_surfaces = [
+        name for name in registry.names("pairings") if candidate.pairing and name != candidate.pairing
+    ]
+    options.append([replace(candidate, pairing=name) for name in others_of_surfaces])
     lower, higher = (bisect(COURANT_NUMBERS, candidate.courant) for bisect in (bisect_left, bisect_right))
     courants = [*COURANT_NUMBERS[max(lower - 1, 0) : lower], *COURANT_NUMBERS[higher : higher + 2]]
     steps = [replace(candidate, courant=courant) for courant in sorted(courants, key=lambda one: abs(one - 1.0))]

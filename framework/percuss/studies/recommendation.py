@@ -344,7 +344,7 @@ def _is_reference(method: Any) -> bool:
 
 
 def _fixed(case: Case) -> Entries:
-    """Return what all candidates have in common, by path: the end of the run, and one contact law for all contacts."""
+    """Return what all candidates have in common, by path: the end of the run, no contact with methods of its own."""
     end = case.time.end
     if end is None:
         model = Model(case)
@@ -352,7 +352,8 @@ def _fixed(case: Case) -> Entries:
     fixed = {"time.step": None, "time.steps": None, "time.end": end, "record.every": 1, "record.fields": 0}
     if case.time.courant is None:  # the case has to be one before a candidate says its own
         fixed["time.courant"] = 1.0
-    return fixed | {f"contacts.{name}.method": None for name, contact in case.contacts.items() if contact.own_law}
+    own = {f"contacts.{name}.{key}": None for name in case.contacts for key in ("method", "pairing")}
+    return fixed | {path: None for path in own if case.origin.get(tuple(path.split("."))) is not None}
 
 
 @dataclass
@@ -382,6 +383,11 @@ class _Bench:
         self.usual: Entries = {}  # methods that fit, to count nodes and steps with
         self.node_steps = functools.cache(self._node_steps)
         self.stages = functools.cache(self._stages)
+
+    @property
+    def pairing(self) -> str:
+        """Name of the pairing of the case; empty of a case of bars."""
+        return self.case.method.pairing.name if self.case.method.pairing is not None else ""
 
     @property
     def room(self) -> int:
@@ -514,7 +520,7 @@ def _finer(candidate: Candidate) -> Candidate:
 def _answer(bench: _Bench, methods: tuple[list[str], list[str]], random: np.random.Generator) -> Recommendation:
     """Search and return the answer."""
     registry = bench.case.registry
-    usable = [one for one in defaults(*methods, registry) if bench.fits(one)]
+    usable = [one for one in defaults(*methods, registry, bench.pairing) if bench.fits(one)]
     if not usable:
         raise bench.reason
     of_pair = {one.pair: one for one in reversed(usable)}
