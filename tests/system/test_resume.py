@@ -29,6 +29,10 @@ SOME = (
     "laws with kernels, end forces and shifts at one end | central-difference | penalty",
     "stretches with drives, laws with state and a tie for a while | central-difference | penalty",
     "stretches with drives, laws with state and a tie for a while | asynchronous | lagrange",
+    "oblique drives and supports in a plane | central-difference | penalty",
+    "bars turned in a plane, with gravity | central-difference | penalty",
+    "load spring-dashpot as declared on a.left | central-difference",
+    "equal bars | central-difference | decomposition-contact-response",
     "equal bars | implicit-hht | penalty",
 )
 
@@ -264,7 +268,7 @@ def test_other_sources_are_named(bench):
     (bench / "law.py").write_text(RESOURCES.replace("FACTOR", "2.0"))
     said = told(resumed_by_command(bench))
     assert said.startswith("--resume: expected all on which bits depend as it was when the state was saved, found")
-    assert "plug-in contacts/spring-of-mine (a file, sources " in said
+    assert "found changes: plug-in contacts/spring-of-mine was a file, sources " in said
 
 
 @pytest.mark.parametrize("damage", ["a bit", "its end", "everything"])
@@ -280,6 +284,18 @@ def test_a_damaged_state_is_not_used(bench, damage):
         }[damage]
     )
     assert told(resumed_by_command(bench)).startswith(f"--resume: the saved state {file} is damaged\n")
+
+
+@pytest.mark.parametrize("change", ["replaced", "removed"])
+def test_another_run_of_the_case_may_end_meanwhile(change):
+    case = percuss.load(RUNS[SOME[0]].case)
+    assert killed(RUNS[SOME[0]].case, 1)
+    keeper = SavedState(case, compiled=True, resume=True)
+    keeper.path.unlink()
+    if change == "replaced":
+        SavedState(case, compiled=True, resume=False).offer(14, 1.0, [], at_once=True)
+    with pytest.raises(percuss.InputError, match="was replaced or removed by another run of the case"):
+        keeper.restore([])
 
 
 def test_an_exact_solution_has_no_state(bench):

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from percuss.cache import DIGEST_SIZE, cache_folder
+from percuss.cache import DIGEST_SIZE, TEMPORARY, cache_folder
 from percuss.case.case import Case
 from percuss.errors import InputError, UnwrittenError, wrong_input
 from percuss.files import replacing
@@ -84,7 +84,7 @@ class SavedState:
         digest = hashlib.sha256()
         with (
             contextlib.suppress(OSError, InputError, UnwrittenError),
-            replacing(self.path, SUFFIX) as temporary,
+            replacing(self.path, TEMPORARY) as temporary,
             temporary.open("wb") as file,
         ):
             for piece in (header, *map(_bytes_of, arrays)):
@@ -96,12 +96,13 @@ class SavedState:
 
     def restore(self, arrays: Sequence[Array]) -> None:
         """Fill the arrays with what was saved of them."""
-        with Path(self.path or "").open("rb") as file:
-            if file.readline() != self._header:
-                message = f"the saved state {self.path} was replaced: another run of the case goes on"
-                raise wrong_input(PLACE, message, "Wait for its end.")
-            for piece in map(_bytes_of, arrays):
-                file.readinto(piece)
+        with contextlib.suppress(OSError), Path(self.path or "").open("rb") as file:
+            if file.readline() == self._header:
+                for piece in map(_bytes_of, arrays):
+                    file.readinto(piece)
+                return
+        message = f"the saved state {self.path} was replaced or removed by another run of the case"
+        raise wrong_input(PLACE, message, "Wait for the end of that run.")
 
     def forget(self) -> None:
         """Remove the state of a run that has ended, and states that nobody has gone on with for long."""
@@ -136,7 +137,7 @@ class SavedState:
         # Another kernel of the system changes no bit: the machine may have been started anew.
         changed = [change for change in changes(header, self._made_with()) if change.what != "system"]
         if changed:
-            found = ", ".join(f"{change.what} ({change.then} then, {change.now} now)" for change in changed)
+            found = "; ".join(f"{change.what} was {change.then}, is {change.now}" for change in changed)
             message = f"expected all on which bits depend as it was when the state was saved, found changes: {found}"
             raise wrong_input(PLACE, message, ANEW)
         return header
