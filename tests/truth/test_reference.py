@@ -54,7 +54,7 @@ def test_one_finer_run_judges_all_methods_steps_and_meshes(monkeypatch):
     assert [run.status for run in runs] == ["done"] * 8
     assert len(marched) == 1
     judges = {run.result.summary["estimated"]["solution"] for run in runs}
-    assert judges == {"refine 3 with wu-predictor-corrector and regularised-lagrange"}
+    assert judges == {"refine 3 with wu-predictor-corrector and lagrange"}
     errors = {run.varied["refine"]: run.result.summary["estimated"]["displacement_error"] for run in runs}
     assert errors[2] < errors[1]
 
@@ -72,7 +72,7 @@ def test_the_finer_run_keeps_what_the_case_is_and_leaves_how_it_is_computed():
     case = percuss.load(
         BLOCKS,
         {
-            "reference": {"refine": 2, "contact": "lagrange"},
+            "reference": {"refine": 2, "contact": "regularised-lagrange"},
             "method.contact": "penalty",
             "method.integrator": "central-difference",
             "contacts.seam.pairing": "node-to-segment",
@@ -82,7 +82,7 @@ def test_the_finer_run_keeps_what_the_case_is_and_leaves_how_it_is_computed():
     finer = case_of(case, 2.0)
     assert [finer.refine, finer.time.end, finer.time.courant] == [2, 2.0, 0.5]
     seam = finer.contacts["seam"]
-    assert [seam.law.name, seam.pairing.name] == ["lagrange", "mortar"]
+    assert [seam.law.name, seam.pairing.name] == ["regularised-lagrange", "mortar"]
     assert finer.method.integrator.name == "wu-predictor-corrector"
     own = case.with_overrides({"contacts.seam.method": {"name": "tied"}})
     assert case_of(own, 2.0).contacts["seam"].law.name == "tied"
@@ -136,5 +136,5 @@ def test_estimates_are_called_estimates_in_words_and_rows(tmp_path):
     }
     rows = percuss.study(study, tmp_path / "rows.sqlite", 1, changes={"reference.refine": 2}).as_records()
     judges = [row["estimated.solution"] for row in rows]
-    assert judges == ["refine 2 with wu-predictor-corrector and regularised-lagrange", None]
+    assert judges == ["refine 2 with wu-predictor-corrector and lagrange", None]
     assert all(math.isfinite(row["force_error_l1"]) for row in rows)

@@ -554,9 +554,9 @@ class UnitsSpec(Section):
 class ReferenceSpec(Section):
     """A finer run of the case, which judges a run where no exact solution covers it: ``{refine: 4}``.
 
-    It has the mesh, step, law and pairing named here, else those by default, and the integrator and mass by default. So
-    one and the same finer run judges all runs that differ in methods, mesh or step alone. A contact with a law of its
-    own keeps it.
+    It has the mesh, step, law and pairing named here, else a law without compliance, and the integrator and mass by
+    default. So one and the same finer run judges all runs that differ in methods, mesh or step alone. A contact with a
+    law of its own keeps it.
     """
 
     kind: ClassVar[str] = "the reference"

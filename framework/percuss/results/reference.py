@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from percuss.case.case import Case, load
+from percuss.case.defaults import OF_REFERENCE, OF_REFERENCE_IN_SPACE
 from percuss.case.yaml_text import flow
 from percuss.certificate import verdict
 from percuss.errors import PercussError
@@ -139,10 +140,13 @@ def case_of(case: Case, end: float) -> Case:
     source = replace(case.origin, data={key: value for key, value in case.data.items() if key not in COMPUTED_BY})
     contacts = case.data.get("contacts", {})
     own = {name: {key: value for key, value in one.items() if key != "pairing"} for name, one in contacts.items()}
+    usual: dict[str, Any] = {"contact": OF_REFERENCE["contacts"]}
+    if case.dimension == 3 and case.method.pairing is not None:
+        usual["pairing"] = OF_REFERENCE_IN_SPACE["pairings"]
     sections = {
         "contacts": own,
         "time": {"end": end, "courant": chosen.courant},
-        "method": {key: given[key] for key in ("contact", "pairing") if given.get(key) is not None},
+        "method": usual | {key: given[key] for key in ("contact", "pairing") if given.get(key) is not None},
         "refine": chosen.refine,
         "record": {"probes": ()},
     }
