@@ -33,6 +33,11 @@ def seconds_of_steps(model: Model) -> float | None:
     return START + evaluations * (bodies + points) + record_shapes(model).rows * bodies
 
 
+def seconds_in_solids(model: Model) -> float:
+    """Return roughly how long one evaluation of the forces takes in all bodies that are no bars [s]."""
+    return SOLID_POINT * sum(body.volumes.size for body in model.bodies.values() if body.mesh.line is None)
+
+
 def _seconds_of_point(body: Body, model: Model) -> float:
     if body.mesh.line is None:
         return SOLID_POINT

@@ -21,6 +21,7 @@ from percuss.errors import PercussError
 from percuss.heartbeat import beat
 from percuss.march import diagnosis
 from percuss.march.arrays import Arrays
+from percuss.march.estimate import seconds_in_solids
 from percuss.march.implicit import ImplicitStepper
 from percuss.march.implicit_check import ImplicitSteps
 from percuss.march.leapfrog import LeapFrogStepper
@@ -399,7 +400,7 @@ class March:
             seconds = 2e-6
         elif self.arrays.uniform:
             seconds = 0.4e-9 + 0.8e-9 / self.arrays.record.every  # a record sums up the energies
-        cost = seconds * (self.u.size + 150)
+        cost = seconds * (self.u.size + 150) + seconds_in_solids(self.model)
         width = len(self.model.case.loads) + len(self.model.bodies) * self.dim + 1
         size = int(max(1, min(CHUNK_STEPS, CHUNK_SECONDS / cost, 4_000_000 / width)))
         start = first
