@@ -26,7 +26,7 @@ def outcome(label, check, partner):
 
 # Of laws, integrators, elements, materials and masses these are checked in every run, the others in the whole check.
 QUICK = (
-    *("contacts/penalty", "integrators/central-difference", "integrators/wu-predictor-corrector"),
+    *("contacts/penalty", "integrators/wu-predictor-corrector"),
     *("elements/bar", "elements/quad4", "materials/elastic", "masses/lumped"),
 )
 OF_MANY = ("contacts/", "integrators/", "elements/", "materials/", "masses/")

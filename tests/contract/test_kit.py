@@ -424,6 +424,7 @@ print(drawn)
 """
 
 
+@pytest.mark.deep
 def test_the_draws_do_not_depend_on_the_modules_that_are_loaded(tmp_path):
     """Hypothesis would draw their constants, so that a method would conform in one installation and not in another."""
     (tmp_path / "constants.py").write_text(f"VALUES = {list(range(1001, 9000, 13))}\n")

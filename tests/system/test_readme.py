@@ -96,6 +96,9 @@ LASTING = (
     "perfectly_plastic.py",
     "wedge.py",
     "cases/box-impact.yaml",
+    "--exact-only --plot",
+    "--plugin stop_and_touch.py --set",
+    "--plugin end_nitsche.py --set",
 )  # commands that take long, many of them with a kernel that nothing else compiles
 
 
@@ -175,7 +178,7 @@ def test_what_is_shown_validates_in_an_editor_that_reads_yaml_1_1(text: str, fol
     jsonschema.validate(data, percuss.schema(study="percuss-study" in data, files=named))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_study_shown_is_a_study(folder: Path) -> None:
     text = next(text for text in YAML if "name: plateau" in text)
     (folder / "shown.yaml").write_text(text, encoding="utf-8")

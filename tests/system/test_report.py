@@ -947,6 +947,7 @@ def test_a_chart_is_painted_when_it_comes_into_sight(browser, pages):
         assert opened.complaints == []
 
 
+@pytest.mark.deep
 def test_no_line_joins_runs_of_different_cases(browser, pages, several):
     done = several.table[several.table["status"] == "done"]
     with Opened(browser, pages / "several.html") as opened:
@@ -1067,6 +1068,7 @@ def test_a_click_never_leads_to_an_empty_chart(browser, pages, several):
             assert opened.complaints == []
 
 
+@pytest.mark.deep
 def test_a_run_without_a_true_error_is_in_no_line_and_not_shown_first(browser, pages, several):
     table = odd(several).table
     cheapest = int(table["node_steps"].astype(float).idxmin())
@@ -1112,7 +1114,8 @@ def test_lost_runs_are_told_in_cell_legend_and_tooltip(browser, pages):
         assert "28 of 240 runs failed or have no such number" in page.inner_text("#vary-note")
 
 
-@pytest.mark.parametrize("statistic", ["median", pytest.param("best", marks=pytest.mark.deep)])
+@pytest.mark.deep
+@pytest.mark.parametrize("statistic", ["best", "median"])
 def test_a_law_without_the_varied_value_is_shown_at_every_value_of_it(browser, pages, several, statistic):
     with Opened(browser, pages / "several.html") as opened:
         page = opened.page

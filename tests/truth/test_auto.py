@@ -44,7 +44,7 @@ def changed(path, integrator, contact, courant):
     return percuss.load(path, {"method": method, "time.courant": courant, "record.every": 1})
 
 
-@pytest.mark.parametrize("courant", [0.5, 0.9])
+@pytest.mark.parametrize("courant", [pytest.param(0.5, marks=pytest.mark.deep), 0.9])
 @pytest.mark.parametrize("pair", PAIRS, ids="+".join)
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_auto_keeps_its_promise_on_every_case(path, pair, courant):
