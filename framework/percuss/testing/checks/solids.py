@@ -26,7 +26,7 @@ SPIN = np.array([[0.0, 1.0, -0.3], [-1.0, 0.0, 0.5], [0.3, -0.5, 0.0]])
 CELLS = {"quad": "quad4", "triangle": "tri3", "hexahedron": "hex8", "tetra": "tet4"}
 SLIVER = 5.0  # degrees
 UNIFORM = 1e-10  # largest relative deviation of a pressure
-WAYS = 8  # in which all nodes of two surfaces move at once, each by a length of its own
+WAYS = 4  # in which all nodes of two surfaces move at once, each by a length of its own
 FEWER, MORE, WIDTH = 5, 7, 0.8  # cells of two surfaces, and the width of the first one
 
 
