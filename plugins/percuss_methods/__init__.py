@@ -20,8 +20,10 @@ from percuss_methods.contacts.walton_braun import WaltonBraun
 from percuss_methods.elements.bar import BarElement
 from percuss_methods.elements.green_bar import GreenBarElement
 from percuss_methods.elements.hex8 import Hex8
+from percuss_methods.elements.hex8_one_point import Hex8OnePoint
 from percuss_methods.elements.quad4 import Quad4
 from percuss_methods.elements.quad4_axisymmetric import Quad4Axisymmetric
+from percuss_methods.elements.quad4_one_point import Quad4OnePoint
 from percuss_methods.elements.quadratic_bar import QuadraticBarElement
 from percuss_methods.elements.spectral_bar import SpectralBarElement
 from percuss_methods.elements.tet4 import Tet4
@@ -149,8 +151,10 @@ def percuss_elements() -> list[type]:
         QuadraticBarElement,
         SpectralBarElement,
         Hex8,
+        Hex8OnePoint,
         Quad4,
         Quad4Axisymmetric,
+        Quad4OnePoint,
         Tet4,
         Tri3,
         Tri3Axisymmetric,

@@ -168,6 +168,14 @@ HELD: dict[str, dict[str, tuple[str, str]]] = {
             "bars with an error of the first order; critical steps of an independent program",
             "test_space.py::test_the_error_of_tetrahedra_is_of_the_first_order",
         ),
+        "quad4-one-point": (
+            "the dense form of its stiffness; beams of Euler and Bernoulli; bars without lateral contraction, exact",
+            "test_one_point.py::test_a_slender_beam_bends_as_that_of_euler_and_bernoulli",
+        ),
+        "hex8-one-point": (
+            "the dense form of its stiffness; beams of Euler and Bernoulli; bars without lateral contraction, exact",
+            "test_one_point.py::test_the_stiffness_is_that_of_the_mean_strain_and_of_the_dense_hourglass_form",
+        ),
         "quad4-axisymmetric": (
             "cylinders that are bars, exact; critical steps and a ball on a wall of independent programs",
             "test_disk.py::test_a_ball_on_a_wall_over_the_ball_of_hertz",

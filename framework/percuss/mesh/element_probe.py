@@ -38,8 +38,9 @@ class ElementProbe:
 
     def __init__(self, element: Element, material: Material, mesh: BodyMesh) -> None:
         self.dim = mesh.mesh.nodes.shape[1]
-        volumes = volumes_of(element, mesh)
+        volumes = np.array(volumes_of(element, mesh))
         self.points_of_element = volumes.shape[1]
+        volumes[:, self.points_of_element - getattr(element, "hourglass_points", 0) :] = 0.0
         self.nodes_of_element = cells_of(mesh.mesh).shape[1]
         self._points = points_at_rest(element, material, mesh)
         self._element, self._material = element, material

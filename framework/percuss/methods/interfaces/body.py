@@ -474,11 +474,15 @@ class SolidElement(CellElement, contract="elements"):
         Whether it is of bodies of revolution, whose gradient has three dimensions: the third is around the axis x = 0.
     locks
         Whether it is too stiff where the material is almost incompressible; percuss then warns.
+    hourglass_points
+        Number of its quadrature points, the last ones, that only hold hourglass modes. They have no part in the
+        element stress.
     """
 
     dimension: ClassVar[int]
     about_axis: ClassVar[bool] = False
     locks: ClassVar[bool] = False
+    hourglass_points: ClassVar[int] = 0
 
     def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:
         """Raise NotImplementedError: percuss finds the frequency of each cell from its stiffness and mass."""

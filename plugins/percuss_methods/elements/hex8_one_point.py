@@ -1,0 +1,36 @@
+"""The eight-node hexahedron with one point and hourglass control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from percuss_methods.elements._one_point import OnePointCell, solid_forces
+from percuss_methods.elements.hex8 import CORNERS, Hex8
+
+X, Y, Z = CORNERS.T
+
+
+@dataclass(frozen=True)
+class Hex8OnePoint(OnePointCell):
+    """Hexahedron of the mean strain, with hourglass control.
+
+    Formula: as `quad4-one-point`, with the four modes ``h = eta zeta, zeta xi, xi eta, xi eta zeta`` at the corners,
+    and ``gamma_a = (h_a - sum_b h_b x_b . grad N_a) / 8`` of each.
+
+    It does not lock. Plates and bars need some cells across to bend: with one, only the hourglass control holds them.
+    """
+
+    name = "hex8-one-point"
+    summary = "Eight-node hexahedron, one point and hourglass control"
+    linear = True
+    cell = "hexahedron"
+    dimension = 3
+    hourglass_points = 4
+    references = ("Flanagan, Belytschko 1981, doi:10.1002/nme.1620170504",)
+    expected_failures = {"finite-rotation": "the hourglass control is one of small rotations"}
+    examples = ({}, {"hourglass": 0.2})
+    shapes, slopes, weights = Hex8.shapes, Hex8.slopes, Hex8.weights
+    modes = np.array([Y * Z, Z * X, X * Y, X * Y * Z])
+    force = staticmethod(solid_forces)
