@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+import yaml
 from scipy.sparse.linalg import spsolve
 
 import percuss
+import places
 from percuss import BodyMesh
 from percuss.mesh.cell_stiffness import stiffness_of_cells
+from percuss.mesh.element_probe import ElementProbe
 from percuss.methods.registry import Registry
 from percuss.testing.bodies import patch
 
@@ -134,3 +137,69 @@ def test_blocks_without_contraction_are_bars(dim):
         assert result.summary["energy"]["ledger_closed"]
         force.append(result.arrays["contact_force"])
     assert np.abs(force[0] - force[1]).max() < 1e-10 * np.abs(force[1]).max() > 0.0
+
+
+def pushed(elements, **record):
+    """Return the run of a block that is held on its left, and pushed across on its right."""
+    dim = len(elements)
+    body = {
+        "block": {"size": [1.0, 0.2, 0.2][:dim], "elements": elements}, "at": [0.0] * dim, "fixed": ["left"],
+        "element": ("quad4-one-point", "hex8-one-point")[dim - 2],
+        "material": {"young": YOUNG, "density": 1.0, "poisson": POISSON},
+    }  # fmt: skip
+    load = {"ramp": {"value": 1e-4, "duration": 1.0}, "on": "a.right", "as": "force", "direction": [0, 1, 0][:dim]}
+    return percuss.run(percuss.load({
+        "percuss": 1, "bodies": {"a": body}, "loads": {"push": load}, "record": record,
+        "time": {"steps": 200, "courant": 0.8},
+    }))  # fmt: skip
+
+
+@pytest.mark.parametrize("elements", [[6, 2], pytest.param([5, 2, 2], marks=pytest.mark.deep)])
+def test_hourglass_energy_is_that_of_the_dense_form(elements):
+    """It is part of the elastic energy, and the ledger closes."""
+    result = pushed(elements, fields=200)
+    fields, held = result.fields, np.zeros(200)
+    u = fields["displacement"].values
+    for nodes in fields["cell_nodes"].values:
+        volume, mean, vectors = centre_rule(fields["node_position"].values[nodes])
+        q = np.einsum("ma,tai->tmi", vectors, u[:, nodes])
+        held += 2.0 * 0.05 * SHEAR * volume * (mean**2).sum() * (q[:-1] * q[1:]).sum(axis=(1, 2))
+    found = result.arrays["hourglass_energy"][:200]
+    assert np.abs(found - held).max() < 1e-9 * held.max()
+    assert 0.0 < held.max() < result.arrays["elastic_energy"].max()
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+
+
+@pytest.mark.parametrize(("elements", "told"), [([8, 1], True), ([24, 6], False)])
+def test_a_large_share_of_hourglass_energy_is_told(elements, told):
+    result = pushed(elements)
+    energy = result.arrays
+    assert (energy["hourglass_energy"].max() > 0.05 * energy["elastic_energy"].max()) is np.bool_(told)
+    assert any("hourglass control holds up to" in note for note in result.summary["notes"]) is told
+
+
+@pytest.mark.deep
+def test_strips_of_one_point_are_within_the_tolerances_of_the_shipped_case():
+    source = yaml.safe_load((places.CASES / "strip-impact.yaml").read_text(encoding="utf-8"))
+    for body in source["bodies"].values():
+        body["element"] = "quad4-one-point"
+    case = percuss.load(source)
+    checks = percuss.verify(case, percuss.run(case))
+    assert len(checks) == 6
+    assert all(check.passed for check in checks)
+
+
+@pytest.mark.parametrize("cell", ["quad", "hexahedron"])
+def test_hourglass_modes_have_no_stress(cell):
+    element, material, body = body_of(patch(cell))
+    corners = body.mesh.nodes[body.mesh.cells[cell][0]]
+    _, mean, vectors = centre_rule(corners)
+    assert np.abs(vectors @ corners).max() < 1e-14  # linear displacements are no hourglass
+    pure = vectors[0] - mean @ np.linalg.solve(mean.T @ mean, mean.T @ vectors[0])  # it has no mean strain
+    probe = ElementProbe(element, material, body)
+    stretched = 1e-3 * corners * np.eye(corners.shape[1])[0]
+    for hourglass in (0.0, 1e-3):
+        stress = probe.stress(0, (stretched + hourglass * pure[:, None]).ravel())
+        assert stress[0, 0] == pytest.approx(1e-3 * (FIRST + 2.0 * SHEAR), rel=1e-12)
+        assert stress[1, 1] == pytest.approx(1e-3 * FIRST, rel=1e-12)
+        assert abs(stress[0, 1]) < 1e-15

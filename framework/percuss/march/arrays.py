@@ -222,6 +222,8 @@ class Arrays:
             else:
                 yield Action(BULK, bulk.advance_block, data, filled, name=name)
             yield Action(STRAIN_ENERGY, bulk.add_strain_energy, data, filled, name=name)
+            if cells and block.element.hourglass_points > 0:
+                yield Action(STRAIN_ENERGY, bulk.add_hourglass_energy, data, filled, name=name)
 
     def changing_arrays(self) -> list[Array]:
         """Return the arrays that a step changes, always in the same order, without displacements and velocities."""

@@ -28,6 +28,7 @@ class Cells(NamedTuple):
     edges: Integers  # (bodies + 1,) first element of each body, and the number of all elements
     corners: tuple[int, ...]  # 0, 1, 2, ... for each node of a cell; the compiler knows how many there are
     axes: tuple[int, ...]  # 0, 1, ... for each dimension
+    hourglass_points: int  # the last points of each, which only hold hourglass modes
     strains: Floats  # (2, points) work space, of displacement gradients (2, points, dim * dim)
 
 
@@ -87,6 +88,13 @@ def add_up_forces(cells: Cells, material: MaterialPoints, body: int, displacemen
 @called
 def energy_of_cells(cells: Cells, material: MaterialPoints, body: int, u: Floats, v: Floats, dt: float) -> float:
     """Return the staggered strain energy of a body: of its displacements u, and of those a time `dt` before."""
+    return energy_of_points(cells, material, body, 0, u, v, dt)
+
+
+def energy_of_points(
+    cells: Cells, material: MaterialPoints, body: int, start: int, u: Floats, v: Floats, dt: float
+) -> float:
+    """Return the staggered strain energy of a body in the points of its cells from `start` on."""
     total = 0.0
     points = cells.volumes.shape[1]
     of_cell, unused = room(cells.corners, cells.axes), room(cells.corners, cells.axes)
@@ -94,7 +102,7 @@ def energy_of_cells(cells: Cells, material: MaterialPoints, body: int, u: Floats
         for k in range(2):
             gather(cells, e, u, v, dt if k == 0 else 0.0, of_cell)
             cell_strain(cells.rule, cells.strains[k], 0, cells.section[e], cells.geometry[e], of_cell, unused)
-        for q in range(points):
+        for q in range(start, points):
             density = energy_density(material, e * points + q, cells.strains[0, q], cells.strains[1, q])
             total += cells.volumes[e, q] * density
     return total

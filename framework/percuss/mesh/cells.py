@@ -147,6 +147,7 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
         edges=np.cumsum([0, *map(len, cells)], dtype=np.int64),
         corners=tuple(range(nodes_of_cell)),
         axes=tuple(range(dim)),
+        hourglass_points=getattr(element, "hourglass_points", 0),
         strains=np.zeros((0, 0)),
     )
     locked: Cells = read_only(shared)

@@ -92,6 +92,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         *_warnings(march, outcome, certificate, accounts["energy"]),
         *encounters(march, outcome, arrays),
         *ledger.growth_notes(march, outcome, growth),
+        *ledger.hourglass_notes(arrays),
     ]
     notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]
     summary: Summary = {

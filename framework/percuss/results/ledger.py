@@ -46,6 +46,7 @@ from percuss.step.account import ROUNDING
 CLOSURE_TOLERANCE, MOMENTUM_TOLERANCE = 1e-9, 1e-9
 # Allowed difference of the internal work and the energies that bodies store and dissipate, over the largest energy.
 BODIES_TOLERANCE = 0.05
+ALLOWED_HOURGLASS = 0.05  # of the largest elastic energy
 ALLOWED_GROWTH = 1e-12  # allowed energy growth over the largest energy or work, beside round-off
 # Error of a step in rounding units. A gap is the sum of two displacements and a distance, each rounded to half a unit,
 # and work takes the difference of two gaps: up to three units, and one more from the sums over the steps. The bound
@@ -62,8 +63,9 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
     -------
     dict
         ``kinetic_energy``, ``elastic_energy``, ``external_work``, ``contact_work``, ``contact_energy`` (stored
-        in closed contacts), where a body is not linear ``internal_work``, and where a material dissipates
-        ``dissipated_energy`` [energy]; and over the largest energy so far ``energy_error``, the closure error, and
+        in closed contacts), where a body is not linear ``internal_work``, where a material dissipates
+        ``dissipated_energy``, and where an element has hourglass points ``hourglass_energy`` [energy]; and over the
+        largest energy so far ``energy_error``, the closure error, and
         ``energy_growth``, the growth of contact work plus contact energy since the first step; (records,) each, at
         t_{n+1/2}.
     """
@@ -86,6 +88,8 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
         bodies["dissipated_energy"] = internal - (elastic - (energy_before - outcome.kinetic_before))
     elif march.arrays.variables.dissipated.size > 0:
         bodies["dissipated_energy"] = recorded.dissipated_energy
+    if any(getattr(body.spec.element, "hourglass_points", 0) for body in march.model.bodies.values()):
+        bodies["hourglass_energy"] = recorded.hourglass_energy
     return {
         "kinetic_energy": kinetic,
         "elastic_energy": elastic,
@@ -96,6 +100,16 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
         "energy_error": np.divide(closure, largest, out=np.zeros_like(closure), where=largest > 0),
         "energy_growth": np.divide(growth, largest, out=np.zeros_like(growth), where=largest > 0),
     }
+
+
+def hourglass_notes(histories: Mapping[str, Floats]) -> list[str]:
+    """Return a note where hourglass energy is more than a small share of the elastic energy, of which it is part."""
+    held = float(np.max(histories.get("hourglass_energy", np.zeros(0)), initial=0.0))
+    elastic = float(np.max(histories["elastic_energy"], initial=0.0))
+    if not held > ALLOWED_HOURGLASS * elastic:
+        return []
+    share = percent(held / elastic)
+    return [f"hourglass control holds up to {share} of the largest elastic energy: the mesh is too coarse"]
 
 
 def largest(outcome: Outcome) -> float:

@@ -13,7 +13,7 @@ from percuss.compiler.marks import called
 from percuss.compiler.record_arrays import Records
 from percuss.compiling import Kernel
 from percuss.mesh.block import Block
-from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
+from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells, energy_of_points
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import energy, internal_force, unbound
 
@@ -99,6 +99,18 @@ def add_strain_energy(data: Bulk, n: int, u: Floats, v: Floats, a: Floats) -> No
     for b in range(data.block.body.size):
         total += energy_of_body(data, b, u, v, data.lag)
     data.totals[0].elastic_energy += total
+
+
+@called
+def add_hourglass_energy(data: Bulk, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the part of the strain energy that holds the hourglass modes of the cells of a block."""
+    block, dim, total = data.block, data.dim, 0.0
+    first = block.element.volumes.shape[1] - block.element.hourglass_points
+    for b in range(block.body.size):
+        lo, hi = block.start[b] * dim, block.stop[b] * dim
+        material = MaterialPoints(block.parameters[b], block.before, block.after)
+        total += energy_of_points(block.element, material, b, first, u[lo:hi], v[lo:hi], data.lag)
+    data.totals[0].hourglass_energy += total
 
 
 @called

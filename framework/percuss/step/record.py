@@ -30,6 +30,7 @@ ENERGIES = np.dtype(
         ("contact_energy", "f8"),
         ("internal_work", "f8"),
         ("dissipated_energy", "f8"),
+        ("hourglass_energy", "f8"),
     ]
 )
 
@@ -70,6 +71,7 @@ def find_energies(step: Step, n: int, u: Floats, v: Floats) -> None:
     total.kinetic_energy = 0.0
     total.elastic_energy = 0.0
     total.dissipated_energy = 0.0
+    total.hourglass_energy = 0.0
     perform(step.actions, KINETIC_ENERGY, n, u, v, v)
     perform(step.actions, BEFORE_STRAIN_ENERGY, n, u, v, v)
     perform(step.actions, STRAIN_ENERGY, n, u, v, v)
@@ -130,5 +132,6 @@ def write_record(record: Record, step: Step, n: int, u: Floats, v: Floats, lag: 
     energy.contact_energy = total.contact_energy
     energy.internal_work = total.internal_work
     energy.dissipated_energy = total.dissipated_energy
+    energy.hourglass_energy = total.hourglass_energy
     step.now[0].row = r
     perform(step.actions, RECORD, n, u, v, v)

@@ -83,6 +83,7 @@ TOTAL = np.dtype(
         # of the present record
         ("kinetic_energy", "f8"),
         ("elastic_energy", "f8"),
+        ("hourglass_energy", "f8"),  # the part of it that holds hourglass modes
         ("dissipated_energy", "f8"),
     ]
 )

@@ -476,7 +476,7 @@ class SolidElement(CellElement, contract="elements"):
         Whether it is too stiff where the material is almost incompressible; percuss then warns.
     hourglass_points
         Number of its quadrature points, the last ones, that only hold hourglass modes. They have no part in the
-        element stress.
+        element stress, and their part of the strain energy is recorded as ``hourglass_energy``.
     """
 
     dimension: ClassVar[int]
