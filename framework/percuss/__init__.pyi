@@ -49,6 +49,7 @@ from percuss.methods.interfaces import Mass as Mass
 from percuss.methods.interfaces import Material as Material
 from percuss.methods.interfaces import Measure as Measure
 from percuss.methods.interfaces import Mesh as Mesh
+from percuss.methods.interfaces import MeshFile as MeshFile
 from percuss.methods.interfaces import OptionError as OptionError
 from percuss.methods.interfaces import PairedPoints as PairedPoints
 from percuss.methods.interfaces import Pairing as Pairing

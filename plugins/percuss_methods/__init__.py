@@ -67,6 +67,7 @@ from percuss_methods.shapes.bar import Bar
 from percuss_methods.shapes.block import Block
 from percuss_methods.shapes.disk import Disk
 from percuss_methods.shapes.half_disk import HalfDisk
+from percuss_methods.shapes.mesh import MeshFromFile
 from percuss_methods.shapes.ring import Ring
 from percuss_methods.solutions.bars_in_a_row import BarsInARow
 
@@ -139,7 +140,7 @@ def percuss_loads() -> list[type]:
 @hookimpl
 def percuss_shapes() -> list[type]:
     """Return the built-in shapes."""
-    return [Ball, Bar, Block, Disk, HalfDisk, Ring]
+    return [Ball, Bar, Block, Disk, HalfDisk, MeshFromFile, Ring]
 
 
 @hookimpl

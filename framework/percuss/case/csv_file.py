@@ -32,17 +32,17 @@ class UnusableFileError(ValueError):
         self.advice = advice
 
 
-def read_text(path: str, folder: Path) -> str:
-    """Return the text of a file at a path as written in a case, relative to `folder`.
+def read_bytes(path: str, folder: Path, kind: str, advice: str) -> bytes:
+    """Return the contents of a file at a path as written in a case, relative to `folder`; `kind` says what it holds.
 
     Raises
     ------
     UnusableFileError
-        If there is no such file, or it is not text in UTF-8, or far too large.
+        If there is no such file, or it is far too large.
     """
     file = folder / path
     if other := found_instead(file):
-        raise UnusableFileError(f"expected a file of numbers, found {other}: {file}", "Name a CSV file.")
+        raise UnusableFileError(f"expected a file of {kind}, found {other}: {file}", advice)
     try:
         with file.open("rb") as stream:
             content = stream.read(MAX_BYTES + 1)
@@ -51,8 +51,20 @@ def read_text(path: str, folder: Path) -> str:
     except (OSError, ValueError) as error:
         raise UnusableFileError(f"cannot read {file}: {getattr(error, 'strerror', None) or error}") from None
     if len(content) > MAX_BYTES:
-        message = f"expected at most {MAX_BYTES // 1_000_000} MB of text, found more: {file}"
-        raise UnusableFileError(message, "Keep fewer of its lines.")
+        message = f"expected at most {MAX_BYTES // 1_000_000} MB of {kind}, found more: {file}"
+        raise UnusableFileError(message, "Keep less of it.")
+    return content
+
+
+def read_text(path: str, folder: Path) -> str:
+    """Return the text of a file of numbers at a path as written in a case, relative to `folder`.
+
+    Raises
+    ------
+    UnusableFileError
+        If there is no such file, or it is not text in UTF-8, or far too large.
+    """
+    content, file = read_bytes(path, folder, "numbers", "Name a CSV file."), folder / path
     try:
         text, wrong = content.decode("utf-8-sig"), content.find(b"\0")  # which UTF-16 has
     except UnicodeDecodeError as error:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from percuss.case.hints import number_advice
 from percuss.case.yaml_text import flow
 from percuss.errors import nearest, shortened
-from percuss.methods.interfaces import DataFile, Ge, Unit
+from percuss.methods.interfaces import DataFile, Ge, MeshFile, Unit
 
 T = TypeVar("T")
 LIMITS = {"gt": "greater than", "ge": "of at least", "lt": "less than", "le": "of at most"}
@@ -116,7 +116,8 @@ def _phrases(annotation: Any, facts: tuple[object, ...]) -> list[str]:
     nouns = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
     if annotation in nouns:
         return [_bounded(nouns[annotation], facts)]
-    return ["the path of a CSV file" if annotation is DataFile else str(getattr(annotation, "__name__", annotation))]
+    files = {DataFile: "the path of a CSV file", MeshFile: "the path of a mesh file of gmsh"}
+    return [files.get(annotation) or str(getattr(annotation, "__name__", annotation))]
 
 
 def found(value: object) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +28,7 @@ from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem, suggestion
 from percuss.jsonable import Data
 from percuss.methods.blame import SINGULAR, is_third_party, said_by
-from percuss.methods.interfaces import Component, DataFile, Gt, OptionError
+from percuss.methods.interfaces import Component, DataFile, Gt, MeshFile, OptionError
 from percuss.methods.process_guard import process_as_before
 from percuss.methods.registry import Registry
 
@@ -45,6 +45,9 @@ _DESCRIBED = {
 MOST = 2**63 - 1
 # Key of a component whose name is itself a key of the mapping; no file has it and no path shows it.
 NO_KEY = "\0"
+
+
+F = TypeVar("F", DataFile, MeshFile)
 
 
 @dataclass(frozen=True)
@@ -73,14 +76,24 @@ class Context:
 
     def data_file(self, path: str) -> DataFile:
         """Return the data file at a path as written in the input."""
+        return self._read(path, read_text, table_in)
+
+    def mesh_file(self, path: str) -> MeshFile:
+        """Return the mesh file at a path as written in the input."""
+        from percuss.case.mesh_file import mesh_in, read_mesh
+
+        return self._read(path, read_mesh, mesh_in)
+
+    def _read(self, path: str, read: Callable[[str, Path], str], made_of: Callable[[str, str], F]) -> F:
+        """Return what is made of the text of a file, and note the text."""
         try:
-            text = self.given_texts[path] if path in self.given_texts else read_text(path, self.folder)
-            table = table_in(text, path)
+            text = self.given_texts[path] if path in self.given_texts else read(path, self.folder)
+            made = made_of(text, path)
         except ValueError as error:
             words = {"message": str(error), "advice": getattr(error, "advice", "")}
             raise PydanticCustomError("unusable_file", "{message}", words) from None
         self.texts_read[path] = text
-        return table
+        return made
 
     @property
     def left_out(self) -> list[str]:

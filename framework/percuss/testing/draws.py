@@ -23,7 +23,7 @@ from percuss.case.options import options_of
 from percuss.case.quantities import COMPARED_BY_KIT
 from percuss.case.type_words import bounds, is_union
 from percuss.errors import InputError, PercussError, RefusedPair, RunError
-from percuss.methods.interfaces import DataFile
+from percuss.methods.interfaces import DataFile, MeshFile
 from percuss.results.result import Result
 from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject
 
@@ -224,7 +224,7 @@ def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:
         if rest == [...]:
             return st.lists(option_values(inner, None), min_size=1, max_size=3).map(tuple)
         return st.tuples(*(option_values(item, None) for item in (inner, *rest)))
-    if kind in {DataFile, str}:
+    if kind in {DataFile, MeshFile, str}:
         return st.none()
     return st.from_type(kind) if kind in {bool, type(None)} or get_origin(kind) is Literal else st.just(default)
 

@@ -15,7 +15,7 @@ from percuss.case.case import Case
 from percuss.errors import PluginError, RefusedPair, RunError
 from percuss.jsonable import Data, Entries
 from percuss.methods.first_run import Answers
-from percuss.methods.interfaces import FAMILIES, Component, DataFile, Implicit, Integrator, LeapFrog, Stages
+from percuss.methods.interfaces import FAMILIES, Component, DataFile, Implicit, Integrator, LeapFrog, MeshFile, Stages
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.results.result import Result
@@ -119,7 +119,8 @@ class Subject:
         from percuss.case.type_words import branches
 
         folder = Path(self.registry.sources[self.family, self.name].file).parent
-        files = [key for key, option in options_of(self.component).items() if DataFile in branches(option.annotation)]
+        kinds = {DataFile, MeshFile}
+        files = [key for key, option in options_of(self.component).items() if kinds & set(branches(option.annotation))]
 
         def placed(key: str, value: Any) -> Any:
             is_file = key in files and isinstance(value, str) and (folder / value).is_file()

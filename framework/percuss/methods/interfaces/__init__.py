@@ -19,6 +19,7 @@ from percuss.methods.interfaces.base import (
     Doc,
     Floats,
     Integers,
+    MeshFile,
     OptionError,
     Unit,
 )

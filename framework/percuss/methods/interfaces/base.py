@@ -65,6 +65,48 @@ class OptionError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
+class MeshFile:
+    """A file of a mesh that a case names by a path relative to its own; read once, when the case is checked.
+
+    Two mesh files are equal if their paths, nodes and cells are equal.
+
+    Attributes
+    ----------
+    path
+        Path as written in the case.
+    nodes : (nodes, 3) array
+        Positions.
+    cells
+        Node numbers of the cells, (cells, nodes of a cell), by kind; kinds have the names and the order of `Mesh`.
+    groups
+        Rows of `cells` that belong to each physical group, by its name and the kind.
+    """
+
+    path: str
+    nodes: Floats
+    cells: Mapping[str, Integers]
+    groups: Mapping[str, Mapping[str, Integers]]
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: object, handler: Any) -> Entries:
+        return {
+            "type": "function-after",
+            "function": {"type": "with-info", "function": lambda path, info: info.context.mesh_file(path)},
+            "schema": handler.generate_schema(str),
+        }
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, MeshFile):
+            return NotImplemented
+        same = self.path == other.path and self.cells.keys() == other.cells.keys()
+        pairs = [(self.nodes, other.nodes), *((self.cells[kind], other.cells[kind]) for kind in self.cells if same)]
+        return same and all(np.array_equal(mine, its) for mine, its in pairs)
+
+    def __hash__(self) -> int:
+        return hash((self.path, self.nodes.shape))
+
+
+@dataclass(frozen=True, eq=False)
 class DataFile:
     """A CSV file of numbers that a case names by a path relative to its own; read once, when the case is checked.
 

@@ -1,0 +1,153 @@
+"""A body from a mesh file of gmsh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+
+from percuss import Doc, Gt, Mesh, MeshFile, OptionError, Region, Shape, Unit
+from percuss_methods.shapes._cells import FACES
+
+if TYPE_CHECKING:
+    from percuss import Floats, Integers
+
+# Faces of each kind of cells, that run counter-clockwise as seen from outside, and the kind of the faces.
+SIDES = {
+    "triangle": ("line", np.array([[0, 1], [1, 2], [2, 0]])),
+    "quad": ("line", np.array([[0, 1], [1, 2], [2, 3], [3, 0]])),
+    "tetra": ("triangle", np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])),
+    "hexahedron": ("quad", FACES),
+}
+TURNED = {"triangle": [0, 2, 1], "quad": [0, 3, 2, 1], "tetra": [0, 2, 1, 3], "hexahedron": [4, 5, 6, 7, 0, 1, 2, 3]}
+FLAT = 1e-9  # of the size of the body; and of unit vectors, below which a region is plane
+SKIN = "skin"
+
+
+@dataclass(frozen=True)
+class MeshFromFile(Shape):
+    """The triangles, quadrilaterals, tetrahedra or hexahedra of a mesh file of gmsh, version 2.2 or 4.1.
+
+    Formula: ``x = x_0 + scale x_file``, where x_0 is the place `at` of the body.
+
+    Regions are the physical groups of edges or faces; if they are not all of the boundary, it is the region `skin`. The
+    mesh of a file has no `refine` but 1.
+    """
+
+    name = "mesh"
+    summary = "A body from a mesh file of gmsh"
+    examples = ({"file": "example.msh"}, {"file": "example.msh", "scale": 0.5, "part": "plate"})
+    refines = False
+    file: Annotated[MeshFile, Doc("file of gmsh, .msh of version 2.2 or 4.1")]
+    scale: Annotated[float, Gt(0), Unit("1"), Doc("factor on the positions in the file")] = 1.0
+    part: Annotated[str, Doc("physical group of the cells of the body; all cells if left out")] = ""
+
+    def __post_init__(self) -> None:
+        path, nodes, groups = self.file.path, self.file.nodes, self.file.groups
+        if self.part and not set(groups.get(self.part, {})) & SIDES.keys():
+            known = [name for name, parts in groups.items() if set(parts) & SIDES.keys()]
+            message = f"expected a physical group of cells of {path}, found '{self.part}'"
+            raise OptionError(f"{message}; it has {', '.join(known) or 'none'}", "part")
+        if len(self._kinds) != 1:
+            what = f"{' and '.join(self._kinds)} cells" if self._kinds else "no cells that fill a body"
+            raise OptionError(f"expected cells of one kind, found {what}: {path}", "file")
+        if self.dimension() == 2 and np.ptp(nodes[:, 2]) > FLAT * np.ptp(nodes, axis=0).max():
+            raise OptionError(f"expected cells in a plane of constant z, found a surface in space: {path}", "file")
+        for name, facets in self._groups.items():
+            if wrong := int((facets < 0).sum()):
+                inside = f"{wrong} of {facets.size} facets of '{name}' are not on it"
+                raise OptionError(f"expected groups of facets of the boundary: {inside}: {path}", "file")
+
+    @cached_property
+    def _kinds(self) -> list[str]:
+        """Kinds of the cells of the body: those of three dimensions where there are any."""
+        kinds = [kind for kind in SIDES if kind in (self.file.groups[self.part] if self.part else self.file.cells)]
+        return [kind for kind in kinds if kind in {"tetra", "hexahedron"}] or kinds
+
+    @property
+    def cell(self) -> str:  # type: ignore[override]
+        """Kind of cells."""
+        return self._kinds[0]
+
+    @cached_property
+    def _cells(self) -> Integers:
+        """The cells of the body, each of which counts its nodes so that its volume is positive."""
+        cells = self.file.cells[self.cell]
+        cells = cells[self.file.groups[self.part][self.cell]] if self.part else cells
+        turned = _volumes(self.file.nodes[cells], self.cell) < 0.0
+        return np.where(turned[:, None], cells[:, TURNED[self.cell]], cells)
+
+    @cached_property
+    def _boundary(self) -> Integers:
+        """The faces that belong to one cell alone, (faces, nodes of a face)."""
+        faces = self._cells[:, SIDES[self.cell][1]].reshape(-1, SIDES[self.cell][1].shape[1])
+        _, inverse, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
+        single: Integers = faces[count[inverse.ravel()] == 1]
+        return single
+
+    @cached_property
+    def _groups(self) -> dict[str, Integers]:
+        """Numbers of the faces of the boundary in each group of facets, -1 for a facet that is none of them."""
+        kind, known = (
+            SIDES[self.cell][0],
+            {tuple(row): k for k, row in enumerate(np.sort(self._boundary, axis=1).tolist())},
+        )
+        own = np.isin(np.arange(len(self.file.nodes)), self._cells)
+        found = {}
+        for name, parts in self.file.groups.items():
+            if kind in parts:
+                facets = np.sort(self.file.cells[kind][parts[kind]], axis=1)
+                facets = facets[own[facets].all(axis=1)] if self.part else facets  # others are of other parts
+                if len(facets):
+                    found[name] = np.array([known.get(tuple(row), -1) for row in facets.tolist()])
+        return found
+
+    @property
+    def regions(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the groups of facets, and `skin` unless they are all of the boundary."""
+        grouped = np.concatenate([np.zeros(0, dtype=np.int64), *self._groups.values()])
+        whole = len(np.unique(grouped)) == len(self._boundary)
+        return tuple(self._groups) if whole or SKIN in self._groups else (*self._groups, SKIN)
+
+    def dimension(self) -> int:
+        """Return 2 or 3."""
+        return 2 if SIDES[self.cell][0] == "line" else 3
+
+    def element_count(self, refine: float) -> int:  # noqa: ARG002 - it is 1
+        """Return the number of cells."""
+        return len(self._cells)
+
+    def mesh(self, at: Floats, refine: float) -> Mesh:  # noqa: ARG002 - it is 1
+        """Return the mesh of the file, moved by `at`."""
+        kind, cells = self.cell, self._cells
+        used = np.unique(cells)
+        number = np.zeros(len(self.file.nodes), dtype=np.int64)
+        number[used] = np.arange(len(used))
+        nodes = at + self.scale * self.file.nodes[used, : self.dimension()]
+        faces = number[self._boundary]
+        groups = {SKIN: np.arange(len(faces)), **self._groups}
+        regions = {name: _region(nodes, faces[rows], SIDES[kind][0]) for name, rows in groups.items()}
+        return Mesh(nodes, {kind: number[cells]}, {name: regions[name] for name in self.regions})
+
+
+def _region(nodes: Floats, facets: Integers, kind: str) -> Region:
+    """Return a region of facets, with the vector out of the body if it is plane."""
+    a, b = nodes[facets[:, 1]] - nodes[facets[:, 0]], nodes[facets[:, -1]] - nodes[facets[:, 0]]
+    out = np.cross(a, b) if nodes.shape[1] == 3 else np.stack([a[:, 1], -a[:, 0]], axis=1)
+    out /= np.linalg.norm(out, axis=1)[:, None]
+    plane = np.abs(out - out[0]).max() < FLAT
+    return Region(tuple(np.unique(facets).tolist()), out[0] if plane else np.zeros(nodes.shape[1]), {kind: facets})
+
+
+def _volumes(corners: Floats, kind: str) -> Floats:
+    """Return the signed volume, or in a plane the area, of each cell, up to a factor."""
+    along = corners - corners[:, :1]
+    if kind in {"triangle", "quad"}:
+        last = along[:, 2] if kind == "triangle" else along[:, 3]
+        area: Floats = along[:, 1, 0] * last[:, 1] - along[:, 1, 1] * last[:, 0]
+        return area
+    third = 3 if kind == "tetra" else 4
+    second = 2 if kind == "tetra" else 3
+    return np.asarray(np.einsum("ci,ci->c", np.cross(along[:, 1], along[:, second]), along[:, third]))
