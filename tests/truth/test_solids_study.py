@@ -1,0 +1,64 @@
+"""The page of the study of solids: its sentences are in its rows, and its rows are what the shipped study gives."""
+
+import pandas as pd
+import pytest
+import yaml
+
+import percuss
+import solids_study
+from pages import shown
+from solids_study import CD, WU
+
+SAMPLE = [
+    ("tilted-blocks", "lagrange", WU, "mortar"),
+    ("tilted-blocks", "bipenalty", CD, "gauss-points"),
+    pytest.param(("strip-impact", "penalty", WU, "node-to-segment"), marks=pytest.mark.deep),
+    pytest.param(("box-impact", "penalty", CD, "node-to-segment"), marks=pytest.mark.deep),
+]
+
+
+@pytest.mark.parametrize("name", solids_study.PARTS)
+def test_what_the_page_says_is_in_the_rows(name):
+    assert shown(name) == solids_study.PARTS[name](solids_study.Results())
+
+
+def test_a_sentence_that_is_no_longer_true_is_seen():
+    for law, number in (("lagrange", "9"), ("penalty", "0.01")):
+        changed = solids_study.Results()
+        for line in changed.lines:
+            line["error"] = number if line["law"] == law else line["error"]
+        with pytest.raises(AssertionError):
+            solids_study.findings(changed)
+
+
+@pytest.mark.parametrize("which", SAMPLE, ids=" ".join)
+def test_a_row_is_what_the_study_gives(which, tmp_path):
+    case, law, scheme, pairing = which
+    plan = yaml.safe_load(solids_study.STUDY.read_text(encoding="utf-8"))
+    plan |= {"cases": [str(solids_study.STUDY.parents[1] / f"{case}.yaml")], "paired": [{"refine": 0.5}]}
+    plan |= {"methods": {"integrators": [scheme], "contacts": [law]}, "vary": {"method.pairing": [pairing]}}
+    head, line = solids_study.rows(percuss.study(plan, tmp_path / "row.sqlite", 1).table)
+    made = dict(zip(head, line, strict=True))
+    (kept,) = [
+        one
+        for one in solids_study.Results().lines
+        if one["refine"] == "0.5" and (one["case"], one["law"], one["integrator"], one["pairing"]) == which
+    ]
+    for name in ("error", "displacement", "kept", "noise"):
+        assert float(made[name]) == pytest.approx(float(kept[name]), rel=1e-2), name
+    assert made["judge"] == kept["judge"]
+
+
+def test_every_run_of_the_study_is_in_the_rows_or_refused():
+    plan = yaml.safe_load(solids_study.STUDY.read_text(encoding="utf-8"))
+    lines = pd.DataFrame(solids_study.Results().lines)
+    laws, pairings = plan["methods"]["contacts"], plan["vary"]["method.pairing"]
+    assert set(lines["law"]) == set(laws)
+    # Lagrange multipliers and the other laws without compliance are refused on Gauss points, mortar in space.
+    sharp = {"lagrange", "moreau-jean"}
+    there = {(case, law, pairing) for case in set(lines["case"]) for law in laws for pairing in pairings}
+    refused = {
+        one for one in there if (one[1] in sharp and one[2] == "gauss-points") or one[::2] == ("box-impact", "mortar")
+    }
+    assert set(zip(lines["case"], lines["law"], lines["pairing"], strict=True)) == there - refused
+    assert len(lines) == 4 * len(there - refused)
