@@ -261,7 +261,7 @@ def test_the_command_line_measures_waves(tmp_path):
 
 OF_BARS = {path for path in CASES if "bar: " in path.read_text(encoding="utf-8")}
 # On each case in the plane each integrator and each law is asked once, and in space one; the search takes longer there.
-IN_SPACE = {"box-impact", "wolff-bucher", "ball-on-wall-3d"}
+IN_SPACE = {"box-impact", "wolff-bucher", "ball-on-wall-3d", "two-spheres"}
 IN_THE_PLANE = {(CD, "penalty"), (CD, "lagrange"), (WU, "bipenalty"), ("noh-bathe", "tied")}
 
 

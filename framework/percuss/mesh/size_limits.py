@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Mesh
 
 BYTES_PER_NODE = 400  # of bars, for the certificate and the run together, for each node and dimension
-BYTES_PER_SOLID_NODE = 12_000  # of other bodies, roughly; most are factors of the certificate
+BYTES_PER_SOLID_NODE = 12_000  # of bodies in two dimensions, roughly; most are factors of the certificate
+# In three dimensions the factors fill up, the more the larger the body is: n nodes take this many bytes times n^(5/3).
+BYTES_IN_SPACE = 330
 MOST_STEPS = 2**40
 OUT_OF_PLANE = (0.0, 0.0, 1.0)
 ALWAYS_FITS = 2.0**26  # bytes for which no machine is asked how much memory it has
@@ -64,7 +66,9 @@ def memory_in_words() -> str:
 
 def bytes_of_nodes(count: float, dim: int, *, of_bar: bool) -> float:
     """Return the memory [bytes] that certificate and run take for `count` nodes of a body."""
-    return count * (BYTES_PER_NODE * dim if of_bar else BYTES_PER_SOLID_NODE)
+    if of_bar:
+        return count * BYTES_PER_NODE * dim
+    return count * BYTES_PER_SOLID_NODE if dim == 2 else BYTES_IN_SPACE * count ** (5.0 / 3.0)
 
 
 def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
@@ -84,7 +88,7 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
         if count is None:
             dim = start.size if type(spec.shape).cell != "line" else 1
             count = len(cells_of(answer(spec.shape, "mesh", start, 1))) * case.refine**dim if case.refine > 1 else 0
-        nodes = 0.5 if spec.shape.cell == "triangle" else 1.0  # for each element
+        nodes = {"triangle": 0.5, "tetra": 0.25}.get(spec.shape.cell, 1.0)  # for each element
         if has_cells(spec.element) and spec.shape.cell == "line":
             nodes = answer(spec.element, "reference_nodes").size - 1
         size = bytes_of_nodes(count * nodes, start.size, of_bar=spec.shape.cell == "line")
