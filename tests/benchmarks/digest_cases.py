@@ -26,8 +26,10 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
+from percuss.case.mesh_file import mesh_in, read_mesh
 from percuss.methods.registry import Registry
 
 STEPS, PLAIN_STEPS = 50, 25
@@ -307,10 +309,13 @@ def choices(registry: Registry, family: str) -> dict[str, list[Choice]]:
     """Return all methods of a family by name, each with all its examples; the first is labelled by its name alone."""
     found: dict[str, list[Choice]] = {}
     for name in registry.names(family):
+        folder = Path(registry.sources[family, name].file).parent
         for example in registry.get(family, name).examples:
             options = json.loads(json.dumps(dict(example)))  # a case has lists where a class has tuples
             words = " ".join(f"{key}={value}" for key, value in options.items())
             label = f"{name} {words}" if found.get(name) and words else name
+            files = {key for key, value in options.items() if isinstance(value, str) and (folder / value).is_file()}
+            options |= {key: str(folder / options[key]) for key in files}
             found.setdefault(name, []).append(Choice(label, {"name": name, **options}, options))
     return found
 
@@ -448,7 +453,9 @@ class Runs:
         """Yield each shape, held at its first region and pulled at its last."""
         for shape in self.examples("shapes"):
             name = shape.entry["name"]
-            ends = self.shape_classes[name](**shape.options).regions
+            meshes = {key: mesh_in(read_mesh(value, Path()), value) for key, value in shape.options.items()
+                      if str(value).endswith(".msh")}  # fmt: skip
+            ends = self.shape_classes[name](**{**shape.options, **meshes}).regions
             body = {name: shape.options, "area": 1.0, "fixed": list(ends[:1])}
             parts = {
                 "bodies": {"a": body},

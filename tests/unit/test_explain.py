@@ -4,6 +4,8 @@ import copy
 import json
 import math
 import re
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -194,7 +196,9 @@ def test_a_snippet_runs_where_it_is_pasted(family, name, tmp_path, monkeypatch):
         return
     solid = getattr(REGISTRY.get(family, name), "cell", "") in {"quad", "triangle", "hexahedron", "tetra"}
     if solid or (family == "shapes" and name != "bar"):  # no bars, beside which they are refused
-        cells, _, about = name.partition("-")
+        cells, about = name.partition("-")[0], name.endswith("axisymmetric")
+        for file in Path(REGISTRY.sources[family, name].file).parent.glob("*.msh"):
+            shutil.copy(file, tmp_path)
         dim = 3 if cells in {"hex8", "tet4"} else 2
         shape = {"block": {"size": [1, 0.5, 0.5][:dim], "elements": [4, 2, 2][:dim], "cells": cells}}
         shape |= {"plane": "axisymmetric"} if about else {}

@@ -198,8 +198,8 @@ def test_a_record_that_is_too_large_is_not_read(tmp_path, monkeypatch):
     monkeypatch.setattr(csv_file, "MAX_BYTES", 3_000_000)
     (tmp_path / "record.csv").write_text("0,1\n" * 1_000_000)
     told = refusal(tmp_path)
-    assert "expected at most 3 MB of text, found more: record.csv" in told
-    assert "Keep fewer of its lines." in told
+    assert "expected at most 3 MB of numbers, found more: record.csv" in told
+    assert "Keep less of it." in told
 
 
 @pytest.mark.parametrize("text", ["1_0", "\u0661", "1 0"])
