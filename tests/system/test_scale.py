@@ -17,7 +17,14 @@ from percuss.certificate.step_itself import MOST_ALONE
 from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.march.recording import recordable
-from percuss.mesh.size_limits import BYTES_PER_NODE, BYTES_PER_SOLID_NODE, bytes_in_words, bytes_of_nodes
+from percuss.mesh.size_limits import (
+    BYTES_OF_RUN,
+    BYTES_PER_NODE,
+    BYTES_PER_SOLID_NODE,
+    MOST_FACTORED,
+    bytes_in_words,
+    bytes_of_nodes,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -119,6 +126,8 @@ def test_the_estimate_follows_elements_steps_and_records():
 def test_the_page_states_the_memory_of_a_node():
     assert f"at most {BYTES_PER_NODE} bytes for each node and dimension" in pages.everything()
     assert f"of bodies in two dimensions about {BYTES_PER_SOLID_NODE / 1000:.0f} kilobytes" in pages.everything()
+    assert f"A body of more than {MOST_FACTORED // 1000} 000 nodes is not factored" in pages.everything()
+    assert f"its run takes about {BYTES_OF_RUN / 1000:.0f} kilobytes for each node" in pages.everything()
     small, large = (bytes_of_nodes(count, 3, of_bar=False) / 1e9 for count in (5_000, 16_000))
     assert f"5 000 nodes take about {small:.1f} GB, 16 000 nodes about {large:.1f} GB" in pages.everything()
 

@@ -166,3 +166,18 @@ def test_balls_have_the_volume_of_their_polyhedron_and_no_slivers(cells):
         assert a.mass.sum() == pytest.approx(volumes[-1], rel=1e-12)
     errors = 4.0 / 3.0 * np.pi - np.array(volumes)
     assert errors[1] / errors[0] == pytest.approx(0.25, abs=0.02)
+
+
+def test_a_large_body_is_not_factored_and_its_certificate_says_what_is_known(monkeypatch):
+    monkeypatch.setattr("percuss.certificate.verdict.MOST_FACTORED", 20)
+    box = {"block": {"size": [1, 1, 1], "elements": [3, 3, 3]}, "material": {"young": 1, "density": 1, "poisson": 0.3}}
+    case = {"percuss": 1, "bodies": {"box": box}, "time": {"steps": 2, "courant": 0.9}}
+    found = percuss.run(percuss.load(case), compiled=False).summary["certificate"]
+    assert found["stable"] == "unknown"
+    assert found["dt_critical"] is None
+    assert "the step is below the bound of the elements, so that the bodies alone are stable" in found["why"]
+    above = percuss.run(percuss.load(case, {"time.courant": 1.01}), compiled=False).summary["certificate"]
+    assert above["stable"] == "unknown"
+    assert "below the bound" not in above["why"]
+    monkeypatch.setattr("percuss.certificate.verdict.MOST_FACTORED", 20_000)
+    assert percuss.run(percuss.load(case), compiled=False).summary["certificate"]["stable"] == "yes"

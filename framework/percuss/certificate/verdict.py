@@ -20,6 +20,7 @@ from percuss.contact.features import Verdict
 from percuss.errors import InputError, refuse_if_any
 from percuss.garbage import collection_paused
 from percuss.march.model import Model
+from percuss.mesh.size_limits import MOST_FACTORED
 from percuss.mesh.stresses import tangent_as_declared
 
 if TYPE_CHECKING:
@@ -189,7 +190,9 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
     if model.facts.verdict is not None:
         stable, why = model.facts.verdict()
         return _unknown_certificate(model, why) | {"stable": stable}
-    if model.bodies.why_not_linear:
+    if why := _too_large(model):
+        found = _unknown_certificate(model, why)
+    elif model.bodies.why_not_linear:
         found = _certificate_of_nonlinear_bodies(model)
     elif why := unknown_by_mass(model) or model.facts.unknown():
         found = _unknown_certificate(model, why)
@@ -200,6 +203,16 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
         found = found | {"stable": "unknown", "why": why, "cure": "", "worst": []}
         found = found | {"dt_critical": None, "dt_critical_free": None, "courant_critical": None, "margin": None}
     return found
+
+
+def _too_large(model: Model) -> str:
+    """Return why a model is not factored, and what is known of it all the same; empty if it is factored."""
+    if model.dim < 3 or all(body.mass.size <= MOST_FACTORED for body in model.bodies.values()):
+        return ""
+    why = f"a body of more than {MOST_FACTORED} nodes in three dimensions is not factored, which would take minutes"
+    if model.stages is None and model.courant <= 1.0:
+        return f"{why}; the step is below the bound of the elements, so that the bodies alone are stable"
+    return why
 
 
 def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_critical_step: bool) -> Certificate:

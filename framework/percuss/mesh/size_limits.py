@@ -28,6 +28,8 @@ BYTES_PER_NODE = 400  # of bars, for the certificate and the run together, for e
 BYTES_PER_SOLID_NODE = 12_000  # of bodies in two dimensions, roughly; most are factors of the certificate
 # In three dimensions the factors fill up, the more the larger the body is: n nodes take this many bytes times n^(5/3).
 BYTES_IN_SPACE = 330
+# A larger body in three dimensions is not factored: that takes minutes. Its run alone takes so many bytes a node.
+MOST_FACTORED, BYTES_OF_RUN = 20_000, 10_000
 MOST_STEPS = 2**40
 OUT_OF_PLANE = (0.0, 0.0, 1.0)
 ALWAYS_FITS = 2.0**26  # bytes for which no machine is asked how much memory it has
@@ -68,7 +70,9 @@ def bytes_of_nodes(count: float, dim: int, *, of_bar: bool) -> float:
     """Return the memory [bytes] that certificate and run take for `count` nodes of a body."""
     if of_bar:
         return count * BYTES_PER_NODE * dim
-    return count * BYTES_PER_SOLID_NODE if dim == 2 else BYTES_IN_SPACE * count ** (5.0 / 3.0)
+    if dim == 2:
+        return count * BYTES_PER_SOLID_NODE
+    return count * BYTES_OF_RUN if count > MOST_FACTORED else BYTES_IN_SPACE * count ** (5.0 / 3.0)
 
 
 def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
