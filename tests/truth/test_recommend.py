@@ -473,6 +473,5 @@ def test_a_search_between_surfaces_tries_the_pairings_by_a_finer_run(tmp_path):
     assert not answer.estimated
     assert {one.candidate.pairing for one in answer.tried} > {"mortar"}
     assert all(one.candidate.refine < 2 for one in answer.tried)
-    assert len({one.error for one in answer.tried if one.candidate.pairing == "node-to-segment"}) >= 1
     assert "--set reference.refine=2" in answer.study.command(answer.best.key)
     assert "--set contacts.seam.pairing=null" in answer.study.command(answer.best.key)

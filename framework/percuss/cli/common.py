@@ -370,6 +370,8 @@ def load_case(
     try:
         return (read or load)(path, given | named, plugins=files or [])
     except InputError as error:
+        if not named:
+            raise
         raise as_given_by({key: f"--reference {key.partition('.')[2]}=" for key in named}, error) from None
 
 
