@@ -49,7 +49,7 @@ PYTHON += ["errors", "testing"]
 MENU = {
     "Use percuss": [
         *("cases/TEN_MINUTES", "cases/README", "cases/GALLERY", "cases/RUNS", "cases/SOLIDS", "cases/STUDIES"),
-        *("cases/studies/README", "cases/studies/RESULTS", "cases/REFERENCE"),
+        *("cases/studies/README", "cases/studies/RESULTS", "cases/studies/SOLIDS", "cases/REFERENCE"),
     ],
     "Methods": [f"plugins/{name}" for name in ("README", "CHOOSE", "STABILITY", "REFERENCE")],
     "Write a method": [
