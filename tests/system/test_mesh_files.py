@@ -1,5 +1,9 @@
 """Bodies from mesh files of gmsh: what is read is what is in the file, and every other file is one message."""
 
+import tempfile
+import tracemalloc
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +13,7 @@ from percuss.case.mesh_file import ENCODING, mesh_in
 from percuss_methods.shapes.mesh import MeshFromFile
 
 pytest.importorskip("meshioplusplus")
+MADE_BY_GMSH = Path(__file__).parents[1] / "support" / "meshes"
 ASCII = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
 TWO_TRIANGLES = (
     ASCII
@@ -61,8 +66,11 @@ def test_cells_turn_anticlockwise_unused_nodes_are_left_out_and_groups_are_regio
     [
         ("$MeshFormat", "solid", "expected a mesh of gmsh, found a file that begins otherwise"),
         ("2.2 0 8", "1.0 0 8", "expected version 2.2 or 4.1 of a mesh of gmsh, found 1.0"),
-        ("3 2 2 1 1 1 3 2", "3 2 2 1 1 1 3 77", "damaged mesh of gmsh"),
-        ("3 2 2 1 1 1 3 2\n4 2 2 1 1 1 3 4\n", "", "damaged mesh of gmsh"),
+        ("3 2 2 1 1 1 3 2", "3 2 2 1 1 1 3 77", "cannot read this mesh of gmsh: plate.msh: an element names a node"),
+        ("3 2 2 1 1 1 3 2\n4 2 2 1 1 1 3 4\n", "", "cannot read this mesh of gmsh: plate.msh: "),
+        ("$Nodes\n5", "$Nodes\n500000000000", "section count 500000000000 exceeds what the file holds"),
+        ("3 2 1 0", "3 2 0 0", "found 1 of 2 that are flat or fold over, the first about (1.33333, 0, 0): plate.msh"),
+        ("3 2 2 1 1 1 3 2", "3 2 2 1 1 1 3 3", "found 1 of 2 that are flat or fold over"),
         ("3 2 1 0", "3 2 nan 0", "damaged mesh of gmsh"),
         ("4\n1 1 2 2 1 4 1", "4\n1 8 2 2 1 4 1 2", "expected cells of first order"),
         ("2 1 2 4 2 2 3", "2 1 2 4 2 1 3", "1 of 1 facets of 'right' are not on it"),
@@ -125,25 +133,119 @@ def test_a_result_has_the_file_inside_and_is_made_again_without_it(tmp_path):
     assert percuss_command("verify", "plate.nc", cwd=tmp_path, plain=True).returncode == 0
 
 
-@pytest.mark.parametrize("seed", range(40))
+def made_by_gmsh(name):
+    return (MADE_BY_GMSH / f"{name}.msh").read_bytes().decode(ENCODING)
+
+
+FORMS = [f"{version}-{mode}" for version in ("2.2", "4.1") for mode in ("text", "bytes")]
+FILES = [f"{kind}-{form}" for kind in ("triangle", "quad", "tetra", "hexahedron") for form in FORMS]
+
+
+def volume(mesh):
+    """Return the area or volume inside the boundary, by the divergence theorem: not by the cells."""
+    corners = mesh.nodes[next(iter(mesh.regions["skin"].facets.values()))]
+    if mesh.nodes.shape[1] == 2:
+        a, b = corners[:, 0], corners[:, 1]
+        return (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() / 2
+    pairs = [(1, 2), (2, 3)][: corners.shape[1] - 2]
+    return sum((corners[:, 0] * np.cross(corners[:, j], corners[:, k])).sum() for j, k in pairs) / 6
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_files_that_gmsh_made_are_the_bodies_that_it_was_asked_for(name):
+    shape = body(made_by_gmsh(name))
+    mesh = shape.mesh(np.zeros(shape.dimension()), 1)
+    kind, dim = name.partition("-")[0], shape.dimension()
+    assert (shape.cell, dim) == (kind, 2 if kind in {"triangle", "quad"} else 3)
+    assert mesh.nodes.max(axis=0).tolist() == {2: [2, 1], 3: [1, 1, 2]}[dim]
+    assert volume(mesh) == pytest.approx(2.0, rel=1e-14)
+    assert shape.regions == ("bottom", "top", "skin")
+    for region, sign in (("bottom", -1.0), ("top", 1.0)):
+        assert mesh.regions[region].outward == pytest.approx(np.eye(dim)[-1] * sign, abs=1e-15)
+        assert set(mesh.nodes[list(mesh.regions[region].nodes)][:, -1]) == {
+            0.0 if sign < 0 else mesh.nodes[:, -1].max()
+        }
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_cell_in_two_groups_is_one_cell_or_the_file_is_refused(form):
+    text = made_by_gmsh(f"parts-{form}")
+    if form.startswith("4.1"):
+        with pytest.raises(ValueError, match="expected cells in each physical group, found none in 'both'"):
+            body(text)
+        return
+    low, whole = (body(text, part=part).mesh(np.zeros(3), 1) for part in ("low", ""))
+    assert len(whole.cells["tetra"]) == len(np.unique(np.sort(whole.cells["tetra"]), axis=0))
+    assert (volume(low), volume(whole)) == pytest.approx((1.0, 2.0), rel=1e-14)
+
+
+@pytest.mark.parametrize(("corner", "folds"), [(0.9, False), (0.5, True), (0.2, True)])
+def test_a_quadrilateral_is_convex_or_refused(corner, folds):
+    square = TWO_TRIANGLES.replace("4\n1 1 2", "3\n1 1 2").replace("3 2 1 0", f"3 {2 * corner} {corner} 0")
+    text = square.replace("3 2 2 1 1 1 3 2\n4 2 2 1 1 1 3 4", "3 3 2 1 1 1 2 3 4")
+    if folds:
+        with pytest.raises(ValueError, match="found 1 of 1 that are flat or fold over"):
+            body(text)
+    else:
+        assert volume(body(text).mesh(np.zeros(2), 1)) == pytest.approx(2 * corner)
+
+
+def test_a_turned_hexahedron_is_turned_back_and_a_twisted_one_refused():
+    rows = made_by_gmsh("hexahedron-2.2-text").splitlines()
+    at = next(k for k, row in enumerate(rows) if row.split()[1:2] == ["5"])
+    *tags, a, b, c, d, e, f, g, h = rows[at].split()
+    rows[at] = " ".join([*tags, e, f, g, h, a, b, c, d])
+    assert volume(body("\n".join(rows) + "\n").mesh(np.zeros(3), 1)) == pytest.approx(2.0)
+    rows[at] = " ".join([*tags, a, b, c, d, f, e, g, h])
+    with pytest.raises(ValueError, match="1 of 8 that are flat or fold over"):
+        body("\n".join(rows) + "\n")
+
+
+@pytest.mark.parametrize("seed", range(80))
 def test_a_file_with_wrong_bytes_is_a_mesh_or_one_message(seed):
+    """Up to four bytes, or all bytes of a number, are replaced, and one file in four is cut short."""
     random = np.random.default_rng(seed)
-    good = TWO_TRIANGLES.encode(ENCODING)
-    bad = bytearray(good)
-    for _ in range(random.integers(1, 5)):
-        bad[random.integers(len(bad))] = random.integers(256)
-    text = bytes(bad[: random.integers(len(bad)) if seed % 4 == 0 else None]).decode(ENCODING)
+    bad = bytearray(made_by_gmsh(FILES[seed % len(FILES)]).encode(ENCODING))
+    if seed // len(FILES) % 2:
+        size, at = random.choice([4, 8]), random.integers(len(bad) - 8)
+        bad[at : at + size] = random.bytes(size)
+    else:
+        for _ in range(random.integers(1, 5)):
+            bad[random.integers(len(bad))] = random.integers(256)
+    text = bytes(bad[: random.integers(len(bad)) if random.integers(4) == 0 else None]).decode(ENCODING)
+    said = ""
     try:
         shape = body(text)
+        mesh = shape.mesh(np.zeros(shape.dimension()), 1)
     except ValueError as error:
         said = str(error)
-    else:
-        said = ""
     if said:
         assert "plate.msh" in said
-        return
-    mesh = shape.mesh(np.zeros(2), 1)
-    assert np.isfinite(mesh.nodes).all()
+        assert tempfile.gettempdir() not in said
+    else:
+        assert volume(mesh) > 0.0
+
+
+def with_number(text, after, at, number):
+    """Return a file of bytes with another number of four bytes, `at` bytes after the count of a section."""
+    good = text.encode(ENCODING)
+    begin = good.index(b"\n", good.index(after.encode()) + len(after) + 1) + 1 + at
+    return (good[:begin] + number.to_bytes(4, "little") + good[begin + 4 :]).decode(ENCODING)
+
+
+def test_a_wrong_number_of_a_node_takes_no_memory():
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match="node tags too sparse"):
+            body(with_number(made_by_gmsh("hexahedron-2.2-bytes"), "$Nodes", 0, 10**9))
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_an_element_of_more_tags_than_bytes_is_refused_before_the_reader_takes_memory_for_them():
+    with pytest.raises(ValueError, match="an element has more tags than the file can hold"):
+        body(with_number(made_by_gmsh("hexahedron-2.2-bytes"), "$Elements", 8, 10**8))
 
 
 def test_meshes_of_the_reader_missing_say_what_to_install(monkeypatch):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
+import struct
 import tempfile
 from pathlib import Path
 
@@ -12,10 +14,16 @@ import numpy as np
 from percuss.case.csv_file import UnusableFileError, read_bytes
 from percuss.errors import PercussError
 from percuss.methods.interfaces import Integers, MeshFile
+from percuss.process import processes_with
 
 ENCODING = "latin-1"  # in which every byte is a letter, so that a binary file is kept as a text
 KINDS = ("line", "triangle", "quad", "tetra", "hexahedron", "vertex")
+NODES = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 15: 1}  # of an element, by the number that gmsh gives its kind
 GMSH = "Save it by gmsh as .msh, version 2.2 or 4.1."
+# Without it the reader tries a damaged file again by a second one, which believes any number in it: a wrong node number
+# takes gigabytes.
+ONE_READER = {"MESHIOPLUSPLUS_STRICT_CORE": "1"}
+READER_SAYS = re.compile(r".*\(gmsh: (?:meshio\+\+: )?(?:Gmsh: )?(.*)\)", re.DOTALL)  # the rest names the copy
 
 
 def read_mesh(path: str, folder: Path) -> str:
@@ -49,23 +57,48 @@ def mesh_in(text: str, path: str) -> MeshFile:
     if version not in (["2.2"], ["4.1"]):
         found = version[0][:20] if version else "nothing"
         raise UnusableFileError(f"expected version 2.2 or 4.1 of a mesh of gmsh, found {found}: {path}", GMSH)
+    content = text.encode(ENCODING)
+    if version == ["2.2"] and text.split(maxsplit=3)[2:3] == ["1"] and _too_many_tags(content):
+        raise UnusableFileError(f"damaged mesh of gmsh: {path}: an element has more tags than the file can hold", GMSH)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "mesh.msh"
-        copy.write_bytes(text.encode(ENCODING))
+        copy.write_bytes(content)
         said = io.StringIO()  # The reader prints doubts, as of a section without an end, and goes on.
         try:
-            with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            with processes_with(ONE_READER), contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
                 read = meshioplusplus.read(str(copy), file_format="gmsh")
             nodes = np.array(read.points, dtype=float)
             blocks = [(block.type, np.array(block.data, dtype=np.int64)) for block in read.cells]
             sets = {str(name): list(rows) for name, rows in read.cell_sets.items() if not name.startswith("gmsh:")}
         except Exception as error:  # noqa: BLE001 - the reader raises all kinds of errors for damaged files
-            why = " ".join(str(error).split())[:200]
-            raise UnusableFileError(f"damaged mesh of gmsh: {path}: {why or type(error).__name__}", GMSH) from None
+            reason = READER_SAYS.fullmatch(str(error))
+            why = f": {' '.join(reason[1].split())[:200]}" if reason else ""
+            raise UnusableFileError(f"cannot read this mesh of gmsh: {path}{why}", GMSH) from None
     if "Warning: " in said.getvalue():
         doubt = said.getvalue().partition("Warning: ")[2].split("\n")[0]
         raise UnusableFileError(f"damaged mesh of gmsh: {path}: {doubt}", GMSH)
+    lost = [name for name, (_, dim) in read.field_data.items() if dim and name not in sets]
+    if lost:
+        message = f"expected cells in each physical group, found none in '{lost[0]}': {path}"
+        advice = "Of several groups that share cells, version 4.1 is read with the first alone: save version 2.2."
+        raise UnusableFileError(message, advice)
     return _checked(path, nodes, blocks, sets)
+
+
+def _too_many_tags(content: bytes) -> bool:
+    """Return whether an element of a binary file of version 2.2 has more tags than the file can hold.
+
+    The reader would take the memory for them before it looks whether they are there.
+    """
+    at = content.find(b"\n", content.find(b"$Elements\n") + len("$Elements\n")) + 1
+    while at + 12 <= len(content):
+        kind, count, tags = struct.unpack_from("<3i", content, at)
+        if kind not in NODES or count < 0:
+            break
+        if not 0 <= tags <= len(content) // 4:
+            return True
+        at += 4 * (3 + count * (1 + tags + NODES[kind]))
+    return False
 
 
 def _checked(

@@ -21,8 +21,15 @@ SIDES = {
     "tetra": ("triangle", np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])),
     "hexahedron": ("quad", FACES),
 }
+# Corners of a cell that are next to each of its corners, in space anticlockwise as seen from there.
+NEXT = {
+    "triangle": [[1, 2]],
+    "quad": [[1, 3], [2, 0], [3, 1], [0, 2]],
+    "tetra": [[1, 2, 3]],
+    "hexahedron": [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]],
+}
 TURNED = {"triangle": [0, 2, 1], "quad": [0, 3, 2, 1], "tetra": [0, 2, 1, 3], "hexahedron": [4, 5, 6, 7, 0, 1, 2, 3]}
-FLAT = 1e-9  # of the size of the body; and of unit vectors, below which a region is plane
+FLAT = 1e-9  # of the size of the body or, for volumes, of a cell; and of unit vectors, below which a region is plane
 SKIN = "skin"
 
 
@@ -55,6 +62,11 @@ class MeshFromFile(Shape):
             raise OptionError(f"expected cells of one kind, found {what}: {path}", "file")
         if self.dimension() == 2 and np.ptp(nodes[:, 2]) > FLAT * np.ptp(nodes, axis=0).max():
             raise OptionError(f"expected cells in a plane of constant z, found a surface in space: {path}", "file")
+        corners = nodes[self._cells]
+        if (flat := ~(_volumes(corners, self.cell) > FLAT).all(axis=1)).any():
+            x = ", ".join(f"{value:.6g}" for value in corners[flat][0].mean(axis=0))
+            what = f"{flat.sum()} of {flat.size} that are flat or fold over, the first about ({x})"
+            raise OptionError(f"expected cells with a volume, convex at each corner, found {what}: {path}", "file")
         for name, facets in self._groups.items():
             if wrong := int((facets < 0).sum()):
                 inside = f"{wrong} of {facets.size} facets of '{name}' are not on it"
@@ -76,7 +88,9 @@ class MeshFromFile(Shape):
         """The cells of the body, each of which counts its nodes so that its volume is positive."""
         cells = self.file.cells[self.cell]
         cells = cells[self.file.groups[self.part][self.cell]] if self.part else cells
-        turned = _volumes(self.file.nodes[cells], self.cell) < 0.0
+        # A cell in two groups stands twice in a file of version 2.2.
+        cells = cells[np.sort(np.unique(np.sort(cells, axis=1), axis=0, return_index=True)[1])]
+        turned = _volumes(self.file.nodes[cells], self.cell).sum(axis=1) < 0.0
         return np.where(turned[:, None], cells[:, TURNED[self.cell]], cells)
 
     @cached_property
@@ -142,12 +156,10 @@ def _region(nodes: Floats, facets: Integers, kind: str) -> Region:
 
 
 def _volumes(corners: Floats, kind: str) -> Floats:
-    """Return the signed volume, or in a plane the area, of each cell, up to a factor."""
-    along = corners - corners[:, :1]
-    if kind in {"triangle", "quad"}:
-        last = along[:, 2] if kind == "triangle" else along[:, 3]
-        area: Floats = along[:, 1, 0] * last[:, 1] - along[:, 1, 1] * last[:, 0]
-        return area
-    third = 3 if kind == "tetra" else 4
-    second = 2 if kind == "tetra" else 3
-    return np.asarray(np.einsum("ci,ci->c", np.cross(along[:, 1], along[:, second]), along[:, third]))
+    """Return the signed volumes that the edges at the corners of each cell span, (cells, corners), its size being 1."""
+    dim = len(NEXT[kind][0])
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        size = np.abs(corners - corners[:, :1]).max(axis=(1, 2))
+        unit = (corners - corners[:, :1])[..., :dim] / size[:, None, None]
+        volumes: Floats = np.linalg.det(unit[:, NEXT[kind]] - unit[:, : len(NEXT[kind]), None])
+    return volumes
