@@ -1,13 +1,14 @@
-"""Speed of bodies in two dimensions against plain serial kernels, as ratios measured in one run.
+"""Speed of bodies in two and three dimensions against plain serial kernels, as ratios measured in one run.
 
     python tests/benchmarks/cells.py [--rounds N] [--most N]
 
-A free block of squares or of triangles with a linear material is marched by percuss and by a loop compiled with numba
-that has slopes and weights stored, and for each cell gathers, computes and adds up forces, in the order of the cells;
-it knows element and material, records nothing and knows neither contact nor load. Both take turns on one core. A round
-gives the ratio of the two CPU times; median, least and most of all rounds are printed, and the exponent p with which
-the time of a step grows, as n^p. Each size has a process of its own; its peak memory is what building the model and the
-march have added, for each element.
+A free block of squares, triangles, cubes or tetrahedra with a linear material is marched by percuss and by a loop
+compiled with numba that has slopes and weights stored, and for each cell gathers, computes and adds up forces, in the
+order of the cells; it knows element and material, records nothing and knows neither contact nor load. Both take turns
+on one core. A round gives the ratio of the two CPU times; median, least and most of all rounds are printed, and the
+exponent p with which the time of a step grows, as n^p. Each size has a process of its own; its peak memory is what
+building the model and the march have added, for each element. Cells with one point are measured against the plain
+kernel of the full rule.
 
 Last, the share of contact: two blocks of 220 x 220 squares that meet face to face are marched with their contact and
 without, in turns.
@@ -119,7 +120,54 @@ def plain_tri3(
                 u[i, k] += dt * v[i, k]
 
 
-PLAIN = {"quad4": plain_quad4, "tri3": plain_tri3}
+def plain_solid(nodes: int, points: int) -> Any:
+    """Return the march of cells in three dimensions; the compiler knows how many nodes and points they have."""
+
+    @numba.njit
+    def march(
+        cells: Any, slopes: Any, weights: Any, first: float, second: float, inverse: Any, u: Any, v: Any, f: Any,
+        dt: float, steps: int,
+    ) -> None:  # fmt: skip
+        own, forces = np.empty((nodes, 3)), np.empty((nodes, 3))
+        for _ in range(steps):
+            f[:] = 0.0
+            for e in range(cells.shape[0]):
+                for a in range(nodes):
+                    for k in range(3):
+                        own[a, k] = u[cells[e, a], k]
+                        forces[a, k] = 0.0
+                for q in range(points):
+                    s = slopes[e, q]
+                    xx = yy = zz = xy = yz = zx = 0.0
+                    for a in range(nodes):
+                        x, y, z = own[a, 0], own[a, 1], own[a, 2]
+                        xx += x * s[a, 0]
+                        yy += y * s[a, 1]
+                        zz += z * s[a, 2]
+                        xy += x * s[a, 1] + y * s[a, 0]
+                        yz += y * s[a, 2] + z * s[a, 1]
+                        zx += z * s[a, 0] + x * s[a, 2]
+                    weight, mean = weights[e, q], first * (xx + yy + zz)
+                    pxx, pyy = weight * (mean + 2.0 * second * xx), weight * (mean + 2.0 * second * yy)
+                    pzz, pxy = weight * (mean + 2.0 * second * zz), weight * second * xy
+                    pyz, pzx = weight * second * yz, weight * second * zx
+                    for a in range(nodes):
+                        forces[a, 0] -= pxx * s[a, 0] + pxy * s[a, 1] + pzx * s[a, 2]
+                        forces[a, 1] -= pxy * s[a, 0] + pyy * s[a, 1] + pyz * s[a, 2]
+                        forces[a, 2] -= pzx * s[a, 0] + pyz * s[a, 1] + pzz * s[a, 2]
+                for a in range(nodes):
+                    for k in range(3):
+                        f[cells[e, a], k] += forces[a, k]
+            for i in range(u.shape[0]):
+                for k in range(3):
+                    v[i, k] += dt * inverse[i] * f[i, k]
+                    u[i, k] += dt * v[i, k]
+
+    return march
+
+
+PLAIN = {"quad4": plain_quad4, "tri3": plain_tri3, "hex8": plain_solid(8, 8), "tet4": plain_solid(4, 1)}
+ELEMENTS = {**{name: name for name in PLAIN}, "quad4-one-point": "quad4", "hex8-one-point": "hex8"}  # and their cells
 
 
 # ---------------------------------------------------------------------------------------------------------- cases
@@ -147,11 +195,17 @@ def case_of(bodies: dict[str, Any], contacts: dict[str, Any], steps: int) -> per
     })  # fmt: skip
 
 
-def free_block(elements: int, cells: str, steps: int) -> percuss.Case:
+def free_block(elements: int, element: str, steps: int) -> percuss.Case:
     """Return the case of a block that turns, is stretched by this, and touches nothing."""
-    side = math.isqrt(elements)
-    body = block(side, side if cells == "quad4" else side // 2, cells, 0.0, (0.1, -0.1))
-    return case_of({"block": {**body, "spin": 0.1}}, {}, steps)
+    cells = ELEMENTS[element]
+    if cells in {"quad4", "tri3"}:
+        side = math.isqrt(elements)
+        body = {**block(side, side if cells == "quad4" else side // 2, cells, 0.0, (0.1, -0.1)), "spin": 0.1}
+    else:
+        side = round((elements if cells == "hex8" else elements / 6) ** (1 / 3))
+        body = {**block(side, side, cells, 0.0, (0.1, -0.1, 0.05)), "spin": [0.1, 0.05, -0.1], "at": [0.0, 0.0, 0.0]}
+        body["block"] = {"size": [1.0] * 3, "elements": [side] * 3, "cells": cells}
+    return case_of({"block": {**body, "element": element}}, {}, steps)
 
 
 def two_blocks(steps: int, *, in_contact: bool) -> percuss.Case:
@@ -186,13 +240,14 @@ def plain_march(model: Any, cells: str, steps: int) -> Callable[[], tuple[float,
     """Return a march of the plain kernels, whose calls return its time [s] and the displacements."""
     body = model.bodies["block"]
     geometry = body.spec.element.geometry(body.view)
-    slopes = np.ascontiguousarray(geometry[..., :-1]).reshape(*geometry.shape[:2], -1, 2)
+    dim = model.dim
+    slopes = np.ascontiguousarray(geometry[..., :-1]).reshape(*geometry.shape[:2], -1, dim)
     weights = np.ascontiguousarray(geometry[..., -1])
     numbers = np.ascontiguousarray(next(iter(body.mesh.cells.values())))
-    constants, inverse = body.spec.material.solid_parameters("strain"), 1.0 / body.mass
+    constants, inverse = body.spec.material.solid_parameters("strain" if dim == 2 else ""), 1.0 / body.mass
 
     def march(count: int = steps) -> tuple[float, Any]:
-        u, f, v = np.zeros((body.mass.size, 2)), np.zeros((body.mass.size, 2)), body.nodal_velocity.copy()
+        u, f, v = np.zeros((body.mass.size, dim)), np.zeros((body.mass.size, dim)), body.nodal_velocity.copy()
         began = time.process_time()
         PLAIN[cells](numbers, slopes, weights, *constants, inverse, u, v, f, model.dt, count)
         return time.process_time() - began, u
@@ -212,9 +267,10 @@ def measured(cells: str, elements: int, rounds: int) -> dict[str, Any]:
     count = model.bodies["block"].count
     displacement = ours()[1].final_displacement
     memory = (peak_memory() - before) / count
-    plain = plain_march(model, cells, steps)
+    full = ELEMENTS[cells]
+    plain = plain_march(model if full == cells else settled(free_block(elements, full, steps)), full, steps)
     expected = plain()[1].ravel()
-    if not np.abs(displacement - expected).max() <= SAME * np.abs(expected).max():
+    if full == cells and not np.abs(displacement - expected).max() <= SAME * np.abs(expected).max():
         raise SystemExit("percuss and the plain kernels do not march alike")
     times = [(plain()[0] / steps / count, ours()[0] / steps / count) for _ in range(rounds)]
     return {"elements": count, "times": times, "bytes": memory}
@@ -262,8 +318,8 @@ def main() -> None:
         cells, elements, rounds = given.one
         print(json.dumps(measured(cells, int(elements), int(rounds))))
         return
-    print(f"{'cells':>6}{'elements':>10}{'plain [ns]':>12}{'percuss [ns]':>14}{'bytes each':>12}  ratio")
-    for cells in PLAIN:
+    print(f"{'cells':>16}{'elements':>10}{'plain [ns]':>12}{'percuss [ns]':>14}{'bytes each':>12}  ratio")
+    for cells in ELEMENTS:
         sizes, steps = [], []
         for size in SIZES:
             if size > given.most:
@@ -271,12 +327,12 @@ def main() -> None:
             found = in_child(cells, size, given.rounds)
             plain, ours = (statistics.median(column) * 1e9 for column in zip(*found["times"], strict=True))
             ratios = [one / other for other, one in found["times"]]
-            row = f"{cells:>6}{found['elements']:10d}{plain:12.1f}{ours:14.1f}{found['bytes']:12.0f}  {spread(ratios)}"
+            row = f"{cells:>16}{found['elements']:10d}{plain:12.1f}{ours:14.1f}{found['bytes']:12.0f}  {spread(ratios)}"
             print(row, flush=True)
             sizes.append(found["elements"])
             steps.append(ours * found["elements"])
         exponent = np.polyfit(np.log(sizes), np.log(steps), 1)[0] if sizes[1:] else math.nan
-        print(f"{cells:>6}: a step grows as n^{exponent:.2f}")
+        print(f"{cells:>16}: a step grows as n^{exponent:.2f}")
     print(f"share of the contact of two blocks of {SIDE} x {SIDE} squares: {spread(share_of_contact(given.rounds))}")
 
 
