@@ -109,7 +109,7 @@ def hourglass_notes(histories: Mapping[str, Floats]) -> list[str]:
     if not held > ALLOWED_HOURGLASS * elastic:
         return []
     share = percent(held / elastic)
-    return [f"hourglass control holds up to {share} of the largest elastic energy: the mesh is too coarse"]
+    return [f"hourglass control holds up to {share} of the largest elastic energy: a finer mesh needs less of it"]
 
 
 def largest(outcome: Outcome) -> float:

@@ -19,7 +19,8 @@ class Hex8OnePoint(OnePointCell):
     Formula: as `quad4-one-point`, with the four modes ``h = eta zeta, zeta xi, xi eta, xi eta zeta`` at the corners,
     and ``gamma_a = (h_a - sum_b h_b x_b . grad N_a) / 8`` of each.
 
-    It does not lock. Plates and bars need some cells across to bend: with one, only the hourglass control holds them.
+    In bending it locks less than full integration, but long cells are still too stiff. Plates and
+    bars need some cells across to bend: with one, only the hourglass control holds them.
     """
 
     name = "hex8-one-point"

@@ -17,7 +17,8 @@ class Quad4OnePoint(OnePointCell):
     (h_a - sum_b h_b x_b . grad N_a) / 4``, ``h = (1, -1, 1, -1)``. Linear displacements have no q. The default is the
     stiffness of 0.05 of the modulus of longitudinal waves where Poisson's ratio is 1/3.
 
-    It does not lock. A strip needs some cells across to bend: with one, only the hourglass control holds it.
+    In bending it locks less than full integration, but long cells are still too stiff. A strip needs
+    some cells across to bend: with one, only the hourglass control holds it.
     """
 
     name = "quad4-one-point"
