@@ -12,7 +12,8 @@ import shutil
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: threads cost more than they bring
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, find, settings
+from hypothesis.strategies import booleans
 
 from percuss.testing.draws import without_constants_of_modules
 
@@ -48,7 +49,12 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """Leave out of every later search for garbage what is there before the first test."""
+    """Leave out of every later search for garbage what is there before the first test.
+
+    Hypothesis makes its source of random numbers in its first draw, and some versions ask the search who refers to it:
+    a module that is left out would be missed.
+    """
+    find(booleans(), bool, settings=settings(database=None))
     gc.collect()
     gc.freeze()
 

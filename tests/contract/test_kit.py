@@ -139,7 +139,7 @@ def test_the_smallest_failing_case_is_sought():
 
     found = {}
     for shrinks in (False, True):
-        subject = dataclasses.replace(Subject.of(planted.Spring, REGISTRY, draws=60), shrinks=shrinks)
+        subject = dataclasses.replace(Subject.of(planted.Spring, REGISTRY, draws=300), shrinks=shrinks)
         with pytest.raises(CheckFailed, match="two bars are pushed"):
             for_all(subject, bar_chains(push=True), fails)
         found[shrinks] = subject.loaded[0]
