@@ -30,13 +30,13 @@ QUICK = (
     *("elements/bar", "elements/quad4", "materials/elastic", "masses/lumped"),
 )
 OF_MANY = ("contacts/", "integrators/", "elements/", "materials/", "masses/")
-# These checks of a law or an integrator compile the loop anew, with kernels of their own or in the plane.
-COMPILING = ("no-hidden-state", "placement")
+# These checks of a law or an integrator take long: they compile the loop anew, or march in plain Python.
+LASTING = ("no-hidden-state", "placement", "as-a-strict-host-has-it", "compiled-and-plain", "pushes-apart", "starts")
 
 
 def is_deep(label, check, partner):
     """Return whether a check is left to the whole check."""
-    return bool(partner) or (label.startswith(OF_MANY) and (label not in QUICK or check.name in COMPILING))
+    return bool(partner) or (label.startswith(OF_MANY) and (label not in QUICK or check.name in LASTING))
 
 
 @pytest.mark.slow

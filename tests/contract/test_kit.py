@@ -35,7 +35,14 @@ def test_a_method_without_a_mistake_conforms(cls):
     assert report.count("passed") >= 8
 
 
-LASTING = ("exact-impact", "energy-never-grows", "order", "no-hidden-state", "units")  # checks that take long
+LASTING = (
+    "exact-impact",
+    "energy-never-grows",
+    "order",
+    "no-hidden-state",
+    "units",
+    "critical-courant",
+)  # checks that take long
 
 
 @pytest.mark.slow
@@ -200,7 +207,13 @@ def test_the_methods_of_one_plug_in_judge_each_other():
 
 @pytest.mark.parametrize(
     ("name", "partner"),
-    [("conserves", ""), ("first-step", ""), ("order", ""), ("exact-impact", "regularised-lagrange")],
+    [
+        *(("conserves", ""), ("first-step", "")),
+        *(
+            pytest.param(*one, marks=pytest.mark.deep)
+            for one in [("order", ""), ("exact-impact", "regularised-lagrange")]
+        ),
+    ],
 )
 def test_nothing_is_asked_above_the_limit_of_a_scheme(name, partner):
     assert planted.Viscous.critical_courant < 0.45

@@ -54,8 +54,14 @@ def test_every_family_has_its_kind():
     assert list(dict.fromkeys(scaffold.KINDS.values())) == list(FAMILIES)
 
 
+# These compile a loop or kernels of cells of their own.
+LASTING = ("integrator", "material", "solid-material", "pairing", "element")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.deep) if kind in LASTING else kind for kind in KINDS]
+)
 def test_a_single_file_runs_as_its_case_expects(written, kind):
     case = percuss.load(written / f"some-{kind}.yaml")
     cls = case.registry.get(scaffold.KINDS[kind], f"some-{kind}")

@@ -96,6 +96,7 @@ LASTING = (
     "perfectly_plastic.py",
     "wedge.py",
     "cases/box-impact.yaml",
+    "cases/ball-on-wall-3d.yaml --plot",
     "--exact-only --plot",
     "--plugin stop_and_touch.py --set",
     "--plugin end_nitsche.py --set",

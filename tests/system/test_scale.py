@@ -154,6 +154,7 @@ def calls_of(contacts, method):
     return count
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     "method",
     [

@@ -248,7 +248,7 @@ def test_a_plug_in_that_raises_costs_its_own_rows(tmp_path):
 @pytest.mark.parametrize(
     "path",
     [
-        pytest.param(path, marks=pytest.mark.deep) if path.stem in {"sensitivity", "family"} else path
+        pytest.param(path, marks=pytest.mark.deep) if path.stem in {"sensitivity", "family", "solids"} else path
         for path in SHIPPED
     ],
     ids=lambda path: path.stem,

@@ -53,7 +53,13 @@ def result_of(case, **record):
     )
 
 
-@pytest.fixture(scope="module", params=KINDS)
+# The cells of these kinds are compiled for these tests alone.
+LASTING = ("tri3", "tet4", "axisymmetric")
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param(kind, marks=pytest.mark.deep) if kind in LASTING else kind for kind in KINDS]
+)
 def written(request, tmp_path_factory):
     """A result, its file, and the size of its cells."""
     case, measure, size = KINDS[request.param]

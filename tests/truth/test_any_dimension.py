@@ -121,6 +121,7 @@ def test_other_rows_differ_from_bars_and_their_accounts_close(integrator, places
     accounts_close(found, integrator)
 
 
+@pytest.mark.deep
 def test_plain_python_marches_the_same():
     one = strips("wu-predictor-corrector", "penalty", 2, 3, "cut")
     other = strips("wu-predictor-corrector", "penalty", 2, 3, "cut", compiled=False)

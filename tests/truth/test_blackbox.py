@@ -302,7 +302,7 @@ def test_the_verdict_turns_where_theta_is_one(theta):
     assert (certificate(model)["stable"] == "yes") == (theta < 1)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_large_model_is_judged_by_a_krylov_iteration():
     for law in ({"name": "penalty", "beta_s": 10.0}, {"name": "bipenalty", "beta_s": 10.0, "ratio": 5.0}):
         model = model_of(hunek(n=200, integrator=CD, contact=law))

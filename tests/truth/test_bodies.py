@@ -210,7 +210,7 @@ def test_the_stress_of_linear_bars_is_youngs_modulus_times_strain():
 # --------------------------------------------------------------------------------------------- the accounts
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_energy_that_grows_in_a_soft_bar_fails_the_run(tmp_path, softer):
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(soft(40, tension=0.1, courant=0.9, end=2.0)), encoding="utf-8")
     done = command("run", tmp_path / "case.yaml", "--plugin", softer)

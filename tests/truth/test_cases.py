@@ -26,7 +26,11 @@ def test_the_benchmarks_are_there() -> None:
     assert {path.stem for path in CASES} >= BENCHMARKS
 
 
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=pytest.mark.deep) if path.stem == "two-spheres" else path for path in CASES],
+    ids=lambda path: path.stem,
+)
 def test_a_case_gives_what_it_expects(path: Path) -> None:
     case = percuss.load(path)
     assert case.title

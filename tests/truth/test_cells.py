@@ -177,6 +177,7 @@ def test_the_error_of_a_frequency_is_of_twice_the_order(element):
 # ------------------------------------------------------------------------------------------------------ runs
 
 
+@pytest.mark.deep
 def test_a_smooth_wave_converges_faster_with_a_higher_order():
     """One period of a raised cosine, whose displacement has a jump in its third derivative, at equal numbers of nodes.
 

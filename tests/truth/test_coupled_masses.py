@@ -404,6 +404,7 @@ def test_a_body_that_moves_or_falls_as_a_whole_stays_unstrained(consistency):
     assert np.abs(result.arrays["displacement"][:, 0, 0] - (0.2 * time - 1.5 * time**2)).max() < 1e-12
 
 
+@pytest.mark.deep
 def test_other_methods_balance_with_it():
     """Viscosity, bodies that are not linear, loads that follow the motion, laws that shift, laws with a kernel."""
     for change in (

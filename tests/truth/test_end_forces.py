@@ -403,6 +403,7 @@ def drawn_rows():
         yield with_law({**WALL, "bodies": bodies, "contacts": contacts, "record": {"probes": []}}, law)
 
 
+@pytest.mark.deep
 def test_the_closed_form_finds_the_critical_step_of_the_step_itself():
     limits = []
     for case in drawn_rows():

@@ -181,6 +181,7 @@ def rows(draw):
     }
 
 
+@pytest.mark.deep
 @settings(max_examples=12, deadline=None, derandomize=True, phases=(Phase.generate,))  # shrinking takes minutes
 @given(rows(), st.sampled_from(["body", "neighbour"]))
 def test_rows_of_bars_move_as_dense_matrices_move_them(case, to):
@@ -305,6 +306,7 @@ def test_the_critical_step_is_that_of_dense_matrices(to, law):
     assert certificate["by"] == "pencil"
 
 
+@pytest.mark.deep
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(rows(), st.sampled_from([*LAWS, {"name": "tied"}]))
 def test_mass_moved_to_the_neighbour_never_lowers_the_step(case, law):

@@ -85,6 +85,7 @@ def test_a_search_begins_with_any_case(small, old, new):
     assert answer.best.energy <= 0.5
 
 
+@pytest.mark.deep
 def test_a_search_is_found_again_from_its_file(small):
     first, again = found(small, runs=12), found(small, runs=12)
     assert again.study.found == len(again.tried) == len(first.tried)  # nothing was run again

@@ -32,7 +32,11 @@ def told(case, overrides=None):
 # ------------------------------------------------------------------------------------------------- cases
 
 
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=pytest.mark.deep) if path.stem == "two-spheres" else path for path in CASES],
+    ids=lambda path: path.stem,
+)
 def test_a_check_names_all_that_a_case_will_do(path):
     case = percuss.load(path)
     model, found = Model(case), told(path)
