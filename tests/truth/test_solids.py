@@ -307,6 +307,26 @@ def test_a_run_warns_where_cells_lock(poisson, plane, warned):
     assert (said in str(percuss.check(case))) is warned
 
 
+@pytest.mark.parametrize(
+    ("body", "warned"),
+    [
+        ({"block": {"size": [20, 1], "elements": [20, 4]}, "angle": 30}, "1 times as long as it is thick"),
+        ({"block": {"size": [20, 1], "elements": [40, 1]}}, ""),
+        ({"block": {"size": [4, 1], "elements": [2, 1]}}, ""),
+        ({"block": {"size": [20, 1], "elements": [20, 4]}, "element": "quad4-one-point"}, ""),
+        ({"block": {"size": [20, 1], "elements": [20, 4]}, "at": [1, 0], "plane": "axisymmetric"}, ""),
+        ({"block": {"size": [1, 2, 20], "elements": [2, 2, 10], "cells": "tet4"}}, "2 times as long as it is thick"),
+    ],
+)
+def test_a_run_warns_of_long_cells_of_slender_bodies(body, warned):
+    """What it says is no more than what a cantilever shows: see the test of a slender beam of one-point elements."""
+    body = {"at": [0.0] * len(body["block"]["size"]), "material": {"young": 1.0, "density": 1.0, "poisson": 0.0}} | body
+    case = percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}})
+    notes = [note for note in percuss.run(case).summary["notes"] if "slender" in note]
+    assert [warned in note for note in notes] == ([True] if warned else [])
+    assert ("slender" in str(percuss.check(case))) is bool(warned)
+
+
 def test_a_wall_has_a_point_and_a_normal():
     """The three ways to give a wall are the same wall; one that is turned is turned with the body."""
     forces = []

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 MOST_TURNED = 0.05  # rad, which stretches a body of small strains by 0.12 %
 NEARLY_INCOMPRESSIBLE = 3.79  # modulus of longitudinal waves over Young's at a Poisson's ratio of .45
+SLENDER = 5.0  # length over thickness of a body that is expected to bend
+MOST_TOO_STIFF = 0.1  # in bending
 
 
 def in_space(vectors: Floats) -> Floats:
@@ -94,10 +96,29 @@ class Body:
     @property
     def why_too_stiff(self) -> str:
         """Why its cells are stiffer than the body that they stand for; empty if no reason is known."""
-        element, ratio = self.spec.element, self.modulus / modulus_of_bar(self.spec.material)
-        if not (getattr(element, "locks", False) and ratio > NEARLY_INCOMPRESSIBLE):
+        element, said = self.spec.element, f"body '{self.name}' is"
+        if not getattr(element, "locks", False):
             return ""
-        return f"body '{self.name}' is almost incompressible, where {element.name} locks: it is too stiff"
+        if self.modulus / modulus_of_bar(self.spec.material) > NEARLY_INCOMPRESSIBLE:
+            return f"{said} almost incompressible, where {element.name} locks: it is too stiff"
+        long = self.length_of_cells_over_thickness
+        # Cells that cannot bend shear instead: G (l/h)^2 / E of plane stress, and G / E is a quarter at least.
+        if not long**2 / 4.0 > MOST_TOO_STIFF:
+            return ""
+        return (
+            f"{said} slender, and its cells are {long:.2g} times as long as it is thick: if it bends, {element.name} "
+            f"locks, and it is too stiff by {percent(long**2 / 4.0, 2)} or more"
+        )
+
+    @property
+    def length_of_cells_over_thickness(self) -> float:
+        """Mean length of its cells along it over its thickness; 0 of a body that is not slender."""
+        nodes = self.mesh.nodes - self.mesh.nodes.mean(axis=0)
+        along = nodes @ np.linalg.eigh(nodes.T @ nodes)[1]  # the last axis is that of its length
+        extents = np.ptp(along, axis=0)
+        if getattr(self.spec.element, "about_axis", False) or extents[-1] < SLENDER * extents.min():
+            return 0.0
+        return float(np.ptp(along[cells_of(self.mesh), -1], axis=1).mean() / extents.min())
 
     @property
     def count(self) -> int:

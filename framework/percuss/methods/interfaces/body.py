@@ -476,7 +476,7 @@ class SolidElement(CellElement, contract="elements"):
     about_axis
         Whether it is of bodies of revolution, whose gradient has three dimensions: the third is around the axis x = 0.
     locks
-        Whether it is too stiff where the material is almost incompressible; percuss then warns.
+        Whether it is too stiff where the material is almost incompressible, and where long cells bend; percuss warns.
     hourglass_points
         Number of its quadrature points, the last ones, that only hold hourglass modes. They have no part in the
         element stress, and their part of the strain energy is recorded as ``hourglass_energy``.
