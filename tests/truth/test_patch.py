@@ -22,15 +22,17 @@ LAGRANGE, PENALTY, REGULARISED = (
 
 
 def block(at, speed, across):
+    across = np.atleast_1d(across).tolist()
+    still = [0.0] * len(across)
     return {
-        "block": {"size": [1.0, 0.2], "elements": [20, across]}, "at": [at, 0.0], "velocity": [speed, 0.0],
-        "material": {"young": 1.0, "density": 1.0, "poisson": 0.0},
+        "block": {"size": [1.0, *([0.2] * len(across))], "elements": [20, *across]}, "at": [at, *still],
+        "velocity": [speed, *still], "material": {"young": 1.0, "density": 1.0, "poisson": 0.0},
     }  # fmt: skip
 
 
 def surfaces_at_the_end(integrator, law, pairing, meshes, courant):
     """Return the velocities of the surfaces over that of impact, and the pressures over the exact one, at t = 1."""
-    step = courant * min(0.05, 0.2 / max(meshes))
+    step = courant * min(0.05, 0.2 / np.max(meshes))
     model = Model(percuss.load({
         "percuss": 1, "bodies": {"left": block(0.0, 0.5, meshes[0]), "right": block(1.0, -0.5, meshes[1])},
         "contacts": {"seam": {"between": ["left.right", "right.left"]}},
@@ -41,7 +43,7 @@ def surfaces_at_the_end(integrator, law, pairing, meshes, courant):
     march = March(model)
     march.run()
     nodes = sorted({node for point in model.contact_points for node in point.nodes})
-    velocity = march.v.reshape(-1, 2)[nodes] / 0.5
+    velocity = march.v.reshape(-1, model.bodies.dim)[nodes] / 0.5
     areas = np.array([model.contact_points[point].weight for point in march.arrays.order])
     return velocity, march.arrays.step.points.state["multiplier"] / areas / 0.5
 
@@ -56,6 +58,23 @@ def test_mortar_transmits_a_uniform_pressure(integrator, law, courant, meshes):
     assert np.ptp(pressure) < 1e-10
     assert pressure == pytest.approx(1.0, abs=0.03)
     assert np.abs(velocity[:, 1]).max() < 1e-10
+    if law is LAGRANGE:
+        assert np.abs(velocity[:, 0]).max() < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("integrator", "law", "courant", "meshes"),
+    [
+        (WU, LAGRANGE, 1.0, ((3, 3), (4, 5))),
+        ("central-difference", PENALTY, 0.7, ((5, 7), (4, 3))),
+        (WU, REGULARISED, 0.7, ((4, 5), (3, 3))),
+    ],
+)
+def test_mortar_transmits_a_uniform_pressure_in_space(integrator, law, courant, meshes):
+    velocity, pressure = surfaces_at_the_end(integrator, law, "mortar", meshes, courant)
+    assert np.ptp(pressure) < 1e-10
+    assert pressure == pytest.approx(1.0, abs=0.03)
+    assert np.abs(velocity[:, 1:]).max() < 1e-10
     if law is LAGRANGE:
         assert np.abs(velocity[:, 0]).max() < 1e-10
 
@@ -127,6 +146,91 @@ def test_mortar_sees_the_near_side_of_a_closed_body_alone():
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     found = Mortar().points(surface(circle - np.array([1.0, 0.0])), surface(circle + np.array([1.0, 0.0]), 41))
     assert found.gap.min() > -0.02
+
+
+def plate(across, up, x=0.0, start=0, out=1.0, triangles=False, bent=0.0):
+    """Return a surface across x whose normal is along `out`, with nodes at all pairs of two lists of coordinates.
+
+    With `bent` the nodes inside move by so much along the surface, to and fro.
+    """
+    across, up = np.array(across, dtype=float), np.array(up, dtype=float)
+    y, z = (values.ravel() for values in np.meshgrid(across, up, indexing="ij"))
+    inside = (y > across.min()) & (y < across.max()) & (z > up.min()) & (z < up.max())
+    to_and_fro = bent * inside * np.array([1.0, -1.0, -1.0])[np.arange(y.size) % 3]
+    points = np.stack([np.full(y.size, x), y + to_and_fro, z - to_and_fro], axis=1)
+    number = np.arange(y.size).reshape(across.size, up.size)
+    facets = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+    facets = facets if out > 0.0 else facets[:, ::-1]
+    facets = np.concatenate([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]]) if triangles else facets
+    made = Surface(np.arange(start, start + y.size), points, facets, np.zeros((0, 3)), np.zeros(0))
+    vectors = made.outward(np.arange(len(facets)), np.full(facets.shape, 1.0 / facets.shape[1]))
+    areas = np.linalg.norm(vectors, axis=1)
+    return made._replace(normals=vectors / areas[:, None], areas=areas)
+
+
+def hats(places, low, high):
+    """Return the integrals from `low` to `high` of the functions that are 1 at one of some places and 0 at others."""
+    cuts = np.unique(np.clip([*places, low, high], low, high))
+    values = np.array([np.interp(cuts, places, unit) for unit in np.eye(len(places))])
+    return (0.5 * (values[:, 1:] + values[:, :-1]) * np.diff(cuts)).sum(axis=1)
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+@pytest.mark.parametrize("cover", [(1.0, 1.0), (0.9, 0.3), (0.31, 0.1), (1e-3, 1.0), (1e-3, 1e-2), (1e-4, 0.6)])
+def test_mortar_weights_in_space_are_areas_of_what_is_covered(cover, triangles):
+    """Nodes have what the covered part gives them, and so have those of the other surface, at any pressure."""
+    y, z = np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 4)
+    eta, zeta = np.linspace(cover[0] - 1.3, cover[0], 4), np.linspace(cover[1] - 1.2, cover[1], 6)
+    first = plate(y, z, triangles=triangles)
+    second = plate(eta, zeta, 0.0, 20, -1.0)
+    found = Mortar().points(first, second)
+    assert (found.weight > 0.0).all()
+    assert found.weight.sum() == pytest.approx(cover[0] * cover[1], rel=1e-12)
+    sums = np.add.reduceat(found.value, found.start[:-1])
+    assert np.abs(sums).max() < 1e-14 / min(cover[0] * cover[1], 0.01)
+    assert np.abs(found.gap).max() < 1e-12
+    force = np.bincount(found.node, found.value[:, 0] * np.repeat(found.weight, np.diff(found.start)), 44)
+    area = cover[0] * cover[1]
+    on_second = np.outer(hats(eta, 0.0, cover[0]), hats(zeta, 0.0, cover[1])).ravel()
+    assert np.abs(force[20:] - on_second).max() < 1e-12 * area
+    if not triangles:
+        on_first = np.outer(hats(y, 0.0, cover[0]), hats(z, 0.0, cover[1])).ravel()
+        assert np.abs(force[:20] + on_first).max() < 1e-12 * area
+
+
+def test_mortar_on_a_small_part_inside_a_facet_keeps_momentum():
+    """Shape functions are alike on a small part, and the matrix of their products is nearly singular there."""
+    for size in (0.3, 0.01, 1e-3):
+        second = plate([0.3, 0.3 + size], [0.6, 0.6 + size], 0.0, 4, -1.0)
+        found = Mortar().points(plate([0.0, 1.0], [0.0, 1.0]), second)
+        assert found.weight.sum() == pytest.approx(size**2, rel=1e-12)
+        assert np.abs(np.add.reduceat(found.value, found.start[:-1])).max() < 1e-14 / size**2
+
+
+def test_mortar_between_quadrilaterals_that_are_no_parallelograms_is_nearly_exact():
+    """Their shape functions are no polynomials in the plane: the docstring of the pairing tells the error."""
+    first, second = (
+        plate(np.linspace(0, 1, 5), np.linspace(0, 1, 6), bent=0.03),
+        plate(np.linspace(0, 1, 7), np.linspace(0, 1, 4), 0.0, 30, -1.0, bent=0.03),
+    )
+    found = Mortar().points(first, second)
+    assert found.weight.sum() == pytest.approx(1.0, rel=1e-12)
+    force = np.bincount(found.node, found.value[:, 0] * np.repeat(found.weight, np.diff(found.start)), 58)
+    for surface, sign in ((first, -1.0), (second, 1.0)):
+        area = np.bincount(surface.facets.ravel(), surface.of_nodes().ravel())
+        assert np.abs(force[surface.nodes] - sign * area).max() < 1e-8 * area.min()
+
+
+def test_mortar_in_space_sees_the_near_side_of_a_closed_body_alone():
+    box = {"ball": {"radius": 1.0, "elements": 8}, "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
+    model = Model(percuss.load({
+        "percuss": 1, "bodies": {"a": {**box, "at": [-1, 0, 0]}, "b": {**box, "at": [1, 0, 0]}},
+        "contacts": {"seam": {"between": ["a.skin", "b.skin"], "pairing": "mortar"}},
+        "time": {"courant": 0.5, "steps": 1},
+    }))  # fmt: skip
+    gaps = np.array([point.gap for point in model.contact_points])
+    assert gaps.min() == 0.0
+    assert all(point.normal[0] > 0.0 for point in model.contact_points)
 
 
 PAIRING = """

@@ -73,6 +73,78 @@ def test_boxes_between_rollers_are_bars_of_the_modulus_of_longitudinal_waves():
     assert found.summary["exact"]["contacts"]["tip"]["force_error_l1"] < 0.5
 
 
+def turned(bodies, turn, angle, axis):
+    """Return boxes turned as one about the origin."""
+    made = {}
+    for name, one in bodies.items():
+        middle = np.array(one["at"]) + 0.5 * np.array(one["block"]["size"])
+        at = turn @ middle - 0.5 * np.array(one["block"]["size"])
+        velocity = (turn @ one["velocity"]).tolist()
+        made[name] = {**one, "at": at.tolist(), "velocity": velocity, "angle": angle, "axis": axis}
+    return made
+
+
+def keeps_its_accounts(found):
+    summary = found.summary
+    assert summary["energy"]["ledger_error"] < 2e-14
+    assert summary["momentum"]["balanced"]
+    assert summary["angular_momentum"]["balanced"]
+
+
+@pytest.mark.parametrize("law", ["regularised-lagrange", *(pytest.param(law, marks=pytest.mark.deep) for law in LAWS)])
+def test_boxes_that_do_not_match_are_a_bar_with_mortar(law):
+    """A uniform pressure passes, so that without contraction faces of 2 by 3 and 3 by 5 squares move as ends of bars.
+
+    Turned about an oblique axis they have the same forces.
+    """
+    pair = {"left": block(0.0, 0.5, [10, 2, 3]), "right": block(1.0, -0.5, [10, 3, 5])}
+    found = impact(pair, WU, law, "mortar", step=0.03)
+    equal_to_bars(found, impact({"left": bar(0.0, 0.5), "right": bar(1.0, -0.5)}, WU, law, step=0.03))
+    keeps_its_accounts(found)
+    assert found.summary["certificate"]["stable"] == "yes"
+    turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # by 120 degrees about the diagonal
+    again = impact(turned(pair, turn, 120.0, [1.0, 1.0, 1.0]), WU, law, "mortar", step=0.03)
+    force = found.arrays["contact_force"]
+    assert np.abs(again.arrays["contact_force"] - force).max() < 1e-10 * force.max()
+
+
+@pytest.mark.parametrize("integrator", ["central-difference", WU])
+def test_mortar_between_boxes_of_one_cell_in_thickness_is_that_of_plane_strain(integrator):
+    """Rollers hold both sides; the faces have 3 and 4 edges, and the upper box stands out over the lower one."""
+    law, forces = {"central-difference": "penalty", WU: "regularised-lagrange"}[integrator], []
+    rollers = [{"on": side, "along": "z"} for side in ("bottom", "top")]
+    for dim in (2, 3):
+        bodies = {
+            name: block(at, speed, [8, count, 1][:dim], 0.3, size=[1.0, width, 0.1][:dim], **more)
+            for name, at, speed, count, width in (("left", 0.0, 0.3, 3, 0.3), ("right", 1.0, -0.3, 4, 0.42))
+            for more in [{"fixed": rollers} if dim == 3 else {"plane": "strain", "thickness": 0.1}]
+        }
+        for one in bodies.values():
+            one["block"]["cells"] = "quad4" if dim == 2 else "hex8"
+            one |= {"at": one["at"][:dim], "velocity": one["velocity"][:dim]}
+        bodies["right"]["at"][1] = -0.05
+        found = impact(bodies, integrator, law, "mortar", step=0.05)
+        forces.append(found.arrays["contact_force"])
+        assert found.summary["certificate"]["stable"] == "yes"
+        keeps_its_accounts(found)
+    assert forces[0].max() > 1e-3
+    assert np.abs(forces[1] - forces[0]).max() < 1e-10 * forces[0].max()
+
+
+def test_a_box_that_stands_out_over_another_keeps_its_accounts_with_mortar():
+    """With dual functions of whole facets a node could have a negative area there."""
+    small, large = ((3, 3, 3), (0.6, 0.2, 0.3)), ((3, 4, 5), (0.6, 0.3, 0.35))
+    for (left, size), (right, other) in ((small, large), (large, small)):
+        bodies = {
+            "left": block(0.0, 0.1, left, 0.3, size=size),
+            "right": {**block(0.6, -0.1, right, 0.3, size=other), "at": [0.6, 0.05, -0.13]},
+        }
+        found = impact(bodies, WU, "regularised-lagrange", "mortar", step=0.03)
+        keeps_its_accounts(found)
+        assert found.summary["certificate"]["energy"] == "never grows"
+        assert found.summary["energy"]["max"] <= found.summary["energy"]["initial"] * (1.0 + 1e-12)
+
+
 @pytest.mark.deep
 @pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
 def test_the_error_of_tetrahedra_is_of_the_first_order(pairing):
