@@ -190,16 +190,15 @@ def advice(results):
     """
     error = results.of("error")
     best = {case: min((value, key[1:]) for key, value in error.items() if key[0] == case) for case in results.cases}
-    sharp = {case: error[case, "lagrange", WU, "node-to-segment"] for case in results.cases}
+    sharp = {case: error[case, "lagrange", WU, "mortar"] for case in results.cases}
     assert all(sharp[case] <= best[case][0] for case in CURVED)
     damped = {case: error[case, "penalty", WU, "mortar"] for case in STRIPS}
     assert max(damped.values()) < 1.3 * max(best[case][0] for case in STRIPS)
     tilted = error["tilted-blocks", "lagrange", WU, "mortar"]
     assert tilted <= best["tilted-blocks"][0]
     sentences = [
-        "**Start with `lagrange` and `wu-predictor-corrector`**, with `mortar` in the plane and "
-        "`node-to-segment` in "
-        f"space. It errs by {spread([sharp[case] for case in CURVED])} % on round bodies and by {short(tilted)} % on "
+        "**Start with `lagrange` and `wu-predictor-corrector`**, with `mortar`. "
+        f"It errs by {spread([sharp[case] for case in CURVED])} % on round bodies and by {short(tilted)} % on "
         "tilted blocks, less than any other law.",
         "**Flat faces that meet squarely, and a force without jumps: `penalty` with "
         "`wu-predictor-corrector`.** It errs by "

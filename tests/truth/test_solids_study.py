@@ -54,11 +54,9 @@ def test_every_run_of_the_study_is_in_the_rows_or_refused():
     lines = pd.DataFrame(solids_study.Results().lines)
     laws, pairings = plan["methods"]["contacts"], plan["vary"]["method.pairing"]
     assert set(lines["law"]) == set(laws)
-    # Lagrange multipliers and the other laws without compliance are refused on Gauss points, mortar in space.
+    # Lagrange multipliers and the other laws without compliance are refused on Gauss points.
     sharp = {"lagrange", "moreau-jean"}
     there = {(case, law, pairing) for case in set(lines["case"]) for law in laws for pairing in pairings}
-    refused = {
-        one for one in there if (one[1] in sharp and one[2] == "gauss-points") or one[::2] == ("box-impact", "mortar")
-    }
+    refused = {one for one in there if one[1] in sharp and one[2] == "gauss-points"}
     assert set(zip(lines["case"], lines["law"], lines["pairing"], strict=True)) == there - refused
     assert len(lines) == 4 * len(there - refused)
