@@ -41,7 +41,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from scale import peak_memory
 
 SIZES = {100: 20_000, 10**4: 400, 10**6: 200}  # elements of a block: steps of a round
-SLOW = 5  # hexahedra take so many times fewer steps
+SLOW = 2  # hexahedra take so many times fewer steps
 SAME = 1e-9  # of the largest displacement
 SIDE = 220  # squares along a side of each of the two blocks that meet
 

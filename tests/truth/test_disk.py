@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import percuss
+from hertz import WHOLE, hertz, over_hertz
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 from percuss.mesh import cell_stiffness
@@ -217,25 +218,16 @@ def test_a_grading_that_makes_cells_larger_than_the_radius_is_told():
 )
 def test_a_ball_on_a_wall_over_the_ball_of_hertz(speed, poisson, time, force, depth, elements, grading):
     """Ratios of two programs written apart to the quasi-static ball: duration, force at the middle, approach."""
-    stiffness = 1.0 / (1.0 - poisson**2)
-    hertz_depth = (15.0 / 16.0 * 4.0 / 3.0 * np.pi * speed**2 / stiffness) ** 0.4
-    hertz_time, hertz_force = 2.94328 * hertz_depth / speed, 4.0 / 3.0 * stiffness * hertz_depth**1.5
-    case = ball(speed, elements, 1.1 * hertz_time, poisson, grading=grading)
-    mass, whole = float(Model(case).bodies.mass.sum()), 4.0 / 3.0 * np.pi
-    assert mass == pytest.approx(whole, rel=4e-3 if grading > 1.0 else 1e-3)
+    case = ball(speed, elements, 1.1 * hertz(speed, poisson)[0], poisson, grading=grading)
+    mass = float(Model(case).bodies.mass.sum())
+    assert mass == pytest.approx(WHOLE, rel=4e-3 if grading > 1.0 else 1e-3)
     if grading > 1.0:
-        case, mass = case.with_overrides({"bodies.ball.material.density": whole / mass}), whole
+        case, mass = case.with_overrides({"bodies.ball.material.density": WHOLE / mass}), WHOLE
     result = percuss.run(case)
-    contact, pressing = result.summary["contacts"]["floor"], result.arrays["contact_force"][:, 0]
-    duration = contact["last_open"] - contact["first_closed"]
-    place = (result.arrays["time"] - contact["first_closed"]) / duration - 0.5
-    middle = np.abs(place) < 0.12
-    bend, slope, value = np.polyfit(place[middle], pressing[middle], 2)
-    step = result.arrays["time"][1]
-    travelled = -np.cumsum(-speed + np.cumsum(pressing) * step / mass).min() * step
-    assert duration / hertz_time == pytest.approx(time, rel=3e-3 if grading > 1.0 else 5e-3)
-    assert (value - slope**2 / (4.0 * bend)) / hertz_force == pytest.approx(force, rel=7e-3)
-    assert travelled / hertz_depth == pytest.approx(depth, rel=2e-3)
+    duration, middle, approach, _ = over_hertz(result, mass, speed, poisson)
+    assert duration == pytest.approx(time, rel=3e-3 if grading > 1.0 else 5e-3)
+    assert middle == pytest.approx(force, rel=7e-3)
+    assert approach == pytest.approx(depth, rel=2e-3)
     assert result.summary["energy"]["ledger_closed"]
     assert result.summary["momentum"]["balanced"]
 

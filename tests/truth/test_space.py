@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import percuss
+from hertz import WHOLE, over_hertz
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
+from percuss.methods.registry import Registry
 from solid_figures import STEPS
 from strategies import LAWS_OF_SURFACES as LAWS
 
@@ -238,6 +240,43 @@ def test_balls_have_the_volume_of_their_polyhedron_and_no_slivers(cells):
         assert a.mass.sum() == pytest.approx(volumes[-1], rel=1e-12)
     errors = 4.0 / 3.0 * np.pi - np.array(volumes)
     assert errors[1] / errors[0] == pytest.approx(0.25, abs=0.02)
+
+
+@pytest.mark.parametrize("grading", [4.0, 16.0, 1 / 16.0])
+def test_graded_balls_keep_the_sphere_and_the_shapes_of_cells(grading):
+    """The sphere is kept; at the lowest point lengths are grading^(1/2) times smaller, in all directions alike."""
+    shape, even = (Registry.load().get("shapes", "ball")(1.0, 16, "hex8", each) for each in (grading, 1.0))
+    mesh, before = shape.mesh(np.zeros(3), 1), even.mesh(np.zeros(3), 1)
+    skin = list(mesh.regions["skin"].nodes)
+    assert np.linalg.norm(mesh.nodes[skin], axis=1) == pytest.approx(1.0, rel=1e-14)
+    lowest = int(np.argmin(before.nodes[:, 2]))
+    assert mesh.nodes[lowest] == pytest.approx([0.0, 0.0, -1.0], abs=1e-14)
+    cells = before.cells["hexahedron"]
+    near = np.setdiff1d(cells[(cells == lowest).any(axis=1)], [lowest])
+    found, old = (np.linalg.norm(one.nodes[near] - one.nodes[lowest], axis=1) for one in (mesh, before))
+    assert found / old == pytest.approx(grading**-0.5, rel=0.25)
+    assert np.abs(mesh.nodes[:, :2].sum(axis=0)).max() < 1e-12
+
+
+@pytest.mark.deep
+def test_a_ball_of_hexahedra_on_a_wall_is_within_the_tolerances_of_two_programs():
+    """Duration, force at the middle, approach and restitution, as those of the body of revolution (test_disk)."""
+    body = {"ball": {"radius": 1.0, "elements": 24, "grading": 16.0}, "at": [0, 0, 1], "velocity": [0, 0, -0.01],
+            "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}  # fmt: skip
+    case = percuss.load({
+        "percuss": 1, "bodies": {"ball": body},
+        "contacts": {"floor": {"body": "ball.skin", "wall": {"point": [0, 0, 0], "normal": [0, 0, 1]}}},
+        "method": {"integrator": "wu-predictor-corrector", "contact": "lagrange", "pairing": "node-to-segment"},
+        "time": {"courant": 0.8, "end": 13.0}, "record": {"probes": []},
+    })  # fmt: skip
+    mass = float(Model(case).bodies.mass.sum())
+    result = percuss.run(case.with_overrides({"bodies.ball.material.density": WHOLE / mass}))
+    duration, middle, approach, restitution = over_hertz(result, WHOLE, 0.01, 0.3)
+    assert duration == pytest.approx(0.9375, rel=3e-3)
+    assert middle == pytest.approx(1.098, rel=7e-3)
+    assert approach == pytest.approx(0.9347, rel=2e-3)
+    assert restitution == pytest.approx(0.9985, abs=5e-4)
+    assert result.summary["energy"]["ledger_closed"]
 
 
 def test_a_large_body_is_not_factored_and_its_certificate_says_what_is_known(monkeypatch):

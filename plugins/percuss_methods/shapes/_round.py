@@ -1,4 +1,4 @@
-"""The mesh of a disk of radius 1, of a core of rows and columns and of layers around it."""
+"""The mesh of a disk of radius 1, of a core and of layers around it, and the map that grades disks and balls."""
 
 from __future__ import annotations
 
@@ -57,14 +57,19 @@ def disk_mesh(elements: int, grading: float) -> tuple[Floats, Integers, Integers
 
 
 def graded(nodes: Floats, grading: float) -> Floats:
-    """Return the nodes of a disk of radius 1 drawn together at the lowest point, by a map of the disk onto itself.
+    """Return the nodes of a disk or a ball of radius 1 drawn together at the lowest point, by a map onto itself.
 
-    The map ``(z - i a) / (1 + i a z)`` is conformal: it keeps the circle and all angles. It scales lengths by
-    ``grading^(-1/2)`` at the lowest point and by ``grading^(1/2)`` at the highest one.
+    The map ``(z - i a) / (1 + i a z)`` of a disk is conformal: it keeps the circle and all angles. It scales lengths by
+    ``grading^(-1/2)`` at the lowest point and by ``grading^(1/2)`` at the highest one. In each plane through the axis
+    of a ball it is the same map, and conformal in space too.
     """
     if grading == 1.0:
         return nodes
     a = (np.sqrt(grading) - 1.0) / (np.sqrt(grading) + 1.0)
-    z = nodes[:, 0] + 1j * nodes[:, 1]
+    far = nodes[:, 0] if nodes.shape[1] == 2 else np.linalg.norm(nodes[:, :-1], axis=1)
+    z = far + 1j * nodes[:, -1]
     z = (z - 1j * a) / (1.0 + 1j * a * z)
-    return np.stack([z.real, z.imag], axis=1)
+    if nodes.shape[1] == 2:
+        return np.stack([z.real, z.imag], axis=1)
+    scale = np.divide(z.real, far, out=np.ones_like(far), where=far > 0.0)
+    return np.concatenate([scale[:, None] * nodes[:, :-1], z.imag[:, None]], axis=1)

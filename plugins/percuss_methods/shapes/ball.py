@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss import Doc, Ge, Gt, Mesh, Unit
 from percuss_methods.shapes._cells import FilledShape, SolidCells, hexahedra_of, quadrilaterals_of
-from percuss_methods.shapes._round import CORE, counts
+from percuss_methods.shapes._round import CORE, Grading, counts, expect_moderate, graded
 
 if TYPE_CHECKING:
     from percuss import Floats, Integers
@@ -23,7 +23,8 @@ class Ball(FilledShape):
 
     Formula: half of the cells across the diameter lie in the core, a cube with curved sides, and as many shells around
     it as fill the rest. The nodes of the skin lie on the sphere, in equal angles along each edge of the cube; the
-    volume is that of the polyhedron.
+    volume is that of the polyhedron. `grading` draws the cells together at the lowest point, that of least z, by the
+    map of `disk` in each plane through the axis, which is conformal in space too.
 
     Core and shells are refined together. With a single shell between core and sphere the mesh would not converge.
     """
@@ -31,11 +32,19 @@ class Ball(FilledShape):
     name = "ball"
     summary = "A ball of hexahedra or tetrahedra"
     regions = ("skin",)
-    examples = ({"radius": 1.0, "elements": 8}, {"radius": 0.5, "elements": 4, "cells": "tet4"})
+    examples = (
+        {"radius": 1.0, "elements": 8},
+        {"radius": 0.5, "elements": 4, "cells": "tet4"},
+        {"radius": 1.0, "elements": 8, "grading": 4.0},
+    )
 
     radius: Annotated[float, Gt(0), Unit("length"), Doc("radius")]
     elements: Annotated[int, Ge(4), Unit("1"), Doc("number of cells across the diameter, before `refine`")]
     cells: SolidCells = "hex8"
+    grading: Grading = 1.0
+
+    def __post_init__(self) -> None:
+        expect_moderate(self.grading, self.elements)
 
     def element_count(self, refine: float) -> int:
         """Return the number of cells."""
@@ -45,7 +54,7 @@ class Ball(FilledShape):
     def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh of the ball about `at`."""
         nodes, cells, skin = ball_mesh(self.refined(self.elements, refine))
-        return Mesh(at + self.radius * nodes, self.as_cells(cells), {"skin": self.region(skin)})
+        return Mesh(at + self.radius * graded(nodes, self.grading), self.as_cells(cells), {"skin": self.region(skin)})
 
 
 def ball_mesh(elements: int) -> tuple[Floats, Integers, Integers]:
