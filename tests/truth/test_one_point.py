@@ -88,18 +88,23 @@ def test_rigid_motions_alone_have_no_energy_and_uniform_strains_no_force_inside(
     assert np.abs(force[count // 2]).max() < 1e-9 * np.abs(force).max()
 
 
-def bent(name, along, across):
+def bent(name, along, across, poisson=0.0):
     """Return the deflection of a slender beam over that of Euler and Bernoulli."""
     length, height, flat = 20.0, 1.0, name.startswith("quad")
     counts, size = ((along, across), (length, height)) if flat else ((along, 1, across), (length, 0.5, height))
     mesh = grid(counts, size)
-    stiffness = stiffness_of_cells(*body_of(mesh, poisson=0.0, name=name)).tocsr()
+    stiffness = stiffness_of_cells(*body_of(mesh, poisson=poisson, name=name)).tocsr()
     count, dim = mesh.nodes.shape
     free, tip = (mesh.nodes[:, 0] > 1e-9).repeat(dim), mesh.nodes[:, 0] > length - 1e-9
     load, moved = np.zeros((count, dim)), np.zeros(count * dim)
     load[tip, -1] = 1e-3 / tip.sum()
     moved[free] = spsolve(stiffness[free][:, free].tocsc(), load.ravel()[free])
-    expected = 1e-3 * length**3 / (3.0 * YOUNG * (1.0 if flat else 0.5) * height**3 / 12.0)
+    expected = (
+        1e-3
+        * length**3
+        * (1.0 - poisson**2 if flat else 1.0)
+        / (3.0 * YOUNG * (1.0 if flat else 0.5) * height**3 / 12.0)
+    )
     return moved.reshape(count, dim)[tip, -1].mean() / expected
 
 
@@ -110,6 +115,14 @@ def test_a_slender_beam_bends_as_that_of_euler_and_bernoulli(full, one_point):
     assert 0.93 < bent(one_point, 20, 4) < 1.07
     assert bent(full, 5, 1) < 0.12
     assert bent(one_point, 5, 1) > 2.5 * bent(full, 5, 1)
+
+
+@pytest.mark.parametrize(("full", "one_point"), [("quad4", "quad4-one-point"), ("hex8", "hex8-one-point")])
+def test_an_almost_incompressible_beam_bends_with_one_point_and_locks_with_the_full_rule(full, one_point):
+    """With fine cells along it both bend as a beam if the material is compressible."""
+    assert bent(full, 80, 4, 0.3) > 0.9
+    assert bent(full, 80, 4, 0.4999) < 0.5
+    assert 0.9 < bent(one_point, 80, 4, 0.4999) < 1.1
 
 
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.deep)])

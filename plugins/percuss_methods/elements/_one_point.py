@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OnePointCell(FullCell, contract="elements"):
-    """A cell whose strain is the mean over it, with hourglass control of Flanagan and Belytschko.
+    """A cell whose strain is the mean over it, and which has the hourglass vectors of Flanagan and Belytschko.
 
     The slopes are means over the cell, so that the force of a uniform stress is that of the full rule. The
     control asks the material for the stress of a shear that is proportional to the hourglass displacement: it

@@ -20,7 +20,8 @@ class Hex8OnePoint(OnePointCell):
     and ``gamma_a = (h_a - sum_b h_b x_b . grad N_a) / 8`` of each.
 
     In bending it locks less than full integration, but long cells are still too stiff. Plates and
-    bars need some cells across to bend: with one, only the hourglass control holds them.
+    bars need some cells across to bend: with one, only the hourglass control holds them. It does not lock in an almost
+    incompressible material.
     """
 
     name = "hex8-one-point"
