@@ -221,10 +221,21 @@ def test_mortar_between_quadrilaterals_that_are_no_parallelograms_is_nearly_exac
         assert np.abs(force[surface.nodes] - sign * area).max() < 1e-8 * area.min()
 
 
+def test_mortar_in_space_sees_the_nearer_of_two_layers():
+    """A plate is half hidden by one before it; an edge of it lies behind the end of that one."""
+    near = plate([0.0, 0.2, 0.5], [0.0, 0.3, 1.0], 0.1, 20, -1.0)
+    far = plate([0.0, 0.5, 0.7, 1.0], [0.0, 0.6, 1.0], 0.3, 20 + len(near.nodes), -1.0)
+    joined = [np.concatenate(parts) for parts in zip(near[:5], far[:5], strict=True)]
+    joined[2][len(near.facets) :] += len(near.nodes)
+    found = Mortar().points(plate(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 4)), Surface(*joined))
+    assert found.weight.sum() == pytest.approx(1.0, rel=1e-12)
+    assert found.weight @ found.gap == pytest.approx(0.2, rel=1e-12)
+
+
 def test_mortar_in_space_sees_the_near_side_of_a_closed_body_alone():
-    box = {"ball": {"radius": 1.0, "elements": 8}, "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
+    ball = {"ball": {"radius": 1.0, "elements": 8}, "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
     model = Model(percuss.load({
-        "percuss": 1, "bodies": {"a": {**box, "at": [-1, 0, 0]}, "b": {**box, "at": [1, 0, 0]}},
+        "percuss": 1, "bodies": {"a": {**ball, "at": [-1, 0, 0]}, "b": {**ball, "at": [1, 0, 0]}},
         "contacts": {"seam": {"between": ["a.skin", "b.skin"], "pairing": "mortar"}},
         "time": {"courant": 0.5, "steps": 1},
     }))  # fmt: skip
