@@ -432,7 +432,7 @@ REFUSED = {
     ),
     "a pressure on a body": (
         {"loads.p": {"constant": 1, "on": "left", "as": "pressure"}},
-        "loads.p.on: expected an end, found the whole body 'left'",
+        "loads.p.on: expected a region, found the whole body 'left'",
     ),
     "a traction along no line": (
         {"loads.p": {"constant": 1, "on": "left.left", "as": "traction"}},
@@ -444,12 +444,12 @@ REFUSED = {
     ),
     "rollers at no region": (
         {"bodies.left.fixed": [{"on": "botom", "along": "y"}]},
-        "bodies.left.fixed.0.on: the body 'left' has no end 'botom'",
+        "bodies.left.fixed.0.on: the body 'left' has no region 'botom'",
     ),
     "rollers without an axis": ({"bodies.left.fixed": [{"on": "bottom"}]}, "bodies.left.fixed.0.along: missing"),
     "a region fixed twice": (
         {"bodies.left.fixed": ["bottom", {"on": "bottom", "along": "y"}]},
-        "bodies.left.fixed.1.on: the end 'bottom' is fixed twice",
+        "bodies.left.fixed.1.on: the region 'bottom' is fixed twice",
     ),
     "a number that is fixed": (
         {"bodies.left.fixed": [3]},

@@ -158,6 +158,7 @@ class CrossChecks:
         self.fixed: dict[str, tuple[Any, ...]] = {}
         self.axes: dict[KeyPath, Any] = {}  # along which regions are held
         self.ends: dict[str, Sequence[str] | None] = {}
+        self.places: dict[str, str] = {}  # what they are called
         self.vectors: list[tuple[KeyPath, int]] = []
         self._check_bodies()
         self._check_contacts()
@@ -213,13 +214,14 @@ class CrossChecks:
         if body not in self.ends:
             self.wrong(path, f"there is no body '{body}'", suggestion(body, self.ends, "name"))
             return False
-        ends = self.ends[body]
+        ends, kind = self.ends[body], self.places[body]
         if not region and not whole_body:
             example = f"{body}.{ends[0]}" if ends else f"{body}.END"
-            self.wrong(path, f"expected an end, found the whole body '{body}'", f"Write as '{example}'.")
+            expected = "an end" if kind == "end" else "a region"
+            self.wrong(path, f"expected {expected}, found the whole body '{body}'", f"Write as '{example}'.")
             return False
         if region and ends is not None and region not in ends:
-            self.wrong(path, f"the body '{body}' has no end '{region}'", suggestion(region, ends, "end"))
+            self.wrong(path, f"the body '{body}' has no {kind} '{region}'", suggestion(region, ends, kind))
             return False
         return True
 
@@ -247,6 +249,7 @@ class CrossChecks:
             shape = body.shape if body is not None else self.reader.part((*path, key))
             ends = getattr(shape or (self.reader.registry.get("shapes", key) if key else None), "regions", None)
             self.ends[name] = ends = ends if isinstance(ends, tuple) and ends else None
+            self.places[name] = kind = "end" if shape is None or shape.cell == "line" else "region"
             if shape is not None and (dimension := shape.dimension()) is not None:
                 self.vectors.append(((*path, key), int(dimension)))
             if shape is not None:
@@ -269,9 +272,9 @@ class CrossChecks:
                 if not isinstance(end, str):
                     continue
                 if ends is not None and end not in ends:
-                    self.wrong(at, f"the body '{name}' has no end '{end}'", suggestion(end, ends, "end"))
+                    self.wrong(at, f"the body '{name}' has no {kind} '{end}'", suggestion(end, ends, kind))
                 elif held in fixed[:i] or end in fixed[:i]:
-                    self.wrong(at, f"the end '{end}' is fixed twice", "Keep one.")
+                    self.wrong(at, f"the {kind} '{end}' is fixed twice", "Keep one.")
 
     def _check_section(self, name: str, path: KeyPath, given: Mapping[str, Any], shape: Shape) -> None:
         """Report an area that is missing, what has no meaning for a body of this kind, and vectors that are none."""
