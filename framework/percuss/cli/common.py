@@ -48,7 +48,7 @@ Sets = Annotated[list[str] | None, option("--set PATH=VALUE", "Replace a value: 
 Plugins = Annotated[list[Path] | None, option("--plugin FILE", "Add a single-file plug-in. Repeatable.")]
 Vary = Annotated[
     list[str] | None,
-    option("--vary PATH=VALUES", "Vary a value: 1,2,5 or 0:1:11 or 0.01:100:log:30. Repeatable."),
+    option("--vary PATH=VALUES", "Vary a value: 1,2,5, 0:1:11, 0.01:100:log:30 or mortar,gauss-points. Repeatable."),
 ]
 Workers = Annotated[int | None, option("--workers N", "Number of processes; by default one a core.")]
 Reference = Annotated[
