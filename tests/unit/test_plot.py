@@ -722,6 +722,16 @@ def test_a_wall_is_drawn_and_the_arrows_before_it():
     assert "upper" not in words(pictures(figure)[-1])
 
 
+def test_contact_pressures_are_left_out_if_a_case_says_so(tmp_path):
+    result = run(load(FALLING, {"record.pressure": False}))
+    assert not [name for name in result.field_arrays if name.startswith(("point_", "contact_"))]
+    assert "longest arrow" not in words(run_figure.figure_of(result))
+    asked = run(load(FALLING, {"record.pressure": True}))
+    assert asked.field_arrays["contact_pressure"].max() > 0
+    assert np.array_equal(asked.field_arrays["stress"], result.field_arrays["stress"])
+    result.save(tmp_path / "run.vtkhdf")
+
+
 def test_snapshots_of_an_unstable_run_show_what_is_whole():
     fields = {"node_position": np.array([[0.0, 0.0], [1.0, 0.0]]), "displacement": np.zeros((40, 2, 2))}
     assert list(deformed.chosen_times(fields)) == [0, 13, 26, 39]

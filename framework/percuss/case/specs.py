@@ -436,6 +436,7 @@ class RecordSpec(Section):
         Unit("1"),
         Doc("snapshots for the picture: of stress along bars; of motion, stress and contact pressure of other bodies"),
     ] = 0
+    pressure: Annotated[bool, Doc("whether snapshots have the contact pressure of each point, except of bars")] = True
 
 
 @dataclass(frozen=True)

@@ -192,7 +192,7 @@ def _view(fields: Data, snapshots: Sequence[int], walls: Data) -> tuple[Floats, 
     arrow = LONGEST * float(np.sqrt((high - low).prod()))
     margin = 0.03 * float((high - low).max())
     tails = [places]
-    if walls:
+    if walls and "contact_pressure" in fields:
         pressed = np.abs(fields["contact_pressure"][snapshots]) > 0.0
         tails.append(on_page(fields["point_position"][snapshots] + arrow * fields["point_normal"])[pressed])
     reach = np.concatenate([places, *tails])

@@ -97,8 +97,8 @@ def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:
 
 
 def _of_points(model: Model, displacement: Floats, pressure: Floats) -> Entries:
-    """Return contact, area, normal, position and pressure of the contact points; empty if there are none."""
-    points = model.contact_points
+    """Return contact, area, normal, position and pressure of the contact points; empty if none are asked for."""
+    points = model.contact_points if model.case.record.pressure else ()
     if not points:
         return {}
     places = np.zeros((len(points), len(displacement), model.dim))
