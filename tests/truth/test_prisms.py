@@ -90,11 +90,15 @@ def test_a_strip_along_any_axis_is_a_bar():
     assert errors[0] == pytest.approx(errors[1], rel=1e-9)
 
 
-def test_true_errors_of_quadrilaterals_are_those_of_bars():
+@pytest.mark.parametrize("grading", [1.0, 3.0])
+def test_true_errors_of_quadrilaterals_are_those_of_bars(grading):
     """Of a strip and of bars with as many elements, force and displacement are equal, and so are their errors."""
-    law = {"method": {"contact": "regularised-lagrange"}, "time": {"courant": 0.5, "end": 1.5}, "contacts": SEAM}
+    law = {"method": {"contact": "regularised-lagrange"}, "time": {"step": 0.01, "end": 1.5}, "contacts": SEAM}
     strips = {"left": block((0, 0), (0.5, 0), (20, 4)), "right": block((1, 0), (-0.5, 0), (20, 4))}
     bars = {"left": bar(0, 0.5), "right": bar(1, -0.5)}
+    for side, given in (("left", grading), ("right", 1.0 / grading)):
+        strips[side]["block"]["grading"] = [given, 2.0]
+        bars[side]["bar"]["grading"] = given
     found, expected = (
         percuss.run(percuss.load({"percuss": 1, "bodies": bodies, **law})).summary["exact"] for bodies in (strips, bars)
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from percuss import Doc, Ge, Gt, Mesh, Region, Shape, Unit
+from percuss_methods.shapes._row import lengths_of, places_of
 
 if TYPE_CHECKING:
     from percuss import Floats
@@ -59,12 +60,8 @@ class Bar(Shape):
             vector = np.asarray(self.direction) / np.max(np.abs(self.direction))
             direction[: vector.size] = vector / np.linalg.norm(vector)
         n = self.element_count(refine)
-        if self.grading == 1.0 or n == 1:
-            lengths = np.full(n, self.length / n)
-        else:
-            lengths = self.grading ** (np.arange(n) / (n - 1))
-            lengths *= self.length / lengths.sum()
-        along = np.append(np.concatenate([[0.0], np.cumsum(lengths[:-1])]), self.length)
+        lengths = lengths_of(self.length, n, self.grading)
+        along = places_of(lengths, self.length)
         return Mesh.of_line(
             nodes=at + along[:, None] * direction,
             lengths=lengths,

@@ -10,6 +10,7 @@ import numpy as np
 
 from percuss import Doc, Mesh, Unit
 from percuss_methods.shapes._cells import KINDS, FilledShape, hexahedra_of, opened, quadrilaterals_of
+from percuss_methods.shapes._row import lengths_of, places_of
 
 if TYPE_CHECKING:
     from percuss import Floats
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 class Block(FilledShape):
     """A rectangle, or in three dimensions a box, from its corner of least coordinates along the axes.
 
-    Formula: ``x_i = x_0 + width i / n``, and so on. With triangles each rectangle of the mesh is cut in two along its
+    Formula: ``x_i = x_0 + width i / n``, and so on; with `grading` the lengths of cells along an axis form a geometric
+    sequence, as those of `bar`. With triangles each rectangle of the mesh is cut in two along its
     diagonal from lower left to upper right; with tetrahedra each box in six about its diagonal (Kuhn).
 
     The regions `bottom` and `top` are at the ends of y in two dimensions and of z in three, where `front` and `back`
@@ -31,6 +33,7 @@ class Block(FilledShape):
     examples = (
         {"size": (1.0, 0.5), "elements": (4, 2)},
         {"size": (1.0, 0.5), "elements": (4, 2), "cells": "tri3"},
+        {"size": (1.0, 0.5), "elements": (4, 2), "grading": (3.0, 1.0)},
         {"size": (1.0, 0.5, 0.8), "elements": (4, 2, 3)},
         {"size": (1.0, 0.5, 0.8), "elements": (4, 2, 3), "cells": "tet4"},
     )
@@ -40,15 +43,23 @@ class Block(FilledShape):
         Literal["quad4", "tri3", "hex8", "tet4"] | None,
         Doc("kind of cells, quad4 or hex8 if left out; two triangles for a quadrilateral, six tetrahedra for a box"),
     ] = None
+    grading: Annotated[
+        tuple[float, ...] | None, Unit("1"), Doc("last cell's length over the first one's along each axis")
+    ] = None
 
     def __post_init__(self) -> None:
-        for key, values in (("size", self.size), ("elements", self.elements)):
+        for key, values in (("size", self.size), ("elements", self.elements), ("grading", self.gradings)):
             if len(values) not in {2, 3} or len(values) != len(self.size):
-                raise ValueError(f"{key} is {list(values)}: give two numbers, or three for a box, as many in both")
+                raise ValueError(f"{key} is {list(values)}: give two numbers, or three for a box, as many in all")
             if not min(values) > 0:
                 raise ValueError(f"{key} is {list(values)}: give numbers greater than 0")
         if (self.cells in {"hex8", "tet4"}) != (len(self.size) == 3) and self.cells is not None:
             raise ValueError(f"{self.cells} cells do not fill a block of {len(self.size)} dimensions")
+
+    @property
+    def gradings(self) -> tuple[float, ...]:
+        """Last cell's length over the first one's along each axis."""
+        return self.grading or (1.0,) * len(self.size)
 
     @property
     def regions(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -67,7 +78,10 @@ class Block(FilledShape):
     def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh from its corner at `at`."""
         counts = [self.refined(count, refine) for count in self.elements]
-        along = [size * np.arange(count + 1) / count for size, count in zip(self.size, counts, strict=True)]
+        along = [
+            size * np.arange(count + 1) / count if grading == 1.0 else places_of(lengths_of(size, count, grading), size)
+            for size, count, grading in zip(self.size, counts, self.gradings, strict=True)
+        ]
         nodes = at + np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, len(counts))
         number = np.arange(len(nodes)).reshape([count + 1 for count in counts])
         if len(counts) == 3:
