@@ -164,12 +164,14 @@ def judged(name: str, version: str, model: Any, solution: Any, found: dict[str, 
     )
 
 
-def called(python: str, script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Return the finished process of a script with one thread of BLAS."""
+def called(python: str, script: str, *arguments: str, longest: float | None = None) -> subprocess.CompletedProcess[str]:
+    """Return the finished process of a script with one thread of BLAS, ended after `longest` seconds."""
     environment = os.environ | ONE_THREAD
     command = [python, str(HERE / "programs" / script), *arguments]
     try:
-        return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+        return subprocess.run(command, capture_output=True, text=True, env=environment, check=False, timeout=longest)
+    except subprocess.TimeoutExpired:
+        return subprocess.CompletedProcess(command, 1, "", f"it took more than {longest:.0f} s")
     except OSError as error:
         return subprocess.CompletedProcess(command, 1, "", str(error))
 

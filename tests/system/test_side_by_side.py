@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from benchmarks import side_by_side
+from benchmarks import side_by_side, side_by_side_solids
+from benchmarks.programs import solids_with_calculix
 
 PENALTY = "central difference, penalty"
 SCRIPT = Path(side_by_side.__file__)
@@ -109,3 +110,43 @@ def test_the_extra_names_the_programs_that_pip_installs():
     (line,) = [line for line in text.splitlines() if line.startswith("side-by-side = ")]
     names = [need.partition(">=")[0] for need in json.loads(line.partition(" = ")[2])]
     assert names == ["akantu", "openseespy"]
+
+
+def test_percuss_has_two_blocks_that_meet_squarely():
+    row = side_by_side_solids.with_percuss("blocks", next(iter(side_by_side_solids.OWN["blocks"])), 1)
+    assert row.mean == pytest.approx(0.025, rel=0.005)
+    assert row.contact_time == pytest.approx(2.0, abs=0.13)
+    assert 0.97 < row.restitution < 1.0
+    assert 0.97 < row.energy < 1.0
+    assert row.force_error < 0.06
+
+
+@pytest.mark.parametrize("name", side_by_side_solids.PROGRAMS)
+def test_a_program_for_solids_that_is_missing_has_a_row_and_its_input_stays(name, tmp_path):
+    rows = list(side_by_side_solids.others("blocks", name, str(tmp_path / "no-python"), tmp_path))
+    program = side_by_side_solids.PROGRAMS[name]
+    assert [row.told for row in rows] == [f"not installed: {program.install}"] * len(program.methods["blocks"])
+    for method in program.methods["blocks"]:
+        folder = tmp_path / f"blocks-{name}-{method}"
+        assert (folder / program.script).is_file()
+        problem = json.loads((folder / "problem.json").read_text())
+        assert len(problem["bodies"]) == len(problem["surfaces"]) == 2
+
+
+@pytest.mark.parametrize("method", solids_with_calculix.METHODS)
+def test_the_input_of_calculix_is_written(method, tmp_path):
+    model = side_by_side_solids.model_of("blocks", {})
+    solids_with_calculix.write(side_by_side_solids.problem_of("blocks", model), tmp_path, method)
+    text = (tmp_path / "blocks.inp").read_text()
+    assert text.count("*ELEMENT, TYPE=C3D8") == 2
+    assert f"TYPE={solids_with_calculix.METHODS[method][1]}\nSLAVE, MASTER" in text
+    assert f"{model.dt!r}, {model.dt * model.steps!r}, , {model.dt!r}" in text
+
+
+def test_the_page_has_a_row_for_each_method_of_each_program():
+    page = (SCRIPT.parents[1] / "README.md").read_text(encoding="utf-8")
+    part = page.partition(side_by_side_solids.FIRST)[2].partition(side_by_side_solids.LAST)[0]
+    methods = [m for case in side_by_side_solids.OWN.values() for m in case]
+    for program in side_by_side_solids.PROGRAMS.values():
+        methods += [words for case in program.methods.values() for words in case.values()]
+    assert all(f"| {words} |" in part for words in methods)
