@@ -153,8 +153,8 @@ def _near(first: Surface, second: Surface) -> tuple[Integers, Integers]:
         some = slice(start, start + step)
         normals = first.normals[some]
         apart = middles[1] - middles[0][some, None]
-        along = np.einsum("abd,ad->ab", apart, normals)
-        across = np.einsum("abd,abd->ab", apart, apart) - along**2
+        along = np.einsum("ijd,id->ij", apart, normals)
+        across = np.einsum("ijd,ijd->ij", apart, apart) - along**2
         near = (across <= (radii[0][some, None] + radii[1]) ** 2) & (normals @ second.normals.T < 0.0)
         own, other = np.nonzero(near)
         found.append((own + start, other))
