@@ -31,7 +31,10 @@ QUICK = (
 )
 OF_MANY = ("contacts/", "integrators/", "elements/", "materials/", "masses/")
 # These checks of a law or an integrator take long: they compile the loop anew, or march in plain Python.
-LASTING = ("no-hidden-state", "placement", "as-a-strict-host-has-it", "compiled-and-plain", "pushes-apart", "starts")
+LASTING = (
+    *("no-hidden-state", "placement", "as-a-strict-host-has-it", "compiled-and-plain", "pushes-apart", "starts"),
+    *("balances", "units"),
+)
 
 
 def is_deep(label, check, partner):
@@ -63,7 +66,7 @@ def test_every_check_says_what_it_demands():
     assert all(len(text.split()) >= 8 and text.endswith(".") for text in demands.values())
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_every_check_applies_to_something():
     """A check that applies to nothing that is registered checks nothing."""
     applies = {}

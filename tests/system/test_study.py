@@ -291,6 +291,7 @@ def whole(tmp_path_factory):
     return percuss.study(given(**MANY), folder / "a.sqlite", workers=1).table
 
 
+@pytest.mark.deep
 def test_workers_give_what_one_process_gives(whole, tmp_path):
     seen = []
     study = percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=2, progress=lambda *at: seen.append(at))

@@ -28,7 +28,10 @@ def test_the_benchmarks_are_there() -> None:
 
 @pytest.mark.parametrize(
     "path",
-    [pytest.param(path, marks=pytest.mark.deep) if path.stem == "two-spheres" else path for path in CASES],
+    [
+        pytest.param(path, marks=pytest.mark.deep) if path.stem in {"two-spheres", "ball-on-wall-3d"} else path
+        for path in CASES
+    ],
     ids=lambda path: path.stem,
 )
 def test_a_case_gives_what_it_expects(path: Path) -> None:

@@ -99,6 +99,7 @@ def test_displacements_inside_the_bodies_are_recorded_at_the_time_of_the_record(
     assert np.abs(stress - expected).max() < 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.deep
 def test_in_two_dimensions_and_with_cells_the_same_impact_gives_the_same_force():
     case = two_bars(steps=400)
     force = run(case).arrays["contact_force"]
