@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -176,6 +177,17 @@ def called(python: str, script: str, *arguments: str, longest: float | None = No
         return subprocess.CompletedProcess(command, 1, "", str(error))
 
 
+def pythons_of(parser: argparse.ArgumentParser, pairs: Iterable[str], names: Collection[str]) -> dict[str, str]:
+    """Return the Python of each program that pairs NAME=PATH name; end with exit code 2 where one is wrong."""
+    found = {}
+    for pair in pairs:
+        name, _, path = pair.partition("=")
+        if name not in names or not path:
+            parser.error(f"expected NAME=PATH with a name among {', '.join(names)}, found {pair!r}")
+        found[name] = path
+    return found
+
+
 def versions(names: list[str], pythons: dict[str, str]) -> dict[str, str]:
     """Return the versions of the programs; end with exit code 2 and what to install where one is missing."""
     found, missing = {}, []
@@ -229,12 +241,7 @@ def main() -> None:
     parser.add_argument("--refine", type=int, default=1, help="elements for each one of the case")
     parser.add_argument("--repeats", type=int, default=3)
     given = parser.parse_args()
-    pythons = {name: program.python for name, program in PROGRAMS.items()}
-    for pair in given.python:
-        name, _, path = pair.partition("=")
-        if name not in PROGRAMS or not path:
-            parser.error(f"expected NAME=PATH with a name among {', '.join(PROGRAMS)}, found {pair!r}")
-        pythons[name] = path
+    pythons = {name: program.python for name, program in PROGRAMS.items()} | pythons_of(parser, given.python, PROGRAMS)
     if given.refine < 1 or given.repeats < 1:
         parser.error("expected --refine and --repeats of at least 1")
     rows = others(given.programs, pythons, given.refine, given.repeats)

@@ -42,7 +42,7 @@ from percuss.results.exact import exact_solution
 from percuss.results.true_error import contact_errors
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from side_by_side import called
+from side_by_side import called, pythons_of
 
 HERE = Path(__file__).resolve().parent
 CASES = {
@@ -311,9 +311,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5, help="runs of percuss, of which the fastest counts")
     parser.add_argument("--write", action="store_true", help="write the table into tests/README.md")
     given = parser.parse_args()
-    pythons = dict(pair.partition("=")[::2] for pair in given.python)
-    if not pythons.keys() <= PROGRAMS.keys() or not all(pythons.values()):
-        parser.error(f"expected NAME=PATH with a name among {', '.join(PROGRAMS)}, found {' '.join(given.python)!r}")
+    pythons = pythons_of(parser, given.python, PROGRAMS)
     text = table(rows_of(given.cases, given.programs, pythons, given.keep.resolve(), given.repeats))
     text += f"\n{machine()}\n"
     print(text, end="")

@@ -103,11 +103,12 @@ class Body:
             return f"{said} almost incompressible, where {element.name} locks: it is too stiff"
         long = self.length_of_cells_over_thickness
         # Cells that cannot bend shear instead: G (l/h)^2 / E of plane stress, and G / E is a quarter at least.
-        if not long**2 / 4.0 > MOST_TOO_STIFF:
+        share = long**2 / 4.0
+        if not share > MOST_TOO_STIFF:
             return ""
         return (
             f"{said} slender, and its cells are {long:.2g} times as long as it is thick: if it bends, {element.name} "
-            f"locks, and it is too stiff by {percent(long**2 / 4.0, 2)} or more"
+            f"locks, and it is too stiff by {percent(share, 2)} or more"
         )
 
     @property
