@@ -38,11 +38,12 @@ def hold(loads: Loads, boundary: Records, total: Row, now: Row) -> float:
             current += loads.axes[constraint.axis + d] * boundary[constraint.place + d].new_v
             previous += loads.axes[constraint.axis + d] * boundary[constraint.place + d].old_v
         prescribed = loads.amplitudes[constraint.column]
+        change = prescribed - current
         for d in range(now.dim):
-            boundary[constraint.place + d].new_v += (prescribed - current) * loads.axes[constraint.axis + d]
-        reaction = constraint.mass * (prescribed - current) / now.dt
+            boundary[constraint.place + d].new_v += change * loads.axes[constraint.axis + d]
+        reaction = constraint.mass * change / now.dt
         constraint.reaction += reaction
-        total.step_energy = max(total.step_energy, constraint.mass * (prescribed - current) ** 2)
+        total.step_energy = max(total.step_energy, constraint.mass * (change * change))
         work += reaction * (previous + prescribed)
     return 0.5 * now.dt * work  # type: ignore[no-any-return]
 

@@ -350,7 +350,7 @@ def sum_reactions(system: System, v: Floats) -> float:
         impulse = v[first + i]
         if impulse != 0.0:
             constraint.reaction += impulse / now.dt
-            step.totals[0].step_energy = max(step.totals[0].step_energy, impulse**2 / constraint.mass)
+            step.totals[0].step_energy = max(step.totals[0].step_energy, impulse * impulse / constraint.mass)
             for d in range(now.dim):
                 q = step.boundary[constraint.place + d]
                 work += 0.5 * impulse * loads.axes[constraint.axis + d] * (q.old_v + q.new_v)
