@@ -337,7 +337,7 @@ def round_off(subject: Subject, case: Data, base: Result) -> float | None:
         for index, body in enumerate(other["bodies"].values()):
             body["velocity"] *= 1.0 + sign * PERTURBATION * (1.0 + 0.3 * index)
             body["area"] *= 1.0 + sign * 0.1 * PERTURBATION * (index + 1)
-        difference = largest_difference(base.arrays, subject.run(other).arrays)
+        difference = largest_difference(base.arrays, subject.run(other, twin_of=base).arrays)
         if not difference < TOO_SENSITIVE:
             return None
         worst = max(worst, SAFETY_FACTOR * difference)
@@ -365,7 +365,7 @@ def largest_difference(arrays: Arrays, others: Arrays) -> float:
     return worst
 
 
-def must_agree(subject: Subject, case: Data, twins: Mapping[str, Callable[[], Arrays]]) -> None:
+def must_agree(subject: Subject, case: Data, twins: Mapping[str, Callable[[Result], Arrays]]) -> None:
     """Raise `CheckFailed` unless twins of a run differ from it by no more than round-off explains.
 
     Parameters
@@ -373,7 +373,7 @@ def must_agree(subject: Subject, case: Data, twins: Mapping[str, Callable[[], Ar
     subject, case
         The subject, and the case of the run.
     twins
-        Functions that return the histories of each twin, by what makes it another run.
+        Functions that return the histories of each twin of the run, by what makes it another one.
     """
     base = subject.run(case)
     allowed = round_off(subject, case, base)
@@ -381,7 +381,7 @@ def must_agree(subject: Subject, case: Data, twins: Mapping[str, Callable[[], Ar
         raise NotApplicable("every drawn case depends on round-off")
     for change, run in twins.items():
         try:
-            difference = largest_difference(base.arrays, run())
+            difference = largest_difference(base.arrays, run(base))
         except PercussError as error:
             raise CheckFailed(f"{change} stops the run: {error}") from None
         if not difference <= allowed:

@@ -241,11 +241,14 @@ class Subject:
         wrapper = textwrap.TextWrapper(72, subsequent_indent=" " * 6, break_long_words=False, break_on_hyphens=False)
         return "".join(f"{wrapper.fill(line)}\n" for line in lines)
 
-    def run(self, case: Data, *, compiled: bool = True, with_critical_step: bool = False) -> Result:
+    def run(
+        self, case: Data, *, compiled: bool = True, with_critical_step: bool = False, twin_of: Result | None = None
+    ) -> Result:
         """Run a case given as a mapping.
 
         Without `with_critical_step` the certificate of a law with a kernel says whether the step is stable, and not up
-        to which step it would be.
+        to which step it would be. The twin of a run, of the same bodies in another place, order or unit, takes the
+        certificate of that run, as to find it takes longer than to march.
 
         Raises
         ------
@@ -255,7 +258,10 @@ class Subject:
         from percuss.results.runner import examined_run
 
         try:
-            return examined_run(self.load(case), compiled=compiled, with_critical_step=with_critical_step)
+            certificate = None if twin_of is None else twin_of.summary["certificate"]
+            return examined_run(
+                self.load(case), compiled=compiled, with_critical_step=with_critical_step, certificate=certificate
+            )
         except RefusedPair as refused:
             raise NotApplicable(f"refused: {refused.sentence}") from None
 

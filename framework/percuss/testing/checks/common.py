@@ -258,7 +258,7 @@ def check_no_hidden_state(subject: Subject, case: Entries) -> None:
         subject.run(subject.placed(TWO_BARS), compiled=compiled)
         kind = "compiled" if compiled else "plain"
         try:
-            second = subject.run(full_case, compiled=compiled)
+            second = subject.run(full_case, compiled=compiled, twin_of=first)
         except (RunError, InputError) as stopped:
             raise CheckFailed(f"the {kind} run is stopped the second time: {stopped}") from None
         for name in ("contact_force", "displacement"):
@@ -288,7 +288,7 @@ def check_compiled_and_plain(subject: Subject, case: Entries) -> None:
     two if it relies on the behaviour of the other, such as a cached global, an overflow or an unset entry.
     """
     case = subject.placed({**case, "time": {**case["time"], "steps": 60}})
-    must_agree(subject, case, {"plain Python": lambda: subject.run(case, compiled=False).arrays})
+    must_agree(subject, case, {"plain Python": lambda base: subject.run(case, compiled=False, twin_of=base).arrays})
 
 
 def _takes_number(annotation: object) -> bool:

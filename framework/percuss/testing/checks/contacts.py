@@ -16,6 +16,7 @@ from percuss.jsonable import Data, Entries
 from percuss.march.model import Model
 from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
 from percuss.methods.kernel_trial import COUPLED, multipliers_of, plain_kernel, trial_of
+from percuss.results.result import Result
 from percuss.testing.draws import (
     SAFETY_FACTOR,
     TWO_BARS,
@@ -204,11 +205,12 @@ def _nudged(subject: Subject, case: Data, options: Data) -> Iterator[tuple[Entri
 def _compare_at_one_end(subject: Subject, partner: str, first: Data, second: Data) -> None:
     """Raise `CheckFailed` if contacts of two option sets, in reverse order, press otherwise than those of the first."""
     try:
-        equal, moved = (subject.run(_case_at_one_end(subject, partner, each, each)) for each in (first, second))
+        equal = subject.run(_case_at_one_end(subject, partner, first, first))
+        moved = subject.run(_case_at_one_end(subject, partner, second, second), twin_of=equal)
     except (InputError, RunError):  # of options that exclude each other, or beyond a bound
         return
     case = _case_at_one_end(subject, partner, first, second)
-    unlike = subject.run({**case, "contacts": dict(reversed(case["contacts"].items()))})
+    unlike = subject.run({**case, "contacts": dict(reversed(case["contacts"].items()))}, twin_of=equal)
     unlike.arrays.update({name: unlike.arrays[name][:, ::-1] for name in ("contact_force", "gap")})
     allowed = max(NEARLY_EQUAL, SAFETY_FACTOR * largest_difference(equal.arrays, moved.arrays))
     difference = largest_difference(equal.arrays, unlike.arrays)
@@ -264,7 +266,7 @@ def check_as_a_strict_host_has_it(subject: Subject, case: Entries) -> None:
         loaded = subject.load(case)
         strict = StrictSystem(case, loaded.method.integrator, loaded.method.contact)
 
-        def histories() -> Arrays:
+        def histories(_: Result) -> Arrays:
             marched = strict.march()
             return {"contact_force": marched.contact_force, "gap": marched.gap}
 

@@ -265,8 +265,8 @@ def check_placement(subject: Subject, case: Entries) -> None:
     must_agree(subject, subject.placed(case), twins)
 
 
-def _histories(subject: Subject, case: Data) -> draws.Arrays:
-    return subject.run(case).arrays
+def _histories(subject: Subject, case: Data, base: Result) -> draws.Arrays:
+    return subject.run(case, twin_of=base).arrays
 
 
 @check(*PAIRS)
@@ -280,8 +280,8 @@ def check_units(subject: Subject, case: Entries) -> None:
     """
     other = subject.placed(draws.converted(case), draws.converted_options(subject))
 
-    def converted_back() -> draws.Arrays:
-        arrays = subject.run(other).arrays
+    def converted_back(base: Result) -> draws.Arrays:
+        arrays = subject.run(other, twin_of=base).arrays
         return {name: arrays[name] / draws.unit_factor(QUANTITIES[name].unit) for name in COMPARED_BY_KIT}
 
     must_agree(subject, subject.placed(case), {"a change of units": converted_back})
