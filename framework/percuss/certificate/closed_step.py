@@ -165,11 +165,11 @@ class ClosedStep:
         """
         self._write_points()
         scale = self._scale * self.model.dt ** -np.minimum(np.arange(self.parts), 2.0)[:, None]  # (parts, nodal)
-        columns = states.reshape(self.parts, self.size, -1)
-        moved = np.stack([(self.motions.basis @ part).T for part in columns], axis=1) * scale  # (k, parts, nodal)
-        change = np.stack([self._step(self._start + one) - self._after for one in moved]) / scale
-        images = np.stack([self.motions.projection @ change[:, part].T for part in range(self.parts)])
-        return images.reshape(states.shape)
+        columns = states.reshape(self.parts, self.size, -1).transpose(1, 0, 2).reshape(self.size, -1)
+        moved = (self.motions.basis @ columns).T.reshape(self.parts, -1, self._scale.size).swapaxes(0, 1) * scale
+        change = np.stack([self._step(self._start + one) - self._after for one in moved]) / scale  # (k, parts, nodal)
+        images = self.motions.projection @ change.swapaxes(0, 1).reshape(-1, self._scale.size).T
+        return images.reshape(self.size, self.parts, -1).transpose(1, 0, 2).reshape(states.shape)
 
     def matrix(self) -> Floats:
         """Return the amplification matrix, (parts n, parts n)."""
