@@ -267,6 +267,16 @@ LARGE = {"box-impact", "ball-on-wall-3d", "two-spheres", "disk-on-wall"}
 IN_THE_PLANE = {(CD, "penalty"), (CD, "lagrange"), (WU, "bipenalty"), ("noh-bathe", "tied")}
 
 
+# On the largest mesh of all each integrator and each law is asked once, as in the plane; of the two rows of boxes the
+# step itself is asked, which takes half a minute, about the smaller one.
+
+
+def is_asked(case, pair):
+    if case.stem == "two-spheres":
+        return pair in IN_THE_PLANE
+    return (case.stem, *pair) != ("box-impact", "noh-bathe", "lagrange")
+
+
 def is_quick(case, pair):
     if pair[0] == "noh-bathe":
         return case.stem in {"hunek", "strip-impact"}
@@ -286,7 +296,7 @@ def is_quick(case, pair):
         )
         for case in CASES
         for pair in CORE_PAIRS
-        if len(pair[1]) == 1
+        if len(pair[1]) == 1 and is_asked(case, (pair[0], pair[1]["name"]))
     ],
 )
 def test_the_chosen_step_is_certified_on_every_case(case, pair):

@@ -168,7 +168,7 @@ class ClosedStep:
         columns = states.reshape(self.parts, self.size, -1).transpose(1, 0, 2).reshape(self.size, -1)
         moved = (self.motions.basis @ columns).T.reshape(self.parts, -1, self._scale.size).swapaxes(0, 1) * scale
         change = np.stack([self._step(self._start + one) - self._after for one in moved]) / scale  # (k, parts, nodal)
-        images = self.motions.projection @ change.swapaxes(0, 1).reshape(-1, self._scale.size).T
+        images: Floats = self.motions.projection @ change.swapaxes(0, 1).reshape(-1, self._scale.size).T
         return images.reshape(self.size, self.parts, -1).transpose(1, 0, 2).reshape(states.shape)
 
     def matrix(self) -> Floats:
