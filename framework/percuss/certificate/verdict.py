@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
@@ -24,8 +25,6 @@ from percuss.mesh.size_limits import MOST_FACTORED
 from percuss.mesh.stresses import tangent_as_declared
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from percuss.case.case import Case
 
 # Share of the free step below which a critical step counts as none, as growth may be too slow to show in one step.
@@ -80,6 +79,10 @@ class Certificate(TypedDict):
     why: str
     cure: str
     ignores: list[str]
+
+
+# What gives a run its certificate: `certificate`, or a function that asks for less.
+Certify = Callable[[Model, RunCriterion | None], Certificate]
 
 
 class SettledRun(NamedTuple):
@@ -203,6 +206,16 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
         found = found | {"stable": "unknown", "why": why, "cure": "", "worst": []}
         found = found | {"dt_critical": None, "dt_critical_free": None, "courant_critical": None, "margin": None}
     return found
+
+
+def verdict_alone(model: Model, criterion: RunCriterion | None = None) -> Certificate:
+    """Return the certificate of a run without a critical step that only the step itself can tell."""
+    return certificate(model, criterion, with_critical_step=False)
+
+
+def unasked(model: Model, criterion: RunCriterion | None = None) -> Certificate:  # noqa: ARG001
+    """Return the certificate of a run about which nobody has asked, so that nothing is known of its step."""
+    return _unknown_certificate(model, "nobody has asked for a verdict")
 
 
 def _too_large(model: Model) -> str:

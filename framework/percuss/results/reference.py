@@ -189,7 +189,7 @@ def _march(case: Case) -> FinerRun:
         If it cannot be run, or did not come to its end.
     """
     model, criterion = verdict.settled(case)
-    certificate = verdict.certificate(model, criterion, with_critical_step=False)
+    certificate = verdict.verdict_alone(model, criterion)
     if certificate["stable"] == "no":
         raise PercussError(f"it is unstable: {certificate['why']}")
     march = March(recordable(model))

@@ -11,7 +11,6 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.case.case import Case, expect_case
 from percuss.certificate import cause, verdict
-from percuss.certificate.verdict import Certificate
 from percuss.compiling import Stopwatch
 from percuss.errors import RunError
 from percuss.heartbeat import heard_by
@@ -107,14 +106,12 @@ def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None) ->
     return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, timed=True)
 
 
-def examined_run(
-    case: Case, *, compiled: bool = True, with_critical_step: bool = False, certificate: Certificate | None = None
-) -> Result:
+def examined_run(case: Case, *, compiled: bool = True, certify: verdict.Certify = verdict.verdict_alone) -> Result:
     """Run a case for a check of the conformance kit, which mostly needs no critical step in the certificate.
 
-    A twin of another run takes the `certificate` of that run.
+    The function `certify` returns the certificate, as `percuss.certificate.verdict.certificate` does.
     """
-    return _run(case, Stopwatch(), compiled=compiled, with_critical_step=with_critical_step, certificate=certificate)
+    return _run(case, Stopwatch(), compiled=compiled, certify=certify)
 
 
 def run_again(case: Case, summary: Data) -> Result:
@@ -150,15 +147,14 @@ def _run(
     progress: Progress | None = None,
     repeats: int | None = 1,
     timed: bool = False,
-    with_critical_step: bool = True,
-    certificate: Certificate | None = None,
+    certify: verdict.Certify = verdict.certificate,
     keeper: SavedState | None = None,
 ) -> Result:
     model, criterion = verdict.settled(case)
     march = March(recordable(model), compiled=compiled)
     seconds = march.seconds
     seconds["build"] = watch.lap()
-    certificate = certificate or verdict.certificate(model, criterion, with_critical_step=with_critical_step)
+    certificate = certify(model, criterion)
     seconds["certificate"] = watch.lap()
     if certificate["stable"] == "no" and case.time.on_unstable == "stop":
         outcome = march.refuse(cause.not_started(march.model, certificate))

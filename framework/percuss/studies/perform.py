@@ -120,13 +120,13 @@ def foreseen(case: Case, task: Task) -> tuple[Run, int]:
 
     Its status is `WAITING` if nothing speaks against it.
     """
-    from percuss.certificate.verdict import certificate, settled
+    from percuss.certificate.verdict import settled, verdict_alone
 
     node_steps = [0]
 
     def examined(changed: Case) -> None:
         model, criterion = settled(changed)
-        found = certificate(recordable(model), criterion, with_critical_step=False)
+        found = verdict_alone(recordable(model), criterion)
         if found["stable"] == "no" and changed.time.on_unstable == "stop":
             raise RunError(f"the certificate says unstable\n  {found['why']}")
         node_steps.append(model.steps * len(model.bodies.nodes))

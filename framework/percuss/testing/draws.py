@@ -25,7 +25,7 @@ from percuss.case.type_words import bounds, is_union
 from percuss.errors import InputError, PercussError, RefusedPair, RunError
 from percuss.methods.interfaces import DataFile, MeshFile
 from percuss.results.result import Result
-from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject
+from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, as_of
 
 if TYPE_CHECKING:
     from percuss.jsonable import Data, Entries
@@ -337,7 +337,7 @@ def round_off(subject: Subject, case: Data, base: Result) -> float | None:
         for index, body in enumerate(other["bodies"].values()):
             body["velocity"] *= 1.0 + sign * PERTURBATION * (1.0 + 0.3 * index)
             body["area"] *= 1.0 + sign * 0.1 * PERTURBATION * (index + 1)
-        difference = largest_difference(base.arrays, subject.run(other, twin_of=base).arrays)
+        difference = largest_difference(base.arrays, subject.run(other, certify=as_of(base)).arrays)
         if not difference < TOO_SENSITIVE:
             return None
         worst = max(worst, SAFETY_FACTOR * difference)

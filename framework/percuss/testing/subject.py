@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from percuss.case.case import Case
+from percuss.certificate.verdict import Certify, verdict_alone
 from percuss.errors import PluginError, RefusedPair, RunError
 from percuss.jsonable import Data, Entries
 from percuss.methods.first_run import Answers
@@ -38,6 +39,11 @@ class CheckFailed(AssertionError):
 
 class NotApplicable(Exception):
     """Raised by a check that does not apply to a component; the message gives the reason."""
+
+
+def as_of(result: Result) -> Certify:
+    """Return what gives the twin of a run the certificate of that run."""
+    return lambda *_: result.summary["certificate"]
 
 
 def was_not_started(stopped: RunError) -> bool:
@@ -241,14 +247,12 @@ class Subject:
         wrapper = textwrap.TextWrapper(72, subsequent_indent=" " * 6, break_long_words=False, break_on_hyphens=False)
         return "".join(f"{wrapper.fill(line)}\n" for line in lines)
 
-    def run(
-        self, case: Data, *, compiled: bool = True, with_critical_step: bool = False, twin_of: Result | None = None
-    ) -> Result:
+    def run(self, case: Data, *, compiled: bool = True, certify: Certify = verdict_alone) -> Result:
         """Run a case given as a mapping.
 
-        Without `with_critical_step` the certificate of a law with a kernel says whether the step is stable, and not up
-        to which step it would be. The twin of a run, of the same bodies in another place, order or unit, takes the
-        certificate of that run, as to find it takes longer than to march.
+        To find the certificate of a law with a kernel takes longer than to march, so a check asks for no more of it
+        than it needs: `as_of` a run for its twin, of the same bodies in another place, order or unit, and `unasked`
+        where the run alone tells enough.
 
         Raises
         ------
@@ -258,10 +262,7 @@ class Subject:
         from percuss.results.runner import examined_run
 
         try:
-            certificate = None if twin_of is None else twin_of.summary["certificate"]
-            return examined_run(
-                self.load(case), compiled=compiled, with_critical_step=with_critical_step, certificate=certificate
-            )
+            return examined_run(self.load(case), compiled=compiled, certify=certify)
         except RefusedPair as refused:
             raise NotApplicable(f"refused: {refused.sentence}") from None
 

@@ -31,7 +31,7 @@ from percuss.testing.draws import (
     option_values,
     unit_factor,
 )
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, as_of, check
 
 # families of methods that take part in the time steps
 METHODS = ("integrators", "contacts", "elements", "materials", "masses")
@@ -258,7 +258,7 @@ def check_no_hidden_state(subject: Subject, case: Entries) -> None:
         subject.run(subject.placed(TWO_BARS), compiled=compiled)
         kind = "compiled" if compiled else "plain"
         try:
-            second = subject.run(full_case, compiled=compiled, twin_of=first)
+            second = subject.run(full_case, compiled=compiled, certify=as_of(first))
         except (RunError, InputError) as stopped:
             raise CheckFailed(f"the {kind} run is stopped the second time: {stopped}") from None
         for name in ("contact_force", "displacement"):
@@ -288,7 +288,9 @@ def check_compiled_and_plain(subject: Subject, case: Entries) -> None:
     two if it relies on the behaviour of the other, such as a cached global, an overflow or an unset entry.
     """
     case = subject.placed({**case, "time": {**case["time"], "steps": 60}})
-    must_agree(subject, case, {"plain Python": lambda base: subject.run(case, compiled=False, twin_of=base).arrays})
+    must_agree(
+        subject, case, {"plain Python": lambda base: subject.run(case, compiled=False, certify=as_of(base)).arrays}
+    )
 
 
 def _takes_number(annotation: object) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from percuss.case.options import options_of
 from percuss.case.type_words import branches
+from percuss.certificate import verdict
 from percuss.contact.bound_law import COEFFICIENTS, bind_law
 from percuss.errors import InputError, RefusedPair, RunError, suggestion
 from percuss.jsonable import Data, Entries
@@ -29,7 +30,7 @@ from percuss.testing.draws import (
     per_cent,
 )
 from percuss.testing.strict import StrictSystem, locked
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, was_not_started
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, as_of, check, was_not_started
 
 COUNTS = (0, 1, 2, 5)  # numbers of contact points
 # A bar that strikes a wall once and leaves it.
@@ -206,11 +207,11 @@ def _compare_at_one_end(subject: Subject, partner: str, first: Data, second: Dat
     """Raise `CheckFailed` if contacts of two option sets, in reverse order, press otherwise than those of the first."""
     try:
         equal = subject.run(_case_at_one_end(subject, partner, first, first))
-        moved = subject.run(_case_at_one_end(subject, partner, second, second), twin_of=equal)
+        moved = subject.run(_case_at_one_end(subject, partner, second, second), certify=as_of(equal))
     except (InputError, RunError):  # of options that exclude each other, or beyond a bound
         return
     case = _case_at_one_end(subject, partner, first, second)
-    unlike = subject.run({**case, "contacts": dict(reversed(case["contacts"].items()))}, twin_of=equal)
+    unlike = subject.run({**case, "contacts": dict(reversed(case["contacts"].items()))}, certify=as_of(equal))
     unlike.arrays.update({name: unlike.arrays[name][:, ::-1] for name in ("contact_force", "gap")})
     allowed = max(NEARLY_EQUAL, SAFETY_FACTOR * largest_difference(equal.arrays, moved.arrays))
     difference = largest_difference(equal.arrays, unlike.arrays)
@@ -333,12 +334,11 @@ def check_guarantees(subject: Subject, case: Entries) -> None:
             raise CheckFailed(f"'{fact}' is no known guarantee. {suggestion(fact, GUARANTEES, 'guarantee')}")
     if not declared:
         raise NotApplicable("it declares no guarantee")
-    full_case = subject.placed(case)
+    full_case, keeps = subject.placed(case), "keeps the free step" in declared
     try:
-        result = subject.run(full_case, with_critical_step="keeps the free step" in declared)
+        result = subject.run(full_case, certify=verdict.certificate if keeps else verdict.verdict_alone)
     except RunError as refusal:
-        keeps = "keeps the free step" in declared and case["time"]["courant"] < 1.0
-        if keeps and not getattr(subject.scheme_of(full_case), "own_steps", False):
+        if keeps and case["time"]["courant"] < 1.0 and not getattr(subject.scheme_of(full_case), "own_steps", False):
             raise CheckFailed(f"it declares 'keeps the free step', but the run was {refusal}") from None
         raise
     force, gap = result.arrays["contact_force"], result.arrays["gap"]
@@ -352,5 +352,5 @@ def check_guarantees(subject: Subject, case: Entries) -> None:
     certificate = result.summary["certificate"]
     critical, free = certificate["dt_critical"], certificate["dt_critical_free"]
     lowered = critical is not None and free is not None and critical < free * (1.0 - 1e-5)
-    if "keeps the free step" in declared and lowered:
+    if keeps and lowered:
         raise CheckFailed(f"it declares 'keeps the free step', but {certificate['why']}")
