@@ -3,9 +3,10 @@
     python tests/benchmarks/side_by_side_solids.py [--programs NAME ...] [--python NAME=PATH ...] [--cases CASE ...]
         [--keep FOLDER] [--repeats N] [--write]
 
-All programs have the nodes, cells, densities and time step of percuss. A program gives the momentum of the struck body
-after each step, the second of the blocks or the ball, along the direction of impact, and the final displacement and
-velocity of all nodes. From these percuss computes alike for all:
+All programs have the nodes, cells, densities and time step of percuss; where a method takes longer steps, its row says
+so. For other programs, the wall under the ball is a block whose nodes are all held. A program gives the momentum of the
+struck body after each step, the second of the blocks or the ball, along the direction of impact, and the final
+displacement and velocity of all nodes. From these percuss computes alike for all:
 
 - the force, as change of momentum over a step, its peak, and its mean, as impulse over contact time;
 - the contact time, as the time of the steps whose force is above a thousandth of the known peak;
@@ -56,6 +57,9 @@ HEAD = (
     "program", "method", "mean force", "peak", "contact time", "restitution", "energy kept", "force L1",
     "ns per element-step",
 )  # fmt: skip
+LOW = 0.06  # height up to which the surface of the ball can meet the wall
+WALL = (-0.25, 0.75)  # sides of the wall, along x and y, around the place of contact of the ball
+WALL_CELLS = ([0, 1, 3, 7], [0, 5, 1, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 6, 4, 7])  # of a cube
 LONGEST = 240  # seconds of a run of another program
 
 
@@ -94,13 +98,33 @@ PROGRAMS = {
                 "implicit-penalty": "implicit (HHT, alpha 0), penalty from face to face",
                 "explicit-penalty": "explicit, penalty from node to face",
                 "explicit-massless": "explicit, massless contact",
-            }
+            },
+            "ball": {"implicit-penalty": "implicit (HHT, alpha 0, 16 steps in one), penalty from face to face"},
         },
     ),
     "fedoo": Program(
         "solids_with_fedoo.py",
         "pip install fedoo",
-        {"blocks": {"explicit-penalty": "explicit (central difference), penalty from node to segment"}},
+        {
+            "blocks": {"explicit-penalty": "explicit (central difference), penalty from node to segment"},
+            "ball": {"explicit-penalty": "explicit (central difference), penalty from node to facet"},
+        },
+    ),
+    "akantu": Program(
+        "solids_with_akantu.py",
+        "pip install 'percuss[side-by-side]'",
+        {"blocks": {"explicit-penalty": "explicit (central difference), penalty from node to segment, both ways"}},
+    ),
+    "kratos": Program(
+        "solids_with_kratos.py",
+        "pip install KratosContactStructuralMechanicsApplication KratosLinearSolversApplication",
+        {
+            "blocks": {
+                "implicit-alm": "implicit (Bossak), augmented Lagrangian, mortar",
+                "implicit-penalty": "implicit (Bossak), penalty, mortar",
+                "explicit-penalty": "explicit (central difference), penalty, mortar",
+            }
+        },
     ),
 }
 
@@ -150,10 +174,20 @@ def problem_of(case: str, model: Any) -> dict[str, Any]:
         name, _, region = side.partition(".")
         body = model.bodies[name]
         (facets,) = body.mesh.regions[region].facets.values()
+        if case == "ball":  # the rest of its surface stays away from the wall
+            facets = facets[(body.mesh.nodes[facets, AXIS[case]] < LOW).all(axis=1)]
         surfaces.append((facets + body.start).tolist())
+    nodes = int(model.bodies.mass.size)
+    struck = [bodies[-1]["first_node"], nodes]
+    if case == "ball":  # other programs meet the wall as a block of tetrahedra, all of whose nodes are held
+        bodies.append({**bodies[0], "name": "wall", "first_node": nodes, "velocity": [0.0] * 3,
+                       "nodes": [[WALL[k & 1], WALL[k >> 1 & 1], float(k >> 2) - 1.0] for k in range(8)],
+                       "cells": [[nodes + k for k in cell] for cell in WALL_CELLS]})  # fmt: skip
+        fixed += [[nodes + node, axis] for node in range(8) for axis in range(3)]
+        surfaces.append([[nodes + 4, nodes + 5, nodes + 7], [nodes + 4, nodes + 7, nodes + 6]])
     return {
         "case": case, "axis": AXIS[case], "bodies": bodies, "fixed": sorted(fixed), "surfaces": surfaces,
-        "mass": model.bodies.mass.tolist(), "dt": model.dt, "steps": model.steps,
+        "struck": struck, "mass": model.bodies.mass.tolist(), "dt": model.dt, "steps": model.steps,
     }  # fmt: skip
 
 
@@ -242,7 +276,8 @@ def others(case: str, name: str, python: str, keep: Path) -> Iterator[Row]:
             continue
         found = json.loads((folder / "result.json").read_text(encoding="utf-8"))
         momentum = np.array(found["momentum"])
-        displacement, velocity = np.array(found["displacement"]), np.array(found["velocity"])
+        own = slice(model.bodies.mass.size)  # without the wall
+        displacement, velocity = np.array(found["displacement"])[own], np.array(found["velocity"])[own]
         if not (np.isfinite(momentum).all() and np.isfinite(displacement).all() and np.isfinite(velocity).all()):
             yield Row(case, f"{name} {version}", words, told="the motion is not finite")
             continue
@@ -255,7 +290,9 @@ def others(case: str, name: str, python: str, keep: Path) -> Iterator[Row]:
             words,
             **judged(case, model, moment, force),
             energy=energy_of(model, displacement, velocity) / start,
-            element_step=found["seconds"] / model.steps / sum(body.count for body in model.bodies.values()),
+            element_step=found["seconds"]
+            / found.get("steps", model.steps)
+            / sum(body.count for body in model.bodies.values()),
         )
 
 

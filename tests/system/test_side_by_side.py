@@ -5,9 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from benchmarks import side_by_side, side_by_side_solids
-from benchmarks.programs import solids_with_calculix
+from benchmarks.programs import solids_with_akantu, solids_with_calculix, solids_with_kratos
+
+from percuss.case.mesh_file import mesh_in
 
 PENALTY = "central difference, penalty"
 SCRIPT = Path(side_by_side.__file__)
@@ -143,6 +146,49 @@ def test_the_input_of_calculix_is_written(method, tmp_path):
     assert f"{model.dt!r}, {model.dt * model.steps!r}, , {model.dt!r}" in text
 
 
+@pytest.mark.parametrize("method", solids_with_kratos.METHODS)
+def test_the_input_of_kratos_is_written(method, tmp_path):
+    problem = side_by_side_solids.problem_of("blocks", side_by_side_solids.model_of("blocks", {}))
+    solids_with_kratos.write(problem, tmp_path, method)
+    mesh = (tmp_path / "blocks.mdpa").read_text()
+    first, _, second = mesh.partition("Begin Elements")[2].partition("End Elements")
+    assert len(first.splitlines()) == 1 + 400
+    assert len(second.partition("Begin Conditions")[2].partition("End Conditions")[0].splitlines()) == 1 + 20
+    parameters = json.loads((tmp_path / "parameters.json").read_text())
+    assert parameters["solver_settings"]["time_stepping"]["time_step"] == problem["dt"]
+    assert parameters["processes"]["contact_process_list"][0]["Parameters"]["assume_master_slave"] == {"0": ["slave"]}
+
+
+def test_the_input_of_akantu_is_written(tmp_path):
+    pytest.importorskip("meshioplusplus")
+    problem = side_by_side_solids.problem_of("blocks", side_by_side_solids.model_of("blocks", {}))
+    solids_with_akantu.write(problem, tmp_path)
+    mesh = mesh_in((tmp_path / "blocks.msh").read_text(), "blocks.msh")
+    sizes = {name: {kind: len(rows) for kind, rows in group.items()} for name, group in mesh.groups.items()}
+    assert sizes == {"left": {"quad": 200}, "right": {"quad": 200}, "seam": {"line": 20}}
+    assert (mesh.nodes[mesh.cells["line"], 1] == 1.0).all()
+    assert f"epsilon_n = {0.25 * 10 / 0.05:.6g}" in (tmp_path / "blocks.dat").read_text()
+
+
+def test_other_programs_meet_the_wall_as_a_held_block():
+    pytest.importorskip("meshioplusplus")
+    model = side_by_side_solids.model_of("ball", {})
+    problem = side_by_side_solids.problem_of("ball", model)
+    ball, wall = problem["bodies"]
+    assert problem["struck"] == [0, len(ball["nodes"])] == [0, len(problem["mass"])]
+    nodes = np.array(ball["nodes"] + wall["nodes"])
+    corners = nodes[np.array(wall["cells"])]
+    assert np.linalg.det(corners[:, 1:] - corners[:, :1]).sum() / 6 == pytest.approx(1.0)
+    assert {(node, axis) for node, axis in problem["fixed"] if node >= len(ball["nodes"])} == {
+        (len(ball["nodes"]) + k, axis) for k in range(8) for axis in range(3)
+    }
+    skin, top = (np.array(surface) for surface in problem["surfaces"])
+    assert (nodes[top, 2] == 0.0).all()
+    assert (nodes[skin, 2] < side_by_side_solids.LOW).all()
+    low, high = side_by_side_solids.WALL
+    assert ((nodes[skin, :2] > low) & (nodes[skin, :2] < high)).all()
+
+
 def test_the_page_has_a_row_for_each_method_of_each_program():
     page = (SCRIPT.parents[1] / "README.md").read_text(encoding="utf-8")
     part = page.partition(side_by_side_solids.FIRST)[2].partition(side_by_side_solids.LAST)[0]
@@ -150,3 +196,4 @@ def test_the_page_has_a_row_for_each_method_of_each_program():
     for program in side_by_side_solids.PROGRAMS.values():
         methods += [words for case in program.methods.values() for words in case.values()]
     assert all(f"| {words} |" in part for words in methods)
+    assert all(f"`{program.install}`" in page for program in side_by_side_solids.PROGRAMS.values())

@@ -1,9 +1,11 @@
-"""Two blocks with CalculiX (`ccx`): the input file is written from the template below.
+"""Two blocks, and a ball on a wall, with CalculiX (`ccx`): the input file is written from the template below.
 
 A square becomes a hexahedron (C3D8) of thickness 1 that is held across the plane, as elements of plane strain are;
 nodes in contact are left free, as massless contact asks for, and Poisson's ratio is 0. Penalty contact has the
-stiffness 10 E for each length of overlap, within the 5 E to 50 E that the manual advises. The implicit method has no
-numerical damping. Massless contact is hard and has no parameter. The time is that of the whole run.
+stiffness 10 E, for the ball 50 E, for each length of overlap, within the 5 E to 50 E that the manual advises. The
+implicit method has no numerical damping. A step of it takes long on the ball, of tetrahedra (C3D4): there it is 16
+steps of percuss long, and momentum is taken as linear within it. Massless contact is hard and has no parameter. The
+time is that of the whole run.
 """
 
 import json
@@ -43,7 +45,7 @@ SLAVE, MASTER
 U, V
 *END STEP
 """
-BODY = """*ELEMENT, TYPE=C3D8, ELSET={name}
+BODY = """*ELEMENT, TYPE={kind}, ELSET={name}
 {cells}
 *MATERIAL, NAME={name}
 *ELASTIC
@@ -51,38 +53,49 @@ BODY = """*ELEMENT, TYPE=C3D8, ELSET={name}
 *DENSITY
 {density!r}
 *SOLID SECTION, ELSET={name}, MATERIAL={name}"""
-FACES = {(0, 1): 3, (1, 2): 4, (2, 3): 5, (3, 0): 6}  # of a hexahedron, over the sides of its square
+KINDS = {2: "C3D8", 3: "C3D4"}
+STIFF = {2: 10.0, 3: 50.0}  # of the penalty over the modulus, for each length of overlap
+LONGER = 16  # steps of the ball in one of the implicit method
+FACES = {
+    2: {(0, 1): 3, (1, 2): 4, (2, 3): 5, (3, 0): 6},  # of a hexahedron, over the sides of its square
+    3: {(0, 1, 2): 1, (0, 3, 1): 2, (1, 3, 2): 3, (2, 3, 0): 4},  # of a tetrahedron
+}
 
 
 def write(problem, folder, method):
-    """Write the input file, in which the nodes of the layer behind follow those in front."""
+    """Write the input file; in the plane, the nodes of the layer behind follow those in front."""
     dynamic, contact, behaviour = METHODS[method]
     nodes = [place for body in problem["bodies"] for place in body["nodes"]]
-    n = len(nodes)
+    n, dim = len(nodes), len(nodes[0])
+    layers = range(4 - dim)
     bodies, sides, count = [], {}, 0
     for body in problem["bodies"]:
         lines = []
         for cell in body["cells"]:
             count += 1
-            lines.append(", ".join(map(str, [count, *(k + 1 for k in cell), *(k + 1 + n for k in cell)])))
-            sides |= {frozenset((cell[a], cell[b])): f"{count}, S{face}" for (a, b), face in FACES.items()}
-        bodies.append(BODY.format(**{**body, "cells": "\n".join(lines)}))
+            lines.append(", ".join(map(str, [count, *(k + 1 + n * layer for layer in layers for k in cell)])))
+            sides |= {frozenset(cell[k] for k in at): f"{count}, S{face}" for at, face in FACES[dim].items()}
+        bodies.append(BODY.format(**{**body, "kind": KINDS[dim], "cells": "\n".join(lines)}))
     slave, master = ("\n".join(sides[frozenset(facet)] for facet in surface) for surface in problem["surfaces"])
     places = [
-        f"{k + 1 + n * layer}, {x!r}, {y!r}, {float(layer)!r}" for layer in (0, 1) for k, (x, y) in enumerate(nodes)
-    ]
+        f"{k + 1 + n * layer}, " + ", ".join(f"{x:.12g}" for x in [*place, float(layer)][:3])
+        for layer in layers for k, place in enumerate(nodes)
+    ]  # fmt: skip
     front = "*NSET, NSET=FRONT, GENERATE\n" + f"1, {n}, 1"
     moving = [
         f"{body['first_node'] + k + 1 + n * layer}, {axis + 1}, {value!r}"
         for body in problem["bodies"] for axis, value in enumerate(body["velocity"]) if value
-        for layer in (0, 1) for k in range(len(body["nodes"]))
+        for layer in layers for k in range(len(body["nodes"]))
     ]  # fmt: skip
     touching = {k for surface in problem["surfaces"] for facet in surface for k in facet}
-    fixed = "\n".join(f"{k + 1 + n * layer}, 3, 3, 0." for layer in (0, 1) for k in range(n) if k not in touching)
-    text = INPUT.format(fixed=fixed,
+    fixed = [f"{node + 1 + n * layer}, {k + 1}, {k + 1}, 0." for layer in layers for node, k in problem["fixed"]]
+    if dim == 2:
+        fixed += [f"{k + 1 + n * layer}, 3, 3, 0." for layer in layers for k in range(n) if k not in touching]
+    dt = problem["dt"] * (1 if dim == 2 else LONGER)
+    text = INPUT.format(fixed="\n".join(fixed),
         nodes="\n".join([*places, front]), cells="\n".join(bodies), slave=slave, master=master,
-        velocities="\n".join(moving), contact=contact, dynamic=dynamic, dt=problem["dt"],
-        behaviour=behaviour.format(stiffness=10.0 * problem["bodies"][0]["young"]),
+        velocities="\n".join(moving), contact=contact, dynamic=dynamic, dt=dt,
+        behaviour=behaviour.format(stiffness=STIFF[dim] * problem["bodies"][0]["young"]),
         end=problem["dt"] * problem["steps"], most=problem["steps"] + 10,
     )  # fmt: skip
     (folder / "blocks.inp").write_text(text, encoding="ascii")
@@ -90,21 +103,37 @@ def write(problem, folder, method):
 
 def read(problem, folder):
     """Return momentum and final motion from the file of results."""
-    struck = range(problem["bodies"][-1]["first_node"], len(problem["mass"]))
+    struck = range(*problem["struck"])
     tables, at = {}, None
     for line in (folder / "blocks.dat").read_text(encoding="ascii").splitlines():
         head = re.match(r" (displacements|velocities) .* time +(\S+)", line)
         if head:
             at = tables.setdefault(head[1], {}).setdefault(float(head[2]), [])
         elif line.strip():
-            at.append([float(word) for word in line.split()[1:3]])
-    moments = [problem["bodies"][-1]["velocity"]] * len(problem["mass"])
+            at.append([float(word) for word in line.split()[1 : 1 + len(problem["bodies"][0]["velocity"])]])
+    (own,) = (body for body in problem["bodies"] if body["first_node"] == struck[0])
+    times = [0.0, *tables["velocities"]]
     momentum = [
         sum(problem["mass"][k] * velocity[k][problem["axis"]] for k in struck)
-        for velocity in [moments, *tables["velocities"].values()]
+        for velocity in [[own["velocity"]] * (struck[-1] + 1), *tables["velocities"].values()]
     ]
     last = {name: list(values.values())[-1] for name, values in tables.items()}
-    return {"momentum": momentum, "displacement": last["displacements"], "velocity": last["velocities"]}
+    return {
+        "momentum": at_steps(problem, times, momentum), "steps": len(times) - 1,
+        "displacement": last["displacements"], "velocity": last["velocities"],
+    }  # fmt: skip
+
+
+def at_steps(problem, times, values):
+    """Return values at the steps of the problem, on straight lines between those at the times of CalculiX."""
+    found, k = [], 1
+    for step in range(problem["steps"] + 1):
+        now = step * problem["dt"]
+        while times[k] < now and k + 1 < len(times):
+            k += 1
+        share = (now - times[k - 1]) / (times[k] - times[k - 1])
+        found.append(values[k - 1] + share * (values[k] - values[k - 1]))
+    return found
 
 
 if __name__ == "__main__":
