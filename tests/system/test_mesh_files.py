@@ -1,5 +1,6 @@
 """Bodies from mesh files of gmsh: what is read is what is in the file, and every other file is one message."""
 
+import re
 import tempfile
 import tracemalloc
 from pathlib import Path
@@ -8,8 +9,10 @@ import numpy as np
 import pytest
 
 import percuss
+import places
 from command_line import percuss_command
 from percuss.case.mesh_file import ENCODING, mesh_in
+from percuss.errors import InputError
 from percuss_methods.shapes.mesh import MeshFromFile
 
 pytest.importorskip("meshioplusplus")
@@ -248,7 +251,9 @@ def test_an_element_of_more_tags_than_bytes_is_refused_before_the_reader_takes_m
         body(with_number(made_by_gmsh("hexahedron-2.2-bytes"), "$Elements", 8, 10**8))
 
 
-def test_meshes_of_the_reader_missing_say_what_to_install(monkeypatch):
+def test_without_the_reader_of_meshes_a_case_says_where_and_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "meshioplusplus", None)
-    with pytest.raises(percuss.PercussError, match=r"pip install 'percuss\[mesh\]'"):
-        mesh_in(TWO_TRIANGLES, "plate.msh")
+    with pytest.raises(InputError) as told:
+        percuss.load(places.CASES / "ball-on-wall-3d.yaml")
+    assert re.search(r"ball-on-wall-3d\.yaml:\d+:\d+: .*meshioplusplus", str(told.value))
+    assert "pip install 'percuss[mesh]'" in str(told.value)

@@ -88,6 +88,34 @@ def test_the_finer_run_keeps_what_the_case_is_and_leaves_how_it_is_computed():
     assert case_of(own, 2.0).contacts["seam"].law.name == "tied"
 
 
+def box(at, elements, speed):
+    return {
+        "block": {"size": [1.0, 1.0, 0.5], "elements": elements},
+        "at": [0.0, 0.0, at],
+        "material": {"young": 1.0, "density": 1.0, "poisson": 0.3},
+        "velocity": [0.0, 0.0, speed],
+    }
+
+
+def test_a_finer_run_in_space_has_mortar_and_finds_node_to_segment_worse_where_meshes_do_not_match():
+    case = {
+        "percuss": 1,
+        "bodies": {"upper": box(0.5, [3, 3, 2], -0.01), "lower": box(0.0, [2, 2, 2], 0.0)},
+        "contacts": {"seam": {"between": ["upper.bottom", "lower.top"]}},
+        "method": {"contact": "lagrange", "pairing": "mortar"},
+        "time": {"end": 1.0, "courant": 0.5},
+        "reference": {"refine": 2},
+    }
+    assert case_of(percuss.load(case), 1.0).contacts["seam"].pairing.name == "mortar"
+    errors = {
+        pairing: percuss.run(percuss.load(case, {"method.pairing": pairing})).summary["estimated"]["displacement_error"]
+        for pairing in ("mortar", "node-to-segment")
+    }
+    assert errors["mortar"] < errors["node-to-segment"] < 0.2
+    finer = percuss.run(percuss.load(case, {"refine": 1.5})).summary["estimated"]["displacement_error"]
+    assert finer < errors["mortar"]
+
+
 def test_a_finer_run_that_cannot_judge_says_why():
     case = percuss.load(BLOCKS, {"expect": ()})
     same = percuss.run(case, {"reference.refine": 1}).summary

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from percuss.case.csv_file import UnusableFileError, read_bytes
-from percuss.errors import PercussError
 from percuss.methods.interfaces import Integers, MeshFile
 from percuss.process import processes_with
 
@@ -43,14 +42,14 @@ def mesh_in(text: str, path: str) -> MeshFile:
     Raises
     ------
     UnusableFileError
-        If it is no mesh of gmsh of version 2.2 or 4.1, or is damaged, or has cells that percuss has no element for.
-    PercussError
-        If the reader of meshes is not installed.
+        If it is no mesh of gmsh of version 2.2 or 4.1, or is damaged, or has cells that percuss has no element for, or
+        if the reader of meshes is not installed.
     """
     try:
         import meshioplusplus
     except ImportError:
-        raise PercussError("mesh files need meshioplusplus: pip install 'percuss[mesh]'") from None
+        message = f"expected the package meshioplusplus, which reads meshes, found none: {path}"
+        raise UnusableFileError(message, "Install it: pip install 'percuss[mesh]'.") from None
     if not text.startswith("$MeshFormat"):
         raise UnusableFileError(f"expected a mesh of gmsh, found a file that begins otherwise: {path}", GMSH)
     version = text[11:].split(maxsplit=1)[:1]

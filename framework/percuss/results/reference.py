@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from percuss.case.case import Case, load
-from percuss.case.defaults import OF_REFERENCE, OF_REFERENCE_IN_SPACE
+from percuss.case.defaults import OF_REFERENCE
 from percuss.case.yaml_text import flow
 from percuss.certificate import verdict
 from percuss.errors import PercussError
@@ -141,8 +141,8 @@ def case_of(case: Case, end: float) -> Case:
     contacts = case.data.get("contacts", {})
     own = {name: {key: value for key, value in one.items() if key != "pairing"} for name, one in contacts.items()}
     usual: dict[str, Any] = {"contact": OF_REFERENCE["contacts"]}
-    if case.dimension == 3 and case.method.pairing is not None:
-        usual["pairing"] = OF_REFERENCE_IN_SPACE["pairings"]
+    if case.method.pairing is not None:
+        usual["pairing"] = OF_REFERENCE["pairings"]
     sections = {
         "contacts": own,
         "time": {"end": end, "courant": chosen.courant},
