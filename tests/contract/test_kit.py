@@ -101,6 +101,7 @@ def test_without_pytest_one_call_runs_all_and_raises_with_the_report():
     assert {one["status"] for one in report.as_dict()["checks"]} == {"passed", "failed"}
 
 
+@pytest.mark.deep
 def test_a_declared_failure_that_does_not_occur_is_an_error():
     subject = Subject.of(planted.DeclaredButPasses, REGISTRY)
     (units,) = [one for one in known_checks() if one.name == "units"]

@@ -270,6 +270,7 @@ def test_the_kit_finds_the_dashpot_of_the_wrong_sign(folder: Path) -> None:
     assert "energy grows by" in " ".join(done.stdout.split())
 
 
+@pytest.mark.deep
 def test_the_material_shown_never_exceeds_its_limit_and_its_ledger_closes(folder: Path) -> None:
     case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "perfectly_plastic.py"])
     plastic = {"name": "perfectly-plastic", "young": 100, "density": 0.01, "limit": 0.04}

@@ -1299,6 +1299,7 @@ def contrast(one, other):
     return (high + 0.05) / (low + 0.05)
 
 
+@pytest.mark.deep
 def test_no_axis_prints_two_equal_labels(browser, pages):
     with Opened(browser, pages / "several.html") as opened:
         bad = opened.page.evaluate(

@@ -189,6 +189,7 @@ def test_an_edit_of_whatever_a_number_hangs_on_makes_the_row_again(tmp_path):
     assert run(tmp_path)[2] == first  # a fresh run says the same
 
 
+@pytest.mark.deep
 def test_a_module_that_is_edited_while_a_process_has_it_is_told(tmp_path):
     """Python imports a module once: the row of the new source would get the numbers of the old one."""
     editable(tmp_path)

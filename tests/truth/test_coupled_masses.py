@@ -169,6 +169,7 @@ def rows(draw):
     }
 
 
+@pytest.mark.deep
 @settings(max_examples=12, deadline=None, derandomize=True, phases=(Phase.generate,))
 @given(rows(), st.sampled_from(CONSISTENCIES))
 def test_rows_of_bars_move_as_dense_matrices_move_them(case, consistency):

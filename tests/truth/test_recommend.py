@@ -313,6 +313,7 @@ def test_a_search_never_says_no_while_runs_are_left(order):
     assert {one.courant for one in bench.asked} == {0.2, 0.25, 0.315, 0.4, 0.5, 0.63, 0.8, 0.9, 0.95, 1, 1.25, 1.6, 2}
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("case", "error", "most"),
     [

@@ -130,6 +130,7 @@ def test_what_no_step_cures_is_told():
     assert certificate(Model(percuss.load(HUNEK, {"method.contact": cured})))["stable"] == "yes"
 
 
+@pytest.mark.deep
 def test_a_critical_step_that_was_not_searched_is_not_said_to_be_none():
     changes = {"method.integrator": "central-difference", "time.courant": 0.9}
     law = {"name": "walton-braun", "beta_s": 30.0}
