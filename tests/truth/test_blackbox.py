@@ -22,6 +22,7 @@ from percuss.certificate.operator import Operator
 from percuss.certificate.step_itself import MOST_ALONE, ClosedStepStability, StepCriterion, combinations, examine
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
+from percuss.methods.interfaces import Trial
 from percuss.step import loop as leapfrog_loop
 from percuss.testing import Subject
 from percuss.testing.checks.pairs import impact
@@ -353,7 +354,12 @@ def law_file(folder, body):
     text = f'''
     from dataclasses import dataclass
     from typing import NamedTuple
+    import numba
     from percuss import ContactLaw
+
+    @numba.njit
+    def now(trial):
+        return trial.time
 
     class Bound(NamedTuple):
         stiffness: object
@@ -394,11 +400,12 @@ def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty(tmp_path):
 
 
 @pytest.mark.deep
-def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step(tmp_path):
-    """Soft at first and far too stiff from half of the run on."""
+@pytest.mark.parametrize("time", ["trial.time", f"trial[{Trial._fields.index('time')}]", "now(trial)"])
+def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step(time, tmp_path):
+    """Soft at first and far too stiff from half of the run on; compiled code reads the time where nobody sees it."""
     soft = "0.1 * bound.stiffness[p] * overlap"
     assert certificate(Model(law_file(tmp_path, soft)))["stable"] == "yes"
-    case = law_file(tmp_path, f"{soft} * (1.0 if trial.time < 0.5 else 1e4)")
+    case = law_file(tmp_path, f"{soft} * (1.0 if {time} < 0.5 else 1e4)")
     case = case.with_overrides({"time": {"end": 1.0, "courant": 0.5}})
     found = certificate(Model(case))
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)
