@@ -269,8 +269,6 @@ IN_THE_PLANE = {(CD, "penalty"), (CD, "lagrange"), (WU, "bipenalty"), ("noh-bath
 
 # On the largest mesh of all each integrator and each law is asked once, as in the plane; of the two rows of boxes the
 # step itself is asked, which takes half a minute, about the smaller one.
-
-
 def is_asked(case, pair):
     if case.stem == "two-spheres":
         return pair in IN_THE_PLANE

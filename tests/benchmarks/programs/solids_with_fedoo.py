@@ -3,7 +3,7 @@
 The contact is that of nodes and facets. Its stiffness `eps_n` is a force for each node and length, and is to be
 chosen by the rigidity of the bodies. For the blocks it is a quarter of Young's modulus, a quarter of the stiffness of a
 row of cells: of 2, 1, 1/2 and 1/4 times the modulus, this gave the smallest peak of the force. For the ball it is 4
-times the modulus times the shortest side of the surface; with 1/4 of that product, the contact lasted 12 % too long.
+times the modulus times the shortest side of the surface; with 1/4 of that product, the contact lasted too long.
 Facets are searched by the nearest node: the default search, by buckets, found no contact with a wall of two facets.
 The weak form is updated in each step, as fedoo asks for where there is contact.
 """

@@ -16,7 +16,6 @@ from percuss.case.quantities import COMPARED_BY_KIT, QUANTITIES
 from percuss.certificate import verdict
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.criteria import operator_criterion, step_criterion
-from percuss.certificate.verdict import unasked
 from percuss.errors import InputError, RunError
 from percuss.jsonable import Data, Entries
 from percuss.march.model import Model
@@ -35,6 +34,7 @@ SAFE = 0.9  # Courant number relative to the critical one, where 0.5 is above th
 SMALLEST_COURANT = 0.01  # critical Courant number below which a method is not tried: the runs would take too long
 CLOSE = 0.1  # largest allowed relative error of the impulse on a finer mesh
 AS_GOOD_AS_EXACT = 2e-3  # relative error of the impulse below which no further convergence is demanded
+COURANT = 0.5  # of an exact impact, where that is stable
 COURANTS = (0.25, 0.45, 0.65, 0.8, 0.86, 0.95)
 
 
@@ -67,7 +67,7 @@ def impact(parameters: tuple[float, float, float, int]) -> Entries:
     length, young, area, refine = parameters
     second = bar(round(10 * length), length, young=young, area=area, at=1.0, velocity=-0.1)
     transit = 2.0 * max(1.0 / 100.0, length / (young / 0.01) ** 0.5)
-    time = {"end": 1.3 * transit, "courant": 0.5}
+    time = {"end": 1.3 * transit, "courant": COURANT}
     return chain({"a": bar(10, velocity=0.2), "b": second}, refine=refine, time=time)
 
 
@@ -83,7 +83,7 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
 
     def check_convergence(drawn: tuple[float, float, float]) -> None:
         errors: list[float] = []
-        certify, courant = verdict.verdict_alone, 0.5
+        certify, courant = verdict.verdict_alone, COURANT
         for refine in MESHES:
             case = at_courant(subject.placed(impact((*drawn, refine)), subject.examples[0], partner), courant)
             try:
@@ -92,7 +92,7 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
                 raise CheckFailed(f"the run was {stopped}") from None
             if result.summary["exact"] is None:
                 raise NotApplicable(f"no exact solution: {result.summary['exact_reason']}")
-            certify, courant = unasked, result.summary["courant"]
+            certify, courant = verdict.unasked, result.summary["courant"]
             errors.append(cast("float", result.summary["exact"]["contacts"]["ab"]["impulse_error"]))
             if errors[-1] <= min(max(REDUCTION * errors[0], AS_GOOD_AS_EXACT), CLOSE) and len(errors) > 1:
                 return
@@ -114,7 +114,7 @@ def _run_at_stable_step(subject: Subject, case: Entries, partner: str, certify: 
         courant = _courant_of_default(subject, case, partner) if critical is None else min(wanted, SAFE * critical)
         if courant == wanted or courant < SMALLEST_COURANT:
             raise
-    return subject.run(at_courant(case, courant), certify=unasked)
+    return subject.run(at_courant(case, courant), certify=verdict.unasked)
 
 
 def _courant_of_default(subject: Subject, case: Data, partner: str) -> float:
@@ -174,7 +174,7 @@ def check_energy_never_grows(subject: Subject, partner: str) -> None:
         if getattr(subject.scheme_of(full_case), "own_steps", False):
             raise NotApplicable("its internal forces do not act in every step, so contact is not balanced in each")
         try:
-            if energy_growth(subject, full_case, subject.run(full_case, certify=unasked)) <= GROWTH_TOLERANCE:
+            if energy_growth(subject, full_case, subject.run(full_case, certify=verdict.unasked)) <= GROWTH_TOLERANCE:
                 return
         except InputError:
             return
