@@ -97,7 +97,7 @@ def box(at, elements, speed):
     }
 
 
-def test_a_finer_run_in_space_has_mortar_and_finds_node_to_segment_worse_where_meshes_do_not_match():
+def test_a_finer_run_in_space_has_mortar_and_finds_larger_displacement_errors_of_node_to_segment():
     case = {
         "percuss": 1,
         "bodies": {"upper": box(0.5, [3, 3, 2], -0.01), "lower": box(0.0, [2, 2, 2], 0.0)},
