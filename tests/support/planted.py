@@ -44,6 +44,7 @@ from percuss import (
     stress_2d,
 )
 from percuss_methods.elements.quad4 import Quad4
+from percuss_methods.pairings._covered import covered
 from percuss_methods.pairings.gauss_points import GaussPoints
 from percuss_methods.pairings.mortar import Mortar
 from percuss_methods.pairings.node_to_segment import NodeToSegment
@@ -1777,6 +1778,27 @@ def beyond_the_end(first, second):
     positions = second.positions.copy()
     positions[[0, -1]] += 9.0 * (positions[[0, -1]] - positions.mean(axis=0))
     return nodes_of(first, second._replace(positions=positions))
+
+
+@pairing("dual-on-whole-facets", "pairing", "turn as one", dimensions=(2,), convex=False)
+def dual_on_whole_facets(first, second):
+    """Take functions that are dual on whole facets, of which the second surface may cover a part."""
+    if not isinstance(second, Surface):
+        return nodes_of(first, second)
+    at, exact = covered(first, second), Mortar().points(first, second)
+    number = np.arange(exact.gap.size), np.searchsorted(first.nodes, exact.node[exact.start[:-1]])
+    rows = np.zeros((len(first.nodes), len(first.nodes) + len(second.nodes)))
+    dual = at.area[:, None] * (3.0 * at.share - 1.0)
+    others = len(first.nodes) + second.facets[at.other]
+    np.add.at(rows, (first.facets[at.facet][:, :, None], others[:, None]), dual[:, :, None] * at.other_share[:, None])
+    rows = rows[number[1]] / exact.weight[:, None]
+    rows[number] = -1.0
+    nodes, positions = np.concatenate([first.nodes, second.nodes]), np.concatenate([first.positions, second.positions])
+    value = rows[..., None] * exact.normal[:, None]
+    start = np.arange(exact.gap.size + 1) * nodes.size
+    gap = np.einsum("pnd,nd->p", value, positions)
+    node = np.tile(nodes, exact.gap.size)
+    return exact._replace(gap=gap, start=start, node=node, value=value.reshape(-1, 2))
 
 
 @caught_by("mesh")

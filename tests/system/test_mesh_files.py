@@ -115,7 +115,9 @@ def run(folder, *words):
         ("bodies.plate.mesh.part=plat", "expected a physical group of cells of plate.msh, found 'plat'; it has plate"),
         ("bodies.plate.mesh.file=other.msh", "no such file"),
         ("contacts.stop.body=plate.lift", "Did you mean 'left'?"),
-        ("refine=2", "refine: expected 1, as the mesh of the body 'plate' is given, found 2"),
+        ("refine=1.5", "refine: expected a whole number for a mesh from a file, found 1.5"),
+        ("refine=0.5", "refine: expected a whole number for a mesh from a file, found 0.5"),
+        ("refine=1e6", "refine: expected elements that fit into memory"),
     ],
 )
 def test_a_case_that_does_not_suit_the_file_is_one_message(word, words, tmp_path):
@@ -129,11 +131,19 @@ def test_a_result_has_the_file_inside_and_is_made_again_without_it(tmp_path):
     (tmp_path / "plate.msh").write_text(TWO_TRIANGLES, encoding="utf-8")
     done = run(tmp_path, "-o", "plate.nc")
     assert done.returncode == 0, done.stderr
-    assert "compare it with one on a finer mesh" in done.stdout + done.stderr
+    assert "give `--reference refine=4`" in done.stdout + done.stderr
     (tmp_path / "plate.msh").unlink()
     again = percuss.open_result(tmp_path / "plate.nc")
     assert again.provenance["data_files"] == {"plate.msh": TWO_TRIANGLES}
     assert percuss_command("verify", "plate.nc", cwd=tmp_path, plain=True).returncode == 0
+
+
+def test_a_finer_run_of_cells_cut_into_parts_judges_a_body_from_a_file(tmp_path):
+    (tmp_path / "plate.msh").write_text(TWO_TRIANGLES, encoding="utf-8")
+    case = percuss.load(tmp_path / "case.yaml") if run(tmp_path).returncode == 0 else None
+    coarse, finer = (percuss.run(case, {"reference.refine": 16, "refine": refine}).summary for refine in (1, 8))
+    errors = [summary["estimated"]["contacts"]["stop"]["impulse_error"] for summary in (coarse, finer)]
+    assert 0.0 < errors[1] < 0.5 * errors[0]
 
 
 def made_by_gmsh(name):

@@ -254,9 +254,6 @@ class CrossChecks:
                 self.vectors.append(((*path, key), int(dimension)))
             if shape is not None:
                 self._check_section(name, path, given, shape)
-                if not shape.refines and (refine := self.reader.source.get(("refine",), 1)) != 1:
-                    message = f"expected 1, as the mesh of the body '{name}' is given, found {found(refine)}"
-                    self.wrong(("refine",), message, "Make a finer mesh, and name its file.")
             if shape is not None and body is not None:
                 self._check_material(path, shape, body.material, body.plane)
                 self._check_element(path, shape, body, named="element" in given)

@@ -81,9 +81,8 @@ def run(
         answer.exit_code = 1 if result.status != "done" or open_accounts(result.summary) else 0
         if result.marched:
             search = "" if tied else _search(case, set_ or [], plugin or [], reference)
-            refines = all(body.shape.refines for body in loaded.bodies.values())
             others = _alternatives(loaded, result) if search else None
-            answer.conclude(run_verdict(result, others, search, refines=refines))
+            answer.conclude(run_verdict(result, others, search))
         if result.status == "interrupted" and result.marched:
             answer.exit_code = INTERRUPTED
 

@@ -16,6 +16,7 @@ from percuss.errors import InputError, TooLargeError, refuse_if_any
 from percuss.mesh.cells import cells_of, has_cells, mesh_of_element
 from percuss.mesh.loads import ROUND_OFF
 from percuss.methods.blame import breach
+from percuss.methods.interfaces import OptionError
 from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
@@ -107,6 +108,8 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
             mesh = mesh_of_element(spec.element, mesh)
             return mesh.turned(math.radians(spec.angle), spec.axis or OUT_OF_PLANE) if spec.angle else mesh
         amount = f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}"
+    except OptionError as error:
+        raise InputError([case.problem(("refine",), str(error), "")]) from error
     except MemoryError:
         pass
     raise TooLargeError([case.problem(path, f"expected elements that fit into memory, found {amount}", "Take fewer.")])

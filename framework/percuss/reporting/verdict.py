@@ -33,9 +33,7 @@ MOST_REASONS, MOST_NAMED = 12, 3
 PLACE = re.compile(r"( at step \d+, time \S+)?, node \d+ of body '[^']*'( limits the step)?")
 
 
-def run_verdict(
-    result: Result, others: Alternatives | None, next_command: str, *, refines: bool = True
-) -> Iterator[str]:
+def run_verdict(result: Result, others: Alternatives | None, next_command: str) -> Iterator[str]:
     """Yield the verdict on a run, one sentence or two a line.
 
     Parameters
@@ -46,8 +44,6 @@ def run_verdict(
         Other runs of its case, if any were made.
     next_command
         The command that searches better methods for the case, in words.
-    refines
-        Whether the case can have a finer mesh.
     """
     summary = result.summary
     stop, certificate = summary["stop"], summary["certificate"]
@@ -72,7 +68,7 @@ def run_verdict(
         what = "contact force" if summary["contacts"] else "motion"
         sensitivity = "depends on round-off: a change of 1e-10 % in one area changes it"
         yield f"The {what} {sensitivity if summary['fragile'] else 'is insensitive to round-off'}."
-    yield from _error_lines(result, others, next_command, refines=refines)
+    yield from _error_lines(result, others, next_command)
 
 
 def error_words(result: Result) -> str:
@@ -88,15 +84,12 @@ def error_words(result: Result) -> str:
     return f"the {'contact force' if of_force else 'displacement at the end'} is {off}{until}"
 
 
-def _error_lines(result: Result, others: Alternatives | None, next_command: str, *, refines: bool) -> Iterator[str]:
+def _error_lines(result: Result, others: Alternatives | None, next_command: str) -> Iterator[str]:
     """Yield how large the true error of a run is, and how it can be made smaller."""
     summary = result.summary
     error, words = largest_error(summary), capitalised(error_words(result))
     if error is None and errors_of(summary) is None:
         yield f"No exact solution is known, so percuss cannot compute the true error ({summary['exact_reason']})."
-        if not refines:
-            yield f"To judge the run, compare it with one on a finer mesh, or try {next_command}."
-            return
         finer = f"refine={4 * result.provenance['case'].get('refine', 1):g}"
         yield f"To judge the run by a finer mesh, give `--reference {finer}`, or try {next_command}."
         return

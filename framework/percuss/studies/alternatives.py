@@ -83,8 +83,7 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
     longest = 4.0 * seconds["march"]  # twice as many elements and steps
     one_law = case.with_one_law()
     # A mesh twice as fine may be that of the finer run by which the errors are estimated.
-    refines = all(body.shape.refines for body in case.bodies.values())
-    meshes = {"": finer} if refines and not result.summary["estimated"] else {}
+    meshes = {"": finer} if not result.summary["estimated"] else {}
     with _compiling_until(deadline - COMPILE_SECONDS):
         for name, changes in {**meshes, **tried}.items():
             begun = time.monotonic()

@@ -437,8 +437,6 @@ class _Bench:
     def meshes(self, candidate: Candidate) -> list[float]:
         """Return the refinements to choose from; a candidate that fits tells numbers of elements, nodes and steps."""
         self.usual = candidate.changes
-        if not all(body.shape.refines for body in self.case.bodies.values()):
-            return [1]
         bodies = self._model(self.usual).bodies
         found = meshes([body.in_a_row for body in bodies.values()])
         # A bar has one row of elements, other bodies as many rows as elements in a row, and as many layers.
@@ -448,7 +446,7 @@ class _Bench:
             found = [refine for refine in found if refine < self.case.reference.refine]
         try:
             self._model({**self.usual, "refine": found[0]})
-        except PluginError:  # of a shape that knows whole numbers alone
+        except (InputError, PluginError):  # of a shape that knows whole numbers alone
             return [refine for refine in found if isinstance(refine, int)]
         return found
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from percuss import Doc, Gt, Mesh, MeshFile, OptionError, Region, Shape, Unit
 from percuss_methods.shapes._cells import FACES
+from percuss_methods.shapes._cuts import cut
 
 if TYPE_CHECKING:
     from percuss import Floats, Integers
@@ -39,14 +40,14 @@ class MeshFromFile(Shape):
 
     Formula: ``x = x_0 + scale x_file``, where x_0 is the place `at` of the body.
 
-    Regions are the physical groups of edges or faces; if they are not all of the boundary, it is the region `skin`. The
-    mesh of a file has no `refine` but 1.
+    Regions are the physical groups of edges or faces; if they are not all of the boundary, it is the region `skin`.
+    With `refine`, a whole number, each edge is cut into as many equal parts. New nodes lie on the facets of the file:
+    a finer mesh does not come nearer to a round body.
     """
 
     name = "mesh"
     summary = "A body from a mesh file of gmsh"
     examples = ({"file": "example.msh"}, {"file": "example.msh", "scale": 0.5, "part": "plate"})
-    refines = False
     file: Annotated[MeshFile, Doc("file of gmsh, .msh of version 2.2 or 4.1")]
     scale: Annotated[float, Gt(0), Unit("1"), Doc("factor on the positions in the file")] = 1.0
     part: Annotated[str, Doc("physical group of the cells of the body; all cells if left out")] = ""
@@ -129,21 +130,30 @@ class MeshFromFile(Shape):
         """Return 2 or 3."""
         return 2 if SIDES[self.cell][0] == "line" else 3
 
-    def element_count(self, refine: float) -> int:  # noqa: ARG002 - it is 1
+    def element_count(self, refine: float) -> int:
         """Return the number of cells."""
-        return len(self._cells)
+        return len(self._cells) * int(refine) ** self.dimension()
 
-    def mesh(self, at: Floats, refine: float) -> Mesh:  # noqa: ARG002 - it is 1
-        """Return the mesh of the file, moved by `at`."""
-        kind, cells = self.cell, self._cells
+    def mesh(self, at: Floats, refine: float) -> Mesh:
+        """Return the mesh of the file, moved by `at`.
+
+        Raises
+        ------
+        OptionError
+            If `refine` is no whole number.
+        """
+        if refine < 1 or refine % 1:
+            raise OptionError(f"expected a whole number for a mesh from a file, found {refine:g}", "file")
+        kind, side, cells = self.cell, SIDES[self.cell][0], self._cells
         used = np.unique(cells)
         number = np.zeros(len(self.file.nodes), dtype=np.int64)
         number[used] = np.arange(len(used))
         nodes = at + self.scale * self.file.nodes[used, : self.dimension()]
-        faces = number[self._boundary]
-        groups = {SKIN: np.arange(len(faces)), **self._groups}
-        regions = {name: _region(nodes, faces[rows], SIDES[kind][0]) for name, rows in groups.items()}
-        return Mesh(nodes, {kind: number[cells]}, {name: regions[name] for name in self.regions})
+        nodes, parts = cut(nodes, {kind: number[cells], side: number[self._boundary]}, int(refine))
+        groups = {SKIN: np.arange(len(self._boundary)), **self._groups}
+        facets = {name: np.concatenate(parts[side][groups[name]]) for name in self.regions}
+        regions = {name: _region(nodes, of_region, side) for name, of_region in facets.items()}
+        return Mesh(nodes, {kind: np.concatenate(parts[kind])}, regions)
 
 
 def _region(nodes: Floats, facets: Integers, kind: str) -> Region:

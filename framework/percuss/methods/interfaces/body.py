@@ -135,14 +135,11 @@ class Shape(Component, contract="shapes"):
     without_mesh
         Options that only control the mesh, with the values used if only an exact solution is computed and the case
         leaves these options out.
-    refines
-        Whether `mesh` makes finer and coarser meshes; a case whose mesh is given refuses any `refine` but 1.
     """
 
     regions: ClassVar[tuple[str, ...]]
     cell: ClassVar[str] = "line"
     without_mesh: ClassVar[Data] = {}
-    refines: ClassVar[bool] = True
 
     @abstractmethod
     def dimension(self) -> int | None:
@@ -158,6 +155,11 @@ class Shape(Component, contract="shapes"):
             Start of the body [length].
         refine
             Factor on the number of elements, below 1 for a coarser mesh; `refined` makes it a whole number.
+
+        Raises
+        ------
+        OptionError
+            If there is no such mesh with `refine`.
         """
 
     @staticmethod

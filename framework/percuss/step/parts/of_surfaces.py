@@ -25,7 +25,7 @@ class Surfaces(NamedTuple):
     number: Integers  # of each point in the model
     weight: Floats  # area of each point [length^2]
     area: Floats  # (R, contacts) sum of the areas of points with a force
-    pressure: Floats  # (F, points) as in the model
+    pressure: Floats  # (F, points) as in the model; (F, 0) where it is not recorded
     velocity: Floats  # (F, nodes * dim)
     every: int  # steps between two snapshots, 0 for none
     lags: int  # 1 where velocities lag behind displacements by a step, else 0
@@ -46,7 +46,8 @@ class SurfacesRecorded(Part[Surfaces]):
         number = np.array(setting.order, dtype=np.int64)
         weight = np.array([model.contact_points[point].weight for point in setting.order], dtype=float)
         snapshots, dofs = record.field.shape
-        shapes = record.gap.shape, (snapshots, weight.size), (snapshots, dofs)
+        pressed = weight.size if model.case.record.pressure else 0
+        shapes = record.gap.shape, (snapshots, pressed), (snapshots, dofs)
         areas, pressures, velocities = (np.full(shape, np.nan) for shape in shapes)
         lags = int(not model.multistage)
         return cls(
@@ -78,7 +79,7 @@ def record_pressures(data: Surfaces, n: int, u: Floats, v: Floats, a: Floats) ->
     """Record the pressures of the step; velocities that lag become the mean of those before and after it."""
     if n % data.every == 0:
         r = n // data.every
-        for i in range(data.weight.size):
+        for i in range(data.pressure.shape[1]):
             data.pressure[r, data.number[i]] = data.points.state[i].multiplier / data.weight[i]
         if data.lags == 1:
             for i in range(data.velocity.shape[1]):

@@ -272,7 +272,7 @@ def check_solid_mesh(subject: Subject) -> None:
         arc = longest[0] ** 2 / (4.0 * float(np.ptp(mesh.nodes, axis=0).min()))
         if not np.allclose(extents[0], extents[1], rtol=0.0, atol=CLOSE + arc):
             raise CheckFailed("`refine` moves a region")
-        if shape.refines and not 0.35 <= longest[1] / longest[0] <= 0.7:
+        if not 0.35 <= longest[1] / longest[0] <= 0.7:
             raise CheckFailed(f"the largest cell is {longest[0]:.6g} long, and {longest[1]:.6g} with `refine` 2")
         if not np.allclose(answer(shape, "mesh", start + 1.0, 2).nodes - mesh.nodes, 1.0, rtol=0.0, atol=1e-12):
             raise CheckFailed("the body does not start where the case places it")
@@ -326,6 +326,7 @@ def check_pairing(subject: Subject) -> None:
             _check_points(pairing, second, first, -out)
             _check_points(pairing, first, Wall(first.positions[0] + 0.1 * out, -out), out)
             _check_slopes(pairing, *_surfaces(0.1, turn, wide=1.25))
+            _check_slopes(pairing, *_surfaces(0.1, turn, wide=0.6))
             far = _surface(second.positions + 9.0 * turn[:, 1], second.facets, second.nodes[0])
             if _points(pairing, first, far).gap.size:
                 raise CheckFailed("surfaces that do not face each other have points")
