@@ -24,12 +24,13 @@ def outcome(label, check, partner):
     return perform(check, SUBJECTS[label], partner)
 
 
-# Of laws, integrators, elements, materials and masses these are checked in every run, the others in the whole check.
+# Of laws, integrators, elements, materials, masses and pairings these are checked in every run, the others in the whole check.
 QUICK = (
     *("contacts/penalty", "integrators/wu-predictor-corrector"),
     *("elements/bar", "elements/quad4", "materials/elastic", "masses/lumped"),
+    *("pairings/mortar", "pairings/node-to-segment"),
 )
-OF_MANY = ("contacts/", "integrators/", "elements/", "materials/", "masses/")
+OF_MANY = ("contacts/", "integrators/", "elements/", "materials/", "masses/", "pairings/")
 # These checks of a law or an integrator take long: they compile the loop anew, or march in plain Python.
 LASTING = (
     *("no-hidden-state", "placement", "as-a-strict-host-has-it", "compiled-and-plain", "pushes-apart", "starts"),

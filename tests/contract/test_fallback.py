@@ -112,10 +112,8 @@ def struck(law, integrator="wu-predictor-corrector"):
     return case
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "body", [body if body == "helper" else pytest.param(body, marks=pytest.mark.deep) for body in BODIES]
-)
+@pytest.mark.deep
+@pytest.mark.parametrize("body", BODIES)
 def test_a_penalty_written_as_a_kernel_is_the_penalty(tmp_path, body):
     file = spring(tmp_path, body)
     for integrator, ahead in (("wu-predictor-corrector", 1.0), ("central-difference", 0.0)):

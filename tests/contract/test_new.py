@@ -55,7 +55,7 @@ def test_every_family_has_its_kind():
 
 
 # These compile a loop or kernels of cells of their own.
-LASTING = ("integrator", "material", "solid-material", "pairing", "element")
+LASTING = ("integrator", "material", "solid-material", "pairing", "element", "solid-element")
 
 
 @pytest.mark.slow

@@ -50,7 +50,9 @@ OUTPUTS = [
 ]
 
 
-@pytest.mark.parametrize("there", [True, False], ids=["over a file", "anew"])
+@pytest.mark.parametrize(
+    "there", [pytest.param(True, id="over a file", marks=pytest.mark.deep), pytest.param(False, id="anew")]
+)
 @pytest.mark.parametrize(("command", "files", "printed"), OUTPUTS, ids=[row[0].split()[0] for row in OUTPUTS])
 def test_an_output_that_does_not_fit(study, command, files, printed, there):
     for file in files:

@@ -241,7 +241,8 @@ def test_bands_are_quantiles_of_all_done_runs(large):
     assert len(own) < len(made)
 
 
-@pytest.mark.parametrize("most", [7, pytest.param(8, marks=pytest.mark.deep)])
+@pytest.mark.deep
+@pytest.mark.parametrize("most", [7, 8])
 def test_bands_of_many_pairs_are_not_drawn(browser, several, tmp_path, monkeypatch, most):
     """Eight pairs, of which four have several runs: at most seven have bands, in the page and in the files alike."""
     monkeypatch.setattr(study_charts, "MOST_BANDS", most)
@@ -1269,7 +1270,8 @@ def test_each_contact_has_a_panel_of_its_own(browser, tmp_path, several):
         assert opened.page.evaluate("page.rows - Object.keys(page.histories).length") == left
 
 
-@pytest.mark.parametrize("scheme", ["dark", pytest.param("light", marks=pytest.mark.deep)])
+@pytest.mark.deep
+@pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_colours_and_marks_are_told_from_the_page_and_from_each_other(browser, pages, scheme):
     with Opened(browser, pages / "several.html", scheme=scheme) as opened:
         colours, paper, marks = opened.page.evaluate(

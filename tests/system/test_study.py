@@ -301,6 +301,7 @@ def test_workers_give_what_one_process_gives(whole, tmp_path):
     assert seen == sorted(seen)
 
 
+@pytest.mark.deep
 def test_nothing_is_run_twice(whole, tmp_path, monkeypatch):
     first = percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=2)
     assert first.found == 0

@@ -462,7 +462,7 @@ def test_a_lumped_mass_penalty_is_seen(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("integrator", [WU, CD])
+@pytest.mark.parametrize("integrator", [pytest.param(WU, marks=pytest.mark.deep), CD])
 def test_a_contact_that_acts_twice_is_seen(integrator, monkeypatch):
     def twice(points, boundary, dt):
         for i in range(points.law.size):

@@ -22,16 +22,16 @@ BENCHMARKS = {
 }
 
 
+LONG = {"ball-on-wall", "ball-on-wall-3d", "disk-on-wall", "two-spheres"}  # coarser ones are quick: test_disk.py
+
+
 def test_the_benchmarks_are_there() -> None:
     assert {path.stem for path in CASES} >= BENCHMARKS
 
 
 @pytest.mark.parametrize(
     "path",
-    [
-        pytest.param(path, marks=pytest.mark.deep) if path.stem in {"two-spheres", "ball-on-wall-3d"} else path
-        for path in CASES
-    ],
+    [pytest.param(path, marks=pytest.mark.deep) if path.stem in LONG else path for path in CASES],
     ids=lambda path: path.stem,
 )
 def test_a_case_gives_what_it_expects(path: Path) -> None:

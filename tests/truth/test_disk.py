@@ -83,6 +83,7 @@ def test_a_disk_of_triangles_is_near_that_of_quadrilaterals():
     assert forces[1] == pytest.approx(forces[0], rel=0.02)
 
 
+@pytest.mark.deep
 def test_a_disk_at_a_wall_does_not_know_directions():
     """Mirrored and turned: a wall on the left, above, below; each the same force to round-off."""
     forces = []

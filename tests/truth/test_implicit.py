@@ -224,7 +224,8 @@ def test_without_contact_the_trapezoidal_rule_conserves_energy_at_any_step():
     assert result.summary["certificate"]["stable"] == "yes"
 
 
-@pytest.mark.parametrize("case", ["hunek", pytest.param("doyen-impact", marks=pytest.mark.deep)])
+@pytest.mark.deep
+@pytest.mark.parametrize("case", ["hunek", "doyen-impact"])
 def test_with_exact_multipliers_the_trapezoidal_rule_oscillates_and_gains_energy_and_damping_cures_it(case):
     """Doyen, Ern, Piperno (2011): spurious oscillations and no conservation; HHT takes a part of them."""
     loaded = percuss.load(f"cases/{case}.yaml", {"method.contact": "lagrange", "time.courant": 0.5})

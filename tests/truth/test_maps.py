@@ -277,7 +277,7 @@ def is_asked(case, pair):
 
 def is_quick(case, pair):
     if pair[0] == "noh-bathe":
-        return case.stem in {"hunek", "strip-impact"}
+        return case.stem == "hunek"
     if case.stem in LARGE:
         return pair == (CD, "lagrange") and case.stem != "two-spheres"
     return case in OF_BARS or pair == (CD, "penalty") or (case.stem not in IN_SPACE and pair in IN_THE_PLANE)

@@ -151,7 +151,7 @@ def test_without_contact_the_energy_between_two_kicks_is_constant():
     assert np.abs(internal - elastic).max() < 1e-11 * energy[0]
 
 
-@pytest.mark.parametrize("element", ["bar", "green-bar"])
+@pytest.mark.parametrize("element", ["bar", pytest.param("green-bar", marks=pytest.mark.deep)])
 def test_the_ledger_closes_whatever_the_contact_does(element):
     case = three_bars("lagrange", on_unstable="warn", steps=4000)
     for body in case["bodies"].values():

@@ -67,7 +67,9 @@ EQUAL = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", EQUAL)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.deep) if name.startswith(("with", "at")) else name for name in EQUAL]
+)
 def test_the_exact_solution_of_a_row_of_prisms_is_that_of_its_bars(name):
     prisms, bars, contacts, loads = EQUAL[name]
     found = percuss.run(case(prisms, contacts, loads))

@@ -72,7 +72,7 @@ def loaded(element):
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-@pytest.mark.parametrize("element", ["bar", "green-bar"])
+@pytest.mark.parametrize("element", ["bar", pytest.param("green-bar", marks=pytest.mark.deep)])
 def test_the_ledger_counts_the_work_of_shifts_whatever_else_acts(element, compiled):
     result = run(loaded(element), compiled=compiled)
     energy = result.summary["energy"]

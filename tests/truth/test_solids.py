@@ -315,7 +315,11 @@ def test_a_run_warns_where_cells_lock(poisson, plane, warned):
         ({"block": {"size": [4, 1], "elements": [2, 1]}}, ""),
         ({"block": {"size": [20, 1], "elements": [20, 4]}, "element": "quad4-one-point"}, ""),
         ({"block": {"size": [20, 1], "elements": [20, 4]}, "at": [1, 0], "plane": "axisymmetric"}, ""),
-        ({"block": {"size": [1, 2, 20], "elements": [2, 2, 10], "cells": "tet4"}}, "2 times as long as it is thick"),
+        pytest.param(
+            {"block": {"size": [1, 2, 20], "elements": [2, 2, 10], "cells": "tet4"}},
+            "2 times as long as it is thick",
+            marks=pytest.mark.deep,
+        ),
     ],
 )
 def test_a_run_warns_of_long_cells_of_slender_bodies(body, warned):

@@ -132,16 +132,10 @@ def test_theta_of_a_penalty_is_the_published_one(cells, slender, published):
         assert max(found) == pytest.approx(expected, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("pairing", "across", "poisson"),
-    [
-        pytest.param(pairing, across, poisson, marks=() if quick else pytest.mark.deep)
-        for pairing in PAIRINGS
-        for across in ((5, 7), (6, 4))
-        for poisson in (0.0, 0.3)
-        for quick in [(pairing, across, poisson) == (MORTAR, (5, 7), 0.3)]
-    ],
-)
+@pytest.mark.deep
+@pytest.mark.parametrize("pairing", PAIRINGS)
+@pytest.mark.parametrize("across", [(5, 7), (6, 4)])
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
 def test_bipenalty_keeps_the_free_step_and_a_penalty_does_not(pairing, across, poisson):
     """By the mediant: no frequency is above those of the bodies and of eps_s / eps_m.
 

@@ -22,6 +22,7 @@ from percuss.reporting.explanation import explanation
 from strategies import hunek, is_refused
 
 CASES = sorted(places.CASES.glob("*.yaml"))
+LARGE = {"ball-on-wall-3d", "box-impact", "two-spheres"}
 REGISTRY = Registry.load()
 
 
@@ -34,7 +35,7 @@ def told(case, overrides=None):
 
 @pytest.mark.parametrize(
     "path",
-    [pytest.param(path, marks=pytest.mark.deep) if path.stem == "two-spheres" else path for path in CASES],
+    [pytest.param(path, marks=pytest.mark.deep) if path.stem in LARGE else path for path in CASES],
     ids=lambda path: path.stem,
 )
 def test_a_check_names_all_that_a_case_will_do(path):

@@ -1,6 +1,7 @@
 """Where things stand and who may know whom: rules that no tool checks otherwise."""
 
 import ast
+import functools
 import importlib
 import inspect
 import re
@@ -39,9 +40,19 @@ def name_of(path):
     return path.relative_to(root.parent).as_posix()
 
 
+@functools.cache
+def parsed(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@functools.cache
 def imported(path):
+    return tuple(found_imports(path))
+
+
+def found_imports(path):
     """The modules that a file imports, with their lines: also inside functions, under TYPE_CHECKING, by importlib."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             yield from ((alias.name, node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -249,7 +260,7 @@ def test_framework_knows_no_method_by_its_name():
             continue
         wrong += [
             f"{path.relative_to(ROOT)}:{node.lineno}: {node.value!r}"
-            for node in constants_outside(ast.parse(path.read_text(encoding="utf-8")), exempt)
+            for node in constants_outside(parsed(path), exempt)
             if names & {node.value, *node.value.split(".")}
         ]
     assert not wrong, "\n".join(wrong)
@@ -315,7 +326,7 @@ def from_inside_numba(tree, private_attributes):
 
 def test_only_one_file_takes_names_from_inside_numba():
     """Imports, modules named in a text, and the private attributes that the one file uses."""
-    inside = ast.parse(MODULES["percuss.numba_inside"].read_text(encoding="utf-8"))
+    inside = parsed(MODULES["percuss.numba_inside"])
     attributes = {node.attr for node in ast.walk(inside) if isinstance(node, ast.Attribute)}
     attributes = {name for name in attributes - OF_NAMED_TUPLES if name.startswith("_") and not name.startswith("__")}
     assert len(list(from_inside_numba(inside, attributes))) > len(attributes) > 10
@@ -323,7 +334,7 @@ def test_only_one_file_takes_names_from_inside_numba():
         f"{name_of(path)}:{line}: {name}"
         for path in [*FRAMEWORK_FILES, *PLUGIN_FILES]
         if path != MODULES["percuss.numba_inside"]
-        for line, name in from_inside_numba(ast.parse(path.read_text(encoding="utf-8")), attributes)
+        for line, name in from_inside_numba(parsed(path), attributes)
     ]
     assert not wrong, "\n".join(wrong)
 
@@ -366,7 +377,7 @@ def check_method_file(path):
     assert method.family == family
     assert path.stem == method.name.replace("-", "_")
     assert Registry.load().get(family, method.name) is method, "percuss_methods/__init__.py does not list it"
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = parsed(path)
     assert ast.get_docstring(tree), "the file has no docstring"
     documented = [node for node in tree.body if isinstance(node, ast.ClassDef) and ast.get_docstring(node)]
     assert documented, "the method has no docstring"
