@@ -24,7 +24,7 @@ def outcome(label, check, partner):
     return perform(check, SUBJECTS[label], partner)
 
 
-# Of laws, integrators, elements, materials, masses and pairings these are checked in every run, the others in the whole check.
+# Of the plug-ins of large families these are checked in every run, the others in the whole check.
 QUICK = (
     *("contacts/penalty", "integrators/wu-predictor-corrector"),
     *("elements/bar", "elements/quad4", "materials/elastic", "masses/lumped"),
