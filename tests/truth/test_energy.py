@@ -1,5 +1,6 @@
 """What a pair of methods guarantees of the energy, along every step: kept where it is said, seen where it is broken."""
 
+import itertools
 import math
 import textwrap
 from unittest import mock
@@ -11,10 +12,12 @@ from hypothesis import strategies as st
 
 import percuss
 from percuss.certificate import verdict
+from percuss.certificate.closed_contacts import closed_contacts
 from percuss.march.model import Model
 from percuss.step import loop as leapfrog_loop
 from strategies import (
     CORE,
+    FIRST,
     INTEGRATORS,
     LEAPFROG,
     PAIRS,
@@ -32,7 +35,6 @@ from strategies import (
 WU, CD = "wu-predictor-corrector", "central-difference"
 CHECK = "energy-never-grows"
 WITHIN = 1e-12
-EACH_PAIR = each_pair(PAIRS, PLAIN_PAIRS)
 
 
 def finished(case, **kwargs):
@@ -85,11 +87,43 @@ def closings(result):
     return int((acts[1:] & ~acts[:-1]).sum())
 
 
+def between_two_walls(law, integrator=WU, steps=10_000, courant=0.5, elements=12, **record):
+    """A bar that flies to and fro."""
+    steel = {"young": 100.0, "density": 0.01}
+    bar = {"bar": {"length": 1.0, "elements": elements}, "material": steel, "area": 1.0, "velocity": 1.0}
+    return {
+        "percuss": 1,
+        "bodies": {"a": bar},
+        "contacts": {"left": {"body": "a.left", "wall": -0.013}, "right": {"body": "a.right", "wall": 1.02}},
+        "method": {"integrator": integrator, "contact": law},
+        "time": {"steps": steps, "courant": courant},
+        "record": record,
+    }  # fmt: skip
+
+
+def is_guaranteed(integrator, law):
+    """Whether a pair guarantees anything of the energy of a bar that meets walls; without contact others do too."""
+    model = Model(percuss.load(between_two_walls(law, integrator)))
+    return closed_contacts(model, model.dt).energy in {"never grows", "conserved between switchings"}
+
+
+GUARANTEED = [pair for pair in PAIRS if pair[0] in LEAPFROG and is_guaranteed(*pair)]
+# Of the other pairs each law and each integrator once: nothing is guaranteed of them that a run could break.
+PENALTY = next(law for law in FIRST if law["name"] == "penalty")
+WITHOUT_GUARANTEE = [pair for pair in PAIRS if pair[1] == PENALTY or (pair[0] == CD and pair[1] in FIRST)]
+
+
 # ------------------------------------------------------------------------------------------- what is guaranteed
 
 
+def test_the_pairs_that_guarantee_something_are_these():
+    both = {"lagrange", "nitsche", "paoli-schatzman", "penalty", "regularised-lagrange"}
+    found = {(integrator, law["name"]) for integrator, law in GUARANTEED}
+    assert found >= {(WU, "bipenalty"), *itertools.product((CD, WU), both)}
+
+
 @pytest.mark.slow
-@EACH_PAIR
+@each_pair([pair for pair in PAIRS if pair in (*PLAIN_PAIRS, *GUARANTEED, *WITHOUT_GUARANTEE)], PLAIN_PAIRS)
 @given(case=rows())
 def test_the_guarantee_of_the_certificate_is_kept(pair, case):
     result = finished(with_pair(steady(case), pair))
@@ -109,11 +143,13 @@ def test_the_guarantee_of_the_certificate_is_kept(pair, case):
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("pair", [pair for pair in PAIRS if pair[0] in LEAPFROG], ids=pair_id)
+@pytest.mark.parametrize(
+    "pair", [pair for pair in PAIRS if pair[0] in LEAPFROG and (pair[1] in FIRST or pair[0] == WU)], ids=pair_id
+)
 @given(case=rows())
 def test_the_watch_tells_what_the_histories_show(pair, case):
     """The loop sums the work of contacts; the histories hold the energies of the bodies."""
-    result = finished(with_pair(steady(case), pair))
+    result = finished(with_pair(steady(case), pair), certify=verdict.unasked)
     steps, found = result.summary["steps"], result.summary["energy_growth"]
     values, scale = energy(result)
     assume(scale > 0)
@@ -130,20 +166,6 @@ def test_the_watch_tells_what_the_histories_show(pair, case):
     sofar = np.maximum.accumulate(np.abs([result.arrays[name] for name in names]).max(axis=0))
     assert (np.abs(share) * sofar <= np.abs(grown - grown[0]) * (1 + 1e-12)).all()
     assert (np.sign(share) == np.sign(grown - grown[0])).all()
-
-
-def between_two_walls(law, integrator=WU, steps=10_000, courant=0.5, elements=12, **record):
-    """A bar that flies to and fro."""
-    steel = {"young": 100.0, "density": 0.01}
-    bar = {"bar": {"length": 1.0, "elements": elements}, "material": steel, "area": 1.0, "velocity": 1.0}
-    return {
-        "percuss": 1,
-        "bodies": {"a": bar},
-        "contacts": {"left": {"body": "a.left", "wall": -0.013}, "right": {"body": "a.right", "wall": 1.02}},
-        "method": {"integrator": integrator, "contact": law},
-        "time": {"steps": steps, "courant": courant},
-        "record": record,
-    }  # fmt: skip
 
 
 NEVER = {
@@ -199,7 +221,7 @@ def boxed(draw):
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("pair", [pair for pair in PAIRS if pair[1]["name"] != "tied"], ids=pair_id)
+@pytest.mark.parametrize("pair", GUARANTEED, ids=pair_id)
 @settings(max_examples=max(4, settings.default.max_examples // 3))  # each draw is a long run
 @given(case=boxed())
 def test_ten_thousand_steps_with_repeated_impacts_never_break_the_guarantee(pair, case):
