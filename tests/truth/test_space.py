@@ -279,18 +279,3 @@ def test_a_ball_of_hexahedra_on_a_wall_is_within_the_tolerances_of_two_programs(
     assert approach == pytest.approx(0.9347, rel=2e-3)
     assert restitution == pytest.approx(0.9985, abs=5e-4)
     assert result.summary["energy"]["ledger_closed"]
-
-
-def test_a_large_body_is_not_factored_and_its_certificate_says_what_is_known(monkeypatch):
-    monkeypatch.setattr("percuss.certificate.verdict.MOST_FACTORED", 20)
-    box = {"block": {"size": [1, 1, 1], "elements": [3, 3, 3]}, "material": {"young": 1, "density": 1, "poisson": 0.3}}
-    case = {"percuss": 1, "bodies": {"box": box}, "time": {"steps": 2, "courant": 0.9}}
-    found = percuss.run(percuss.load(case), compiled=False).summary["certificate"]
-    assert found["stable"] == "unknown"
-    assert found["dt_critical"] is None
-    assert "the step is below the bound of the elements, so that the bodies alone are stable" in found["why"]
-    above = percuss.run(percuss.load(case, {"time.courant": 1.01}), compiled=False).summary["certificate"]
-    assert above["stable"] == "unknown"
-    assert "below the bound" not in above["why"]
-    monkeypatch.setattr("percuss.certificate.verdict.MOST_FACTORED", 20_000)
-    assert percuss.run(percuss.load(case), compiled=False).summary["certificate"]["stable"] == "yes"

@@ -101,13 +101,7 @@ class OperatorCriterion:
 
     @cached_property
     def _delassus(self) -> Any:
-        """The Delassus operator as a sparse array."""
-        from scipy.sparse import csr_array
-
-        diagonal, coupling = self.coupling
-        entries = [(p, q, value) for p, row in enumerate(coupling) for q, value in {**row, p: diagonal[p]}.items()]
-        row, column, value = np.array(entries).T
-        return csr_array((value, (row.astype(np.int64), column.astype(np.int64))), shape=(diagonal.size,) * 2)
+        return delassus(*self.coupling)
 
     def _groups(self, laws: ClosedContacts, dt: float) -> list[tuple[Integers, bool]]:
         """Return the groups of contacts that share ends, each with whether its F is symmetric.
@@ -119,7 +113,7 @@ class OperatorCriterion:
             return []
         from scipy.sparse.csgraph import connected_components
 
-        pressing = np.flatnonzero(_pressing(laws))
+        pressing = np.flatnonzero(can_press(laws))
         if not pressing.size:
             return []
         label = connected_components(submatrix(self._delassus, pressing), directed=False)[1]
@@ -140,7 +134,7 @@ class OperatorCriterion:
         largest_theta: float | None = None
         worst: Any = ()
         groups = self._groups(laws, dt)
-        alone = laws.predicted & _pressing(laws)
+        alone = laws.predicted & can_press(laws)
         for group, _ in groups:
             alone[group] = False
         points = np.flatnonzero(alone)
@@ -178,7 +172,7 @@ class OperatorCriterion:
     def _assess_by_theta_and_operator(self, dt: float, laws: ClosedContacts) -> Assessment:
         if self.limit_ratio == 0.0:
             return Assessment("grows")
-        definite, limiting = self.operator.definite(dt / self.limit_ratio, *_at_current_state(laws))
+        definite, limiting = self.operator.definite(dt / self.limit_ratio, *at_current_state(laws))
         theta, group = self.theta(dt, laws)
         if theta is None or theta <= 1.0:
             return Assessment("stable" if definite else "grows", limiting, theta)
@@ -197,7 +191,7 @@ class OperatorCriterion:
             return 1.0
         laws = self.laws_at(dt)
         theta = self.theta(dt, laws)[0] or 0.0
-        softening = self.operator.largest_softening(dt / self.limit_ratio, *_at_current_state(laws))
+        softening = self.operator.largest_softening(dt / self.limit_ratio, *at_current_state(laws))
         excess = signed_distance(softening, max(theta, 0.0))
         return max(excess, SMALLEST_NUMBER) if softening >= 1.0 else excess
 
@@ -321,12 +315,21 @@ def unequal_sets(
                 yield tuple(closed)
 
 
-def _pressing(laws: ClosedContacts) -> Any:
+def delassus(diagonal: Floats, coupling: Sequence[dict[int, float]]) -> Any:
+    """Return the Delassus operator as a sparse array."""
+    from scipy.sparse import csr_array
+
+    entries = [(p, q, value) for p, row in enumerate(coupling) for q, value in {**row, p: diagonal[p]}.items()]
+    row, column, value = np.array(entries).reshape(-1, 3).T
+    return csr_array((value, (row.astype(np.int64), column.astype(np.int64))), shape=(diagonal.size,) * 2)
+
+
+def can_press(laws: ClosedContacts) -> Any:
     """Return which contacts have a `surplus` and can press, (P,): the predicted ones need stiffness for it."""
     return np.where(laws.predicted, laws.stiffness > 0.0, ~np.isnan(laws.surplus))
 
 
-def _at_current_state(laws: ClosedContacts) -> tuple[Floats, Floats]:
+def at_current_state(laws: ClosedContacts) -> tuple[Floats, Floats]:
     """Return eps_s and eps_m of the contacts evaluated at the current state, 0 for the others, (P,) each."""
     return np.where(laws.predicted, 0.0, laws.stiffness), np.where(laws.predicted, 0.0, laws.inertia)
 

@@ -12,6 +12,7 @@ from percuss.blas import one_blas_thread
 from percuss.case.cross_checks import after_the_end
 from percuss.case.quantities import percent
 from percuss.certificate.assessment import Answer, Assessment, Criterion, quoted
+from percuss.certificate.bounds import BOUND, BoundsCriterion
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
 from percuss.certificate.criteria import RunCriterion, contact_names, operator_criterion, step_criterion
 from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
@@ -58,7 +59,7 @@ class Certificate(TypedDict):
     theta
         theta of Wu's predictor-corrector; None where it has no meaning.
     by
-        Criterion: ``pencil``, ``decoupled-gaps``, ``energy-at-end``, ``black-box`` or ``none``.
+        Criterion: ``pencil``, ``decoupled-gaps``, ``energy-at-end``, ``bounds``, ``black-box`` or ``none``.
     why, cure
         Reason for the verdict, and the cure of an unstable step.
     ignores
@@ -160,6 +161,8 @@ def _with_step(case: Case) -> SettledRun:
 def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCriterion:
     """Return the criterion of a run: the pencil or a closed form if it covers all of its laws, else the black box.
 
+    Of bodies that are too large to factor it is that of bounds.
+
     Parameters
     ----------
     model
@@ -168,7 +171,9 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
         The criterion of the same run with another step, if there is one.
     """
     kind: Callable[[Model], Criterion] = operator_criterion
-    if closed_contacts(model, model.dt).doubts:
+    if too_large(model):
+        kind = BoundsCriterion
+    elif closed_contacts(model, model.dt).doubts:
         kind = closed_form(model) or step_criterion
     return RunCriterion(model, kind, other_step)
 
@@ -193,12 +198,13 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
     if model.facts.verdict is not None:
         stable, why = model.facts.verdict()
         return _unknown_certificate(model, why) | {"stable": stable}
-    if why := _too_large(model):
-        found = _unknown_certificate(model, why)
-    elif model.bodies.why_not_linear:
+    large = too_large(model)
+    if model.bodies.why_not_linear and not large:
         found = _certificate_of_nonlinear_bodies(model)
-    elif why := unknown_by_mass(model) or model.facts.unknown():
+    elif why := model.bodies.why_not_linear or unknown_by_mass(model) or model.facts.unknown():
         found = _unknown_certificate(model, why)
+    elif large:
+        found = _certificate_by_bounds(criterion or criterion_of(model))
     else:
         found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), with_critical_step)
     if why := model.facts.effect_unknown():
@@ -218,14 +224,23 @@ def unasked(model: Model, criterion: RunCriterion | None = None) -> Certificate:
     return _unknown_certificate(model, "nobody has asked for a verdict")
 
 
-def _too_large(model: Model) -> str:
-    """Return why a model is not factored, and what is known of it all the same; empty if it is factored."""
-    if model.dim < 3 or all(body.mass.size <= MOST_FACTORED for body in model.bodies.values()):
-        return ""
-    why = f"a body of more than {MOST_FACTORED} nodes in three dimensions is not factored, which would take minutes"
-    if model.stages is None and model.courant <= 1.0:
-        return f"{why}; the step is below the bound of the elements, so that the bodies alone are stable"
-    return why
+def too_large(model: Model) -> bool:
+    """Return whether a body is too large to be factored, which would take minutes and much memory."""
+    return model.dim == 3 and any(body.mass.size > MOST_FACTORED for body in model.bodies.values())
+
+
+def _certificate_by_bounds(criterion: RunCriterion) -> Certificate:
+    model, assessment = criterion.model, criterion.assess_step(criterion.model.dt)
+    not_factored = f"a body of more than {MOST_FACTORED} nodes in three dimensions is not factored"
+    if not assessment.stable:
+        alone = "; the step is below the bound of the cells, so that the bodies alone are stable"
+        below = model.dt < criterion.free * (1.0 - MARGINAL_DISTANCE)
+        return _unknown_certificate(model, f"{not_factored}, and {assessment.doubt}{alone if below else ''}")
+    bound = criterion.critical_step
+    why = f"the step is {percent(model.dt / bound, 6)} of {bound:.6g}, {BOUND}; {not_factored}"
+    energy, energy_why = _energy_guarantee(model, assessment, "yes")
+    found = _unknown_certificate(model, f"{why}, so that the critical step is not known")
+    return found | {"stable": "yes", "by": criterion.by, "energy": energy, "energy_why": energy_why}
 
 
 def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_critical_step: bool) -> Certificate:

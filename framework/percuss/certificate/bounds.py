@@ -1,0 +1,102 @@
+"""The criterion of bounds, for bodies that are too large to factor: it proves a step stable, or proves nothing.
+
+No mode of the bodies is faster than the fastest cell, omega_b. Closed contacts of laws at the current state add
+``M^-1 N D N^T`` with ``D = (D_s - (4/dt^2) D_m)_+`` to ``M^-1 K``. The largest eigenvalue of a sum is at most the sum
+of the largest ones (Weyl), and that of ``M^-1 N D N^T`` is that of S D, at most the largest sum of the absolute values
+in a row. So central difference is stable where ``omega_b^2 + |S| D`` is below ``4/dt^2``. Ties and supports take
+motions away, which raises no frequency.
+
+Laws evaluated at the predicted gap need ``theta = dt^2 lambda_max((I + S D_m)^-1 S D_s) <= 1`` besides, and theta is
+at most ``dt^2 b / (1 + r b)`` with the largest sum b of a row of ``|S| D_s`` and the least r of eps_m / eps_s.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from percuss.certificate.assessment import Assessment
+from percuss.certificate.closed_contacts import closed_contacts
+from percuss.certificate.operator_criterion import ROUND_OFF, at_current_state, can_press, delassus
+from percuss.certificate.scheme_limit import limit_ratio
+from percuss.certificate.search import MARGINAL_DISTANCE, largest_step_below, signed_distance
+
+if TYPE_CHECKING:
+    from percuss.certificate.closed_contacts import ClosedContacts
+    from percuss.march.model import Model
+    from percuss.methods.interfaces import Floats
+
+BOUND = "up to which the bounds of cells and closed contacts exclude growth"
+UNLIKE = "contacts that share nodes differ in eps_m / eps_s, so that they do not act on one another as equals"
+
+
+class BoundsCriterion:
+    """Criterion of one stretch of a run from bounds of its frequencies.
+
+    Parameters
+    ----------
+    model
+        A stretch of a run, `percuss.march.model.Model.stretches`.
+    """
+
+    by: ClassVar[str] = "bounds"
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._ratio = limit_ratio(model)
+
+    @cached_property
+    def free(self) -> float:
+        """Step up to which nothing grows with no contact closed but ties."""
+        return 2.0 * self._ratio / self.model.bodies.omega
+
+    def _largest_sum(self, stiffness: Floats) -> float:
+        """Return the largest sum of a row of ``|S| D`` [1/time^2]."""
+        if not stiffness.any():
+            return 0.0
+        sums: Floats = abs(self._delassus) @ stiffness
+        return float(sums.max())
+
+    @cached_property
+    def _delassus(self) -> Any:
+        return delassus(*self.model.rows.at(0.5 * self.model.dt)[1:])
+
+    def _share(self, dt: float) -> float:
+        """Return the number below 1 where a step is known to be stable; inf where nothing is known."""
+        laws = closed_contacts(self.model, dt)
+        if self._doubt(laws, dt):
+            return np.inf
+        limit = 4.0 * (self._ratio / dt) ** 2
+        stiffness, inertia = at_current_state(laws)
+        share = (self.model.bodies.omega**2 + self._largest_sum(np.maximum(stiffness - limit * inertia, 0.0))) / limit
+        predicted = laws.predicted & can_press(laws)
+        by_sums = self._largest_sum(np.where(predicted, laws.stiffness, 0.0))
+        ratio = float(np.min(laws.inertia[predicted] / laws.stiffness[predicted], initial=np.inf))
+        return max(share, dt**2 * by_sums / (1.0 + ratio * by_sums) if by_sums else 0.0)
+
+    def _doubt(self, laws: ClosedContacts, dt: float) -> str:
+        """Return why no step is known to be stable; empty if some step is."""
+        if laws.doubts:
+            return "; ".join(laws.doubts)
+        pairs, pressing = self._delassus.tocoo(), can_press(laws)
+        one, other = laws.surplus[pairs.row], laws.surplus[pairs.col]
+        unlike = np.abs(one - other) > ROUND_OFF * (np.abs(one) + dt * dt)
+        return UNLIKE if (unlike & pressing[pairs.row] & pressing[pairs.col]).any() else ""
+
+    def assess_step(self, dt: float) -> Assessment:
+        """Return the assessment of a step."""
+        if self._share(dt) < 1.0 - MARGINAL_DISTANCE:
+            return Assessment("stable")
+        doubt = self._doubt(closed_contacts(self.model, dt), dt)
+        return Assessment("unknown", doubt=doubt or f"the step is not below {self.critical_step:.6g}, {BOUND}")
+
+    def excess(self, dt: float) -> float:
+        """Return the signed distance of a step from the bound."""
+        return signed_distance(self._share(dt))
+
+    @cached_property
+    def critical_step(self) -> float:
+        """Largest step that is known to be stable, with laws bound anew for each step tried."""
+        return largest_step_below(self.excess, self.free)

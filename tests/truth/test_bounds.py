@@ -1,0 +1,95 @@
+"""The bounds of cells and closed contacts: no step that they call stable is above the critical one of the operator."""
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.certificate.bounds import BoundsCriterion
+from percuss.certificate.closed_contacts import closed_contacts
+from percuss.certificate.criteria import RunCriterion, operator_criterion
+from percuss.certificate.verdict import certificate, settled
+from percuss.errors import InputError, RefusedPair
+from percuss.march.model import Model
+from percuss.methods.registry import Registry
+from solid_figures import CENTRAL, GAUSS, MORTAR, NODES, WU
+
+SOFT, STIFF = {"name": "penalty", "beta_s": 0.5}, {"name": "penalty", "beta_s": 4.0}
+LAWS = [*Registry.load().names("contacts"), STIFF, {"name": "bipenalty", "beta_s": 4.0, "ratio": 0.4}]
+
+
+def boxes(contact, integrator=WU, pairing=MORTAR, dim=2, courant=0.4, own=None):
+    """Two boxes of unlike meshes, of which the left one slides along a wall."""
+    size, material = [1.0, 1.0, 0.8][:dim], {"young": 1.0, "density": 1.0, "poisson": 0.3}
+    bodies = {
+        name: {"block": {"size": size, "elements": elements[:dim]}, "at": [at, 0.0, 0.0][:dim], "material": material}
+        for name, elements, at in (("left", [2, 3, 3], 0.0), ("right", [2, 2, 2], 1.0))
+    }
+    bodies["left"]["fixed"] = [{"on": "left", "along": "x"}]
+    bodies["right"]["velocity"] = [-0.1, 0.0, 0.0][:dim]
+    return percuss.load({
+        "percuss": 1, "bodies": bodies,
+        "contacts": {"seam": {"between": ["left.right", "right.left"]}, "floor": {
+            "body": "left.bottom", "wall": {"point": [0.0] * dim, "normal": [0.0, 0.0, 1.0][-dim:]},
+            **({"method": own} if own else {}),
+        }},
+        "method": {"integrator": integrator, "contact": contact, "pairing": pairing},
+        "time": {"courant": courant, "steps": 3, "on_unstable": "warn"},
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.deep)])
+@pytest.mark.parametrize("pairing", [GAUSS, *(pytest.param(name, marks=pytest.mark.deep) for name in (NODES, MORTAR))])
+@pytest.mark.parametrize("integrator", [WU, CENTRAL, pytest.param("noh-bathe", marks=pytest.mark.deep)])
+def test_a_step_below_the_bound_is_stable_and_the_bound_is_near(integrator, pairing, dim):
+    tried = 0
+    for contact in LAWS:
+        try:
+            model = Model(boxes(contact, integrator, pairing, dim))
+        except (InputError, RefusedPair):
+            continue
+        bounds, exact = RunCriterion(model, BoundsCriterion), RunCriterion(model, operator_criterion)
+        known = bounds.assess_step(1e-3 * bounds.free)
+        if known.answer == "unknown":
+            assert closed_contacts(model, model.dt).doubts or "differ in eps_m" in known.doubt
+            assert bounds.critical_step == 0.0
+            continue
+        assert bounds.free <= exact.free
+        assert 0.8 * exact.critical_step < bounds.critical_step <= exact.critical_step * (1.0 + 1e-9)
+        assert bounds.assess_step(0.999 * bounds.critical_step).answer == "stable"
+        assert bounds.assess_step(1.001 * bounds.critical_step).answer == "unknown"
+        tried += 1
+    assert tried >= 4
+
+
+def test_contacts_that_differ_in_inertia_are_not_proved_stable():
+    model = Model(boxes(STIFF, own={"name": "bipenalty", "beta_s": 0.5, "ratio": 0.1}))
+    assert "differ in eps_m / eps_s" in RunCriterion(model, BoundsCriterion).assess_step(1e-3 * model.dt).doubt
+    same = Model(boxes(STIFF, own=SOFT))
+    assert RunCriterion(same, BoundsCriterion).assess_step(1e-3 * same.dt).answer == "stable"
+
+
+@pytest.mark.parametrize("contact", ["lagrange", "regularised-lagrange", SOFT])
+def test_a_large_body_has_the_verdict_and_the_energy_of_a_small_one(monkeypatch, contact):
+    small = certificate(Model(boxes(contact, dim=3)))
+    monkeypatch.setattr("percuss.certificate.verdict.MOST_FACTORED", 20)
+    large = certificate(Model(boxes(contact, dim=3)))
+    assert (large["stable"], large["energy"], large["by"]) == ("yes", small["energy"], "bounds")
+    assert small["by"] == "pencil"
+    assert large["dt_critical"] is large["dt_critical_free"] is None
+    chosen = settled(boxes(contact, dim=3, courant="auto")).model
+    assert 0.7 * small["dt_critical"] < chosen.dt < 0.9 * small["dt_critical"]
+    assert certificate(chosen)["why"].startswith("the step is 90 % of ")
+
+
+def test_of_a_large_body_no_step_is_called_unstable_and_what_is_known_is_said(monkeypatch):
+    monkeypatch.setattr("percuss.certificate.verdict.MOST_FACTORED", 20)
+    above = certificate(Model(boxes(STIFF, CENTRAL, dim=3, courant=0.97)))
+    assert above["stable"] == "unknown"
+    assert "so that the bodies alone are stable" in above["why"]
+    assert np.isfinite(float(above["why"].split("not below ")[1].split(",")[0]))
+    beyond = certificate(Model(boxes(STIFF, CENTRAL, dim=3, courant=1.3)))
+    assert beyond["stable"] == "unknown"
+    assert "alone" not in beyond["why"]
+    with_kernel = certificate(Model(boxes("hunt-crossley", dim=3)))
+    assert with_kernel["stable"] == "unknown"
+    assert "hunt-crossley has a kernel of its own" in with_kernel["why"]
