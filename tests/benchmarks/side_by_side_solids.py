@@ -123,7 +123,11 @@ PROGRAMS = {
                 "implicit-alm": "implicit (Bossak), augmented Lagrangian, mortar",
                 "implicit-penalty": "implicit (Bossak), penalty, mortar",
                 "explicit-penalty": "explicit (central difference), penalty, mortar",
-            }
+            },
+            "ball": {
+                "implicit-alm": "implicit (Bossak, 32 steps in one), augmented Lagrangian, mortar",
+                "explicit-penalty": "explicit (central difference), penalty, mortar",
+            },
         },
     ),
 }

@@ -170,10 +170,27 @@ def test_the_input_of_akantu_is_written(tmp_path):
     assert f"epsilon_n = {0.25 * 10 / 0.05:.6g}" in (tmp_path / "blocks.dat").read_text()
 
 
-def test_other_programs_meet_the_wall_as_a_held_block():
+@pytest.fixture(scope="module")
+def ball_problem():
+    """Return the ball on a wall in the words of the scripts."""
     pytest.importorskip("meshioplusplus")
-    model = side_by_side_solids.model_of("ball", {})
-    problem = side_by_side_solids.problem_of("ball", model)
+    return side_by_side_solids.problem_of("ball", side_by_side_solids.model_of("ball", {}))
+
+
+@pytest.mark.parametrize(("method", "steps"), [("implicit-alm", 32), ("explicit-penalty", 1)])
+def test_the_ball_for_kratos_is_written(method, steps, ball_problem, tmp_path):
+    solids_with_kratos.write(ball_problem, tmp_path, method)
+    mesh = (tmp_path / "blocks.mdpa").read_text()
+    cells, _, facets = mesh.partition("SmallDisplacementElement3D4N")[2].partition("SurfaceCondition3D3N")
+    assert cells.partition("End")[0].count("\n") == 1 + sum(len(body["cells"]) for body in ball_problem["bodies"])
+    assert facets.partition("End")[0].count("\n") == 1 + sum(map(len, ball_problem["surfaces"]))
+    solver = json.loads((tmp_path / "parameters.json").read_text())["solver_settings"]
+    assert solver["domain_size"] == 3
+    assert solver["time_stepping"]["time_step"] == steps * ball_problem["dt"]
+
+
+def test_other_programs_meet_the_wall_as_a_held_block(ball_problem):
+    problem = ball_problem
     ball, wall = problem["bodies"]
     assert problem["struck"] == [0, len(ball["nodes"])] == [0, len(problem["mass"])]
     nodes = np.array(ball["nodes"] + wall["nodes"])
@@ -192,8 +209,11 @@ def test_other_programs_meet_the_wall_as_a_held_block():
 def test_the_page_has_a_row_for_each_method_of_each_program():
     page = (SCRIPT.parents[1] / "README.md").read_text(encoding="utf-8")
     part = page.partition(side_by_side_solids.FIRST)[2].partition(side_by_side_solids.LAST)[0]
-    methods = [m for case in side_by_side_solids.OWN.values() for m in case]
-    for program in side_by_side_solids.PROGRAMS.values():
-        methods += [words for case in program.methods.values() for words in case.values()]
-    assert all(f"| {words} |" in part for words in methods)
+    blocks, _, ball = part.partition(side_by_side_solids.TITLES["ball"])
+    for case, rows in {"blocks": blocks, "ball": ball}.items():
+        expected = [("percuss", words) for words in side_by_side_solids.OWN[case]]
+        for name, program in side_by_side_solids.PROGRAMS.items():
+            expected += [(name, words) for words in program.methods.get(case, {}).values()]
+        found = [tuple(cell.strip() for cell in line.split("|")[1:3]) for line in rows.splitlines() if "|" in line][2:]
+        assert [(name.split()[0], words) for name, words in found] == expected
     assert all(f"`{program.install}`" in page for program in side_by_side_solids.PROGRAMS.values())
