@@ -113,7 +113,10 @@ PROGRAMS = {
     "akantu": Program(
         "solids_with_akantu.py",
         "pip install 'percuss[side-by-side]'",
-        {"blocks": {"explicit-penalty": "explicit (central difference), penalty from node to segment, both ways"}},
+        {
+            "blocks": {"explicit-penalty": "explicit (central difference), penalty from node to segment, both ways"},
+            "ball": {"explicit-penalty": "explicit (central difference), penalty from node to facet"},
+        },
     ),
     "kratos": Program(
         "solids_with_kratos.py",
@@ -264,7 +267,7 @@ def others(case: str, name: str, python: str, keep: Path) -> Iterator[Row]:
     done = called(python, program.script, "--version")
     version = done.stdout.split()[-1] if done.returncode == 0 else ""
     model = model_of(case, {})
-    for method, words in program.methods.get(case, {}).items():
+    for method, words in program.methods[case].items():
         folder = keep / f"{case}-{name}-{method}"
         folder.mkdir(parents=True, exist_ok=True)
         problem = folder / "problem.json"

@@ -189,6 +189,21 @@ def test_the_ball_for_kratos_is_written(method, steps, ball_problem, tmp_path):
     assert solver["time_stepping"]["time_step"] == steps * ball_problem["dt"]
 
 
+def test_the_ball_for_akantu_is_written(ball_problem, tmp_path):
+    solids_with_akantu.write(ball_problem, tmp_path)
+    mesh = mesh_in((tmp_path / "blocks.msh").read_text(), "blocks.msh")
+    sizes = {name: {kind: len(rows) for kind, rows in group.items()} for name, group in mesh.groups.items()}
+    ball, wall = (len(body["cells"]) for body in ball_problem["bodies"])
+    skin, _ = map(len, ball_problem["surfaces"])
+    assert sizes == {
+        "ball": {"tetra": ball}, "wall": {"tetra": wall}, "skin": {"triangle": skin}, "floor": {"triangle": 2},
+    }  # fmt: skip
+    a, b, c = mesh.nodes[mesh.cells["triangle"][mesh.groups["floor"]["triangle"]]].swapaxes(0, 1)
+    assert (np.cross(b - a, c - a)[:, 2] < 0).all()  # against the order of the other programs
+    text = (tmp_path / "blocks.dat").read_text()
+    assert "master = floor\n  slave = skin" in text
+
+
 def test_other_programs_meet_the_wall_as_a_held_block(ball_problem):
     problem = ball_problem
     ball, wall = problem["bodies"]
@@ -213,7 +228,7 @@ def test_the_page_has_a_row_for_each_method_of_each_program():
     for case, rows in {"blocks": blocks, "ball": ball}.items():
         expected = [("percuss", words) for words in side_by_side_solids.OWN[case]]
         for name, program in side_by_side_solids.PROGRAMS.items():
-            expected += [(name, words) for words in program.methods.get(case, {}).values()]
+            expected += [(name, words) for words in program.methods[case].values()]
         found = [tuple(cell.strip() for cell in line.split("|")[1:3]) for line in rows.splitlines() if "|" in line][2:]
         assert [(name.split()[0], words) for name, words in found] == expected
     assert all(f"`{program.install}`" in page for program in side_by_side_solids.PROGRAMS.values())

@@ -19,8 +19,9 @@ On the ball:
 - The implicit methods, with their default search in a radius, found no contact with the two facets of the wall. Here
   they have the octree, which is the default of the explicit method.
 - In steps of 16 of percuss, up to time 1.85, the impulse of the implicit penalty with its default was 27% of that of
-  percuss, and that of the augmented Lagrangian 100%. The augmented Lagrangian is kept. Its steps are 32 of percuss
-  long, as each takes long; momentum is taken as linear within a step.
+  percuss, and that of the augmented Lagrangian 100%. The augmented Lagrangian is kept. With steps of 16, the peak was
+  .00345, the contact time 11.39 and the kept energy 99.97%; with steps of 32, .00345, 11.49 and 99.90%, in two thirds
+  of the time. 32 are kept. Momentum is taken as linear within a step.
 """
 
 import json
