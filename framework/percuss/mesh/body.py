@@ -209,7 +209,7 @@ class Body:
     def _surfaces(self) -> dict[str, BodySurface]:
         return {}
 
-    @property
+    @cached_property
     def volumes_of_cells(self) -> Floats:
         """Volume of each element, (n,) [length^3]."""
         return element_masses(self.spec.element, self.view, 1.0)

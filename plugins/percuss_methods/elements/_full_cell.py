@@ -44,15 +44,24 @@ class FullCell(SolidElement, contract="elements"):
         -------
         (cells, points, nodes * dim + 1) array
         """
-        corners = body.mesh.nodes[body.mesh.cells[self.cell]]
-        jacobian = np.einsum("qai,cad->cqid", self.slopes, corners)
-        by_place = np.einsum("cqdi,qai->cqad", np.linalg.inv(jacobian), self.slopes)
-        volume = body.section * self.weights * np.linalg.det(jacobian)
+        by_place = np.einsum("cqdi,qai->cqad", np.linalg.inv(self._jacobian(body)), self.slopes)
+        volume = self._volumes(body)
         return np.concatenate([by_place.reshape(*volume.shape, -1), volume[..., None]], axis=-1)
+
+    def _jacobian(self, body: BodyMesh) -> Floats:
+        """Return the slopes of the place by the coordinates of a cell at each point, (cells, points, dim, dim)."""
+        corners = body.mesh.nodes[body.mesh.cells[self.cell]]
+        jacobian: Floats = np.einsum("qai,cad->cqid", self.slopes, corners)
+        return jacobian
+
+    def _volumes(self, body: BodyMesh) -> Floats:
+        """Return the volume of each point of the full rule, (cells, points)."""
+        volumes: Floats = body.section * self.weights * np.linalg.det(self._jacobian(body))
+        return volumes
 
     def volumes(self, body: BodyMesh) -> Floats:
         """Return the volume of each point."""
-        return self.geometry(body)[..., -1]
+        return self._volumes(body)
 
     def mass_shares(self, body: BodyMesh) -> Floats:
         """Return the integrals of the shape functions over the volume of the cell."""
@@ -77,9 +86,16 @@ class RingCell(FullCell, contract="elements"):
         (cells, points, 3 nodes + 1) array
         """
         flat = super().geometry(body)
-        radius = body.mesh.nodes[body.mesh.cells[self.cell], 0] @ self.shapes.T
-        volume = 2.0 * np.pi * radius * flat[..., -1]
-        return np.concatenate([flat[..., :-1], self.shapes / radius[..., None], volume[..., None]], axis=-1)
+        return np.concatenate([flat[..., :-1], self.shapes / self._radius(body)[..., None], flat[..., -1:]], axis=-1)
+
+    def _radius(self, body: BodyMesh) -> Floats:
+        """Return the distance of each point from the axis, (cells, points)."""
+        radius: Floats = body.mesh.nodes[body.mesh.cells[self.cell], 0] @ self.shapes.T
+        return radius
+
+    def _volumes(self, body: BodyMesh) -> Floats:
+        """Return the volume of each point on its ring, (cells, points)."""
+        return 2.0 * np.pi * self._radius(body) * super()._volumes(body)
 
 
 def plane_gradient(of_point: Floats, displacement: Floats) -> tuple[float, float, float, float]:

@@ -53,12 +53,12 @@ class OnePointCell(FullCell, contract="elements"):
 
     def volumes_of_cells(self, body: BodyMesh) -> Floats:
         """Return the volume of each cell."""
-        volumes: Floats = super().geometry(body)[..., -1].sum(axis=1)
+        volumes: Floats = self._volumes(body).sum(axis=1)
         return volumes
 
     def mass_shares(self, body: BodyMesh) -> Floats:
         """Return those of the full rule."""
-        volumes = super().geometry(body)[..., -1]
+        volumes = self._volumes(body)
         shares: Floats = volumes @ self.shapes / volumes.sum(axis=1)[:, None]
         return shares
 
