@@ -138,6 +138,24 @@ def test_a_result_has_the_file_inside_and_is_made_again_without_it(tmp_path):
     assert percuss_command("verify", "plate.nc", cwd=tmp_path, plain=True).returncode == 0
 
 
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({}, None),
+        ({"bodies.plate.fixed": [{"on": "skin", "along": "y"}]}, "'plate.skin', which is held, has several sides of its body"),
+        ({"contacts.stop.body": "plate.skin"}, "'plate.skin' is no face across the axis"),
+        ({"bodies.plate.material.poisson": 0.3}, "body 'plate' contracts, and no rollers hold its side 'skin'"),
+    ],
+)
+def test_a_rectangle_from_a_file_is_judged_by_the_exact_solution_of_a_bar(changes, reason, tmp_path):
+    (tmp_path / "plate.msh").write_text(TWO_TRIANGLES, encoding="utf-8")
+    (tmp_path / "case.yaml").write_text(CASE.replace("0.3}", "0}"), encoding="utf-8")
+    result = percuss.run(percuss.load(tmp_path / "case.yaml", {"refine": 4, "time.end": 5, **changes}))
+    assert result.summary["exact_reason"] == (reason and f"the bodies do not move as a row of bars: {reason}")
+    if reason is None:
+        assert result.solution.contacts["stop"].force(np.array([1.0, 3.9, 4.1])) == pytest.approx([0.1, 0.1, 0.0])
+
+
 def test_a_finer_run_of_cells_cut_into_parts_judges_a_body_from_a_file(tmp_path):
     (tmp_path / "plate.msh").write_text(TWO_TRIANGLES, encoding="utf-8")
     case = percuss.load(tmp_path / "case.yaml") if run(tmp_path).returncode == 0 else None

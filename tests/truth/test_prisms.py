@@ -144,7 +144,7 @@ NONE = {
     "gravity across": (with_left(), SEAM, {"g": {"gravity": [0, -1]}}, "load 'g' acts across the axis"),
     "pressure on a side": (
         with_left(), SEAM, {"p": {"constant": 1, "on": "left.top", "as": "pressure"}},
-        "'left.top' is a side of its body",
+        "'left.top' is no face across the axis",
     ),
     "a push across": (
         with_left(), SEAM, {"p": {"constant": 1, "on": "left.left", "direction": [1, 1]}},

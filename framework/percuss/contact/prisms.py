@@ -94,39 +94,44 @@ def _prism(body: Body, axis: Floats) -> Prism:
     """Return a body as a prism along an axis."""
     place = body.mesh.nodes @ axis
     start, length = float(place.min()), float(np.ptp(place))
-    ends, sides, areas = {}, [], [0.0, 0.0]
-    faces = []
+    ends, sides, faces, boundary = {}, [], [], []
     for region in body.mesh.regions:
         surface = body.surface(region).surface
-        along = surface.normals @ axis
-        if (np.abs(along) < ROUND_OFF).all():
-            sides.append(region)
-            continue
-        where = surface.positions @ axis
-        at_start = bool(along[0] < 0.0)
-        if np.abs(np.abs(along) - 1.0).max() > ROUND_OFF or np.abs(where - where[0]).max() > ROUND_OFF * length:
+        along = np.round(surface.normals @ axis)  # -1 and 1 of the faces at the start and at the end, 0 of a side
+        if np.abs(surface.normals @ axis - along).max() > ROUND_OFF:
             raise NotARowOfPrisms(f"'{body.name}.{region}' is neither across the axis nor along it")
-        if abs(where[0] - start - (0.0 if at_start else length)) > ROUND_OFF * length:
+        corners = surface.positions[surface.facets]
+        apart = corners @ axis - start - np.where(along > 0.0, length, 0.0)[:, None]
+        if np.abs(apart[along != 0.0]).max(initial=0.0) > ROUND_OFF * length:
             raise NotARowOfPrisms(f"'{body.name}.{region}' is not at an end of its body")
-        ends[region] = at_start
-        areas[0 if at_start else 1] += float(surface.areas.sum())
-        faces.append(surface.positions - np.outer(surface.positions @ axis, axis))
+        if (along == 0.0).all():
+            sides.append(region)
+        elif np.ptp(along) == 0.0:
+            ends[region] = bool(along[0] < 0.0)
+        face = corners[along != 0.0].reshape(-1, axis.size)
+        faces.append(face - np.outer(face @ axis, axis))
+        boundary.append((np.sort(surface.nodes[surface.facets], axis=1), along, surface.areas))
+    facets, looks, areas = map(np.concatenate, zip(*boundary, strict=True))
+    first = np.unique(facets, axis=0, return_index=True)[1]  # a facet may lie in several regions
+    area, opposite = (float(areas[first][looks[first] == way].sum()) for way in (-1.0, 1.0))
     volume = float(body.volumes_of_cells.sum())
-    if not ends or max(abs(area * length - volume) for area in areas) > ROUND_OFF * volume:
+    if not ends or max(abs(one * length - volume) for one in (area, opposite)) > ROUND_OFF * volume:
         raise NotARowOfPrisms(f"body '{body.name}' is no prism along the axis")
     if _across(body.velocity, axis) > ROUND_OFF * np.linalg.norm(body.velocity):
         raise NotARowOfPrisms(f"body '{body.name}' moves across the axis")
     if np.any(body.spec.spin):
         raise NotARowOfPrisms(f"body '{body.name}' turns")
-    modulus = _modulus(body, sides, axis)
+    modulus = _modulus(body, sides, set(body.mesh.regions) - {*sides, *ends}, axis)
     points = np.concatenate(faces)
-    return Prism(start, length, areas[0], modulus, ends, np.array([points.min(axis=0), points.max(axis=0)]))
+    return Prism(start, length, area, modulus, ends, np.array([points.min(axis=0), points.max(axis=0)]))
 
 
-def _modulus(body: Body, sides: list[str], axis: Floats) -> float:
-    """Return the modulus of a body that moves along the axis alone."""
+def _modulus(body: Body, sides: list[str], mixed: set[str], axis: Floats) -> float:
+    """Return the modulus of a body that moves along the axis alone; `mixed` regions have several of its sides."""
     rolls = set()
     for region, along in body.spec.supports:
+        if region in mixed:
+            raise NotARowOfPrisms(f"'{body.name}.{region}', which is held, has several sides of its body")
         if region not in sides:
             continue
         if along is None or abs(axis[along]) > ROUND_OFF:
@@ -139,7 +144,7 @@ def _modulus(body: Body, sides: list[str], axis: Floats) -> float:
     across = np.eye(pull.size) - np.outer(pull, pull)
     if np.abs(across @ stress @ across).max() <= ROUND_OFF * modulus:
         return modulus  # it does not contract
-    for region in sides:
+    for region in [*sides, *sorted(mixed)]:
         normals = np.abs(body.surface(region).surface.normals)
         if (region, int(normals[0].argmax())) not in rolls or normals.max(axis=1).min() < 1.0 - ROUND_OFF:
             raise NotARowOfPrisms(f"body '{body.name}' contracts, and no rollers hold its side '{region}'")
@@ -180,7 +185,7 @@ def _contacts(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Ite
 def _end(prisms: dict[str, Prism], body: str, region: str) -> bool:
     """Return whether a region is the face at the start of its body."""
     if region not in prisms[body].ends:
-        raise NotARowOfPrisms(f"'{body}.{region}' is a side of its body")
+        raise NotARowOfPrisms(f"'{body}.{region}' is no face across the axis")
     return prisms[body].ends[region]
 
 
