@@ -142,7 +142,10 @@ def test_a_result_has_the_file_inside_and_is_made_again_without_it(tmp_path):
     ("changes", "reason"),
     [
         ({}, None),
-        ({"bodies.plate.fixed": [{"on": "skin", "along": "y"}]}, "'plate.skin', which is held, has several sides of its body"),
+        (
+            {"bodies.plate.fixed": [{"on": "skin", "along": "y"}]},
+            "'plate.skin', which is held, has several sides of its body",
+        ),
         ({"contacts.stop.body": "plate.skin"}, "'plate.skin' is no face across the axis"),
         ({"bodies.plate.material.poisson": 0.3}, "body 'plate' contracts, and no rollers hold its side 'skin'"),
     ],
