@@ -98,5 +98,6 @@ class BoundsCriterion:
 
     @cached_property
     def critical_step(self) -> float:
-        """Largest step that is known to be stable, with laws bound anew for each step tried."""
-        return largest_step_below(self.excess, self.free)
+        """Largest step that is known to be stable, with laws bound anew for each step tried; nan where none is."""
+        known = not self._doubt(closed_contacts(self.model, self.free), self.free)
+        return largest_step_below(self.excess, self.free) if known else np.nan
