@@ -1,5 +1,6 @@
 """A run that is killed goes on from its saved state, to the last bit as if nothing had stopped it."""
 
+import functools
 import json
 import os
 import signal
@@ -23,7 +24,13 @@ from percuss.results import saved_state
 from percuss.results.saved_state import SavedState
 from strategies import hunek
 
-RUNS = {run.name: run for run in digest_cases.Runs(Registry.load()).every() if run.quick}
+
+@functools.cache
+def runs():
+    """The quick runs of the digests by their names, which take a second to make."""
+    return {run.name: run for run in digest_cases.Runs(Registry.load()).every() if run.quick}
+
+
 MATERIAL = {"young": 1.0, "density": 1.0, "poisson": 0.0}
 SOME = (
     "laws with kernels, end forces and shifts at one end | central-difference | penalty",
@@ -139,7 +146,7 @@ SOLIDS = {
 @pytest.mark.deep
 @pytest.mark.parametrize("name", SOME)
 def test_a_killed_run_of_bars_goes_on_bit_for_bit(name):
-    expect_the_same_bits(RUNS[name].case)
+    expect_the_same_bits(runs()[name].case)
 
 
 @pytest.mark.parametrize(
@@ -157,7 +164,7 @@ def test_every_method_and_feature_goes_on_bit_for_bit(integrator):
     A few of these runs are refused or stopped.
     """
     chosen = {}
-    for run in filter(lambda run: run.compiled, RUNS.values()):
+    for run in filter(lambda run: run.compiled, runs().values()):
         method, body = run.case["method"], next(iter(run.case["bodies"].values()))
         if method["integrator"]["name"] == integrator:
             methods = method["contact"]["name"], method["mass"]["name"], str(body["element"]), str(body["material"])
@@ -168,7 +175,7 @@ def test_every_method_and_feature_goes_on_bit_for_bit(integrator):
 
 
 def test_a_resumed_file_has_the_bytes_of_a_whole_one(tmp_path):
-    case = RUNS[SOME[0]].case
+    case = runs()[SOME[0]].case
     assert killed(case, 2)
     for name, result in (("resumed", outcome(case, resume=True)), ("whole", outcome(case))):
         result.summary["seconds"] = result.provenance["time"] = None  # the clock
@@ -177,7 +184,7 @@ def test_a_resumed_file_has_the_bytes_of_a_whole_one(tmp_path):
 
 
 def test_a_run_may_be_killed_again_and_again(monkeypatch):
-    case = RUNS[SOME[0]].case
+    case = runs()[SOME[0]].case
     saved = []
     for _ in range(3):
         with pytest.MonkeyPatch.context() as again:
@@ -190,14 +197,14 @@ def test_a_run_may_be_killed_again_and_again(monkeypatch):
 
 
 def test_the_state_of_a_run_is_gone_with_its_end():
-    case = RUNS[SOME[0]].case
+    case = runs()[SOME[0]].case
     outcome(case)
     assert outcome(case, resume=True).startswith("--resume: expected the saved state of a run of this case, found none")
 
 
 def test_ctrl_c_saves_the_state_whatever_the_time(monkeypatch):
     monkeypatch.setattr(saved_state, "SAVE_SECONDS", 1e9)
-    case = RUNS[SOME[0]].case
+    case = runs()[SOME[0]].case
 
     def press(done, total):
         if done == 21:
@@ -287,8 +294,8 @@ def test_a_damaged_state_is_not_used(bench, damage):
 
 @pytest.mark.parametrize("change", ["replaced", "removed"])
 def test_another_run_of_the_case_may_end_meanwhile(change):
-    case = percuss.load(RUNS[SOME[0]].case)
-    assert killed(RUNS[SOME[0]].case, 1)
+    case = percuss.load(runs()[SOME[0]].case)
+    assert killed(runs()[SOME[0]].case, 1)
     keeper = SavedState(case, compiled=True, resume=True)
     keeper.path.unlink()
     if change == "replaced":
@@ -306,7 +313,7 @@ def test_a_disk_that_is_full_keeps_no_state_and_ends_no_run(monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(saved_state, "replacing", full)
-    assert outcome(RUNS[SOME[0]].case).status == "done"
+    assert outcome(runs()[SOME[0]].case).status == "done"
 
 
 def test_saving_takes_a_small_share_of_the_time(monkeypatch):
