@@ -60,7 +60,7 @@ HEAD = (
 LOW = 0.06  # height up to which the surface of the ball can meet the wall
 WALL = (-0.25, 0.75)  # sides of the wall, along x and y, around the place of contact of the ball
 WALL_CELLS = ([0, 1, 3, 7], [0, 5, 1, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 6, 4, 7])  # of a cube
-LONGEST = 240  # seconds of a run of another program
+LONGEST = 600  # seconds of a run of another program
 
 
 class Known(NamedTuple):
