@@ -171,8 +171,8 @@ FEATURES = {
     r"without_?mass": 4,
     r"followers?": 4,
     r"couples_nodes|coupled_?mass": 4,
-    r"end_?forces": 5,  # two of them criteria of the certificate
-    r"^_?(any_)?shifts?$": 5,  # two of them ask a law whether it shifts, as no model says that
+    r"end_?forces": 4,
+    r"^_?(law_that_)?shifts?$": 4,
 }
 CONTRACT = {"Implicit"}  # what an integrator returns
 

@@ -40,6 +40,7 @@ FEATURES: tuple[Callable[[ModelArrays], Feature | None], ...] = (
     ends_without_mass.feature,
     followers.feature,
     shifts.feature,
+    end_forces.feature,
 )
 # What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
 BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)

@@ -27,7 +27,6 @@ from percuss.mesh.loads import Constraint, acts_at, supports_and_loads
 from percuss.methods.interfaces import ContactLaw, Floats, LeapFrog
 from percuss.methods.process_guard import process_as_before
 from percuss.step.integrator_check import scheme
-from percuss.step.parts.end_forces import end_forces
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -263,9 +262,8 @@ class Model(ModelArrays):
 
     def sides(self, midpoint: float) -> list[list[Side]]:
         """Return the sides of all contact points, with what their laws see and push, for the supports at a time."""
-        found = end_forces(self, midpoint)
-        sides = self.rows.at(midpoint).sides
-        return [found[point].sides if point in found else sides[point] for point in range(len(sides))]
+        seen = self.facts.sides(midpoint)
+        return [seen.get(point, sides) for point, sides in enumerate(self.rows.at(midpoint).sides)]
 
     def ignored_couplings(self) -> list[str]:
         """Return one sentence for contacts at each end, or coupled by the mass, if the kernel of a law ignores that."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from percuss.contact.features import SOLIDS
 from percuss.errors import InputError, Problem, RefusedPair
 from percuss.march import features
 
@@ -70,10 +71,12 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
     if model.facts.built_for_bars:
         message = f"expected another integrator for '{other}', which is no bar, found {method.integrator.name}"
         yield case.problem(("method", "integrator"), message, "It works for bars only: take central-difference.")
+    if why := model.why_without(SOLIDS):
+        message = f"expected another law for '{other}', which is no bar, found that {why}"
+        yield case.problem(("method", "contact"), message, "That works for bars only.")
     for bound_law in model.laws:
         reason = (
             "its kernel uses the coupling of contacts" if bound_law.linear is None and bound_law.law.uses_coupling else
-            "it shifts the ends of its contacts" if bound_law.law.shifts else
             "it sees or pushes the force of end elements" if bound_law.sees_more_than_gap else
             "it has no compliance and is not evaluated at the end of the step" if _is_rigid_early(bound_law) else ""
         )  # fmt: skip

@@ -21,6 +21,7 @@ import numpy as np
 from percuss.compiler.record_arrays import Records, Row, record_array
 from percuss.contact.bound_law import OF_END_FORCE
 from percuss.contact.contact_rows import Side
+from percuss.contact.features import Feature
 from percuss.contact.points import BY_CURRENT, BY_PART, NEVER, NOTHING, Points
 from percuss.contact.trace_stiffness import weights_of
 from percuss.errors import RefusedPair
@@ -241,6 +242,11 @@ class EndForce:
     def nodes(self) -> list[int]:
         """The end nodes and the nodes beside them."""
         return list(self.rows)
+
+
+def feature(model: ModelArrays) -> Feature:
+    """Return what is to know of laws that see or push the force of end elements."""
+    return Feature(name="end forces", sides=lambda at: {p: found.sides for p, found in end_forces(model, at).items()})
 
 
 def end_forces(model: ModelArrays, midpoint: float) -> dict[int, EndForce]:

@@ -236,9 +236,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
             yield case.problem(("method", "mass"), message, advice)
     for bound_law in model.laws:
         law, reason = bound_law.law, ""
-        if law.shifts:
-            reason = f"{BALANCE}, and {law.name} shifts displacements after that"
-        elif massless[list(bound_law.where)].any():
+        if massless[list(bound_law.where)].any():
             reason = _why_no_balance(bound_law)
             if model.multistage:
                 reason = f"{BALANCE}, and {integrator} evaluates contact in the stages of its step"

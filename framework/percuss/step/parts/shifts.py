@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.compiler.record_arrays import Records
-from percuss.contact.features import Feature
+from percuss.contact.features import SOLIDS, Feature
 from percuss.contact.points import Points
 from percuss.step.actions import AFTER_CONTACT, AFTER_STEP, AFTER_STRAIN_ENERGY, BEFORE_STRAIN_ENERGY, Action
 from percuss.step.part import Part, Setting
@@ -40,7 +40,7 @@ class Shifts(Part[Shifting]):
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
         """Return the part, None where no law shifts."""
         model, step = setting.model, setting.step
-        if not _any_shifts(model):
+        if not _law_that_shifts(model):
             return None
         count = step.boundary.size
         after, previous, speed = (np.zeros(count) for _ in range(3))
@@ -72,13 +72,17 @@ class Shifts(Part[Shifting]):
         return [self.data.after]
 
 
-def _any_shifts(model: ModelArrays) -> bool:
-    return any(contact_point.law.shifts for contact_point in model.contact_points)
+def _law_that_shifts(model: ModelArrays) -> str:
+    return next((contact_point.law.name for contact_point in model.contact_points if contact_point.law.shifts), "")
 
 
 def feature(model: ModelArrays) -> Feature | None:
     """Return what is to know of laws that shift the ends of their contacts; None where no law does."""
-    return Feature(name="shifts", no_row_kernel=True) if _any_shifts(model) else None
+    law = _law_that_shifts(model)
+    if not law:
+        return None
+    why = {"ends without mass": f"{law} shifts displacements after that", SOLIDS: f"{law} shifts the ends of contacts"}
+    return Feature(name="shifts", goes_without=why, no_row_kernel=True)
 
 
 def find_shifts(data: Shifting, n: int, u: Floats, v: Floats, a: Floats) -> None:
