@@ -326,7 +326,6 @@ def check_pairing(subject: Subject) -> None:
             _check_points(pairing, second, first, -out)
             _check_points(pairing, first, Wall(first.positions[0] + 0.1 * out, -out), out)
             _check_slopes(pairing, *_surfaces(0.1, turn, wide=1.25))
-            _check_slopes(pairing, *_surfaces(0.1, turn, wide=0.6))
             far = _surface(second.positions + 9.0 * turn[:, 1], second.facets, second.nodes[0])
             if _points(pairing, first, far).gap.size:
                 raise CheckFailed("surfaces that do not face each other have points")
@@ -335,6 +334,7 @@ def check_pairing(subject: Subject) -> None:
             wide, edge = (area ** (1 / (dim - 1)) for area in (found.weight.sum(), tilted[0].areas.max()))
             if not (found.weight > 0).all() or abs(wide - 0.6 * WIDTH) > edge:
                 raise CheckFailed(f"of a surface covered by {0.6 * WIDTH:g} the areas of the points are {found.weight}")
+            _check_slopes(pairing, *_surfaces(0.1, turn, wide=0.6))
             forces = np.einsum("p,pij->ij", found.weight * found.gap, _rows(found, *tilted))
             seen.append(forces @ turn)
         if np.ptp(seen, axis=0).max() > CLOSE:
