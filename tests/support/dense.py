@@ -110,22 +110,21 @@ def constrained(A, b, N, g, S):
     `S` maps a to the gaps: gaps = g + S.T @ a.
     """
     count = N.shape[1]
-    scale = np.abs(g).max(initial=0.0) + np.abs(S.T @ np.linalg.solve(A, b)).max(initial=0.0) + 1e-300
+    free, *pushed = np.linalg.solve(A, np.column_stack([b, N])).T
+    pushed = np.reshape(pushed, (count, b.size)).T
+    own, shares = g + S.T @ free, S.T @ pushed  # gaps without x, and what each x adds to them
+    scale = np.abs(g).max(initial=0.0) + np.abs(own - g).max(initial=0.0) + 1e-300
     best = None
     for size in range(count + 1):
         for some in itertools.combinations(range(count), size):
             active = list(some)
             x = np.zeros(count)
             if active:
-                left = S[:, active].T @ np.linalg.solve(A, N[:, active])
-                right = -g[active] - S[:, active].T @ np.linalg.solve(A, b)
-                x[active] = np.linalg.solve(left, right)
-            a = np.linalg.solve(A, b + N @ x)
-            gaps = g + S.T @ a
-            pulls = -x.min(initial=0.0) * np.abs(S.T @ np.linalg.solve(A, N)).max(initial=0.0)
-            miss = max(pulls, -gaps.min(initial=0.0))
+                x[active] = np.linalg.solve(shares[np.ix_(active, active)], -own[active])
+            gaps = own + shares @ x
+            miss = max(-x.min(initial=0.0) * np.abs(shares).max(initial=0.0), -gaps.min(initial=0.0))
             if best is None or miss < best[0] - 1e-14 * scale:
-                best = (miss, a, x)
+                best = (miss, free + pushed @ x, x)
     assert best[0] <= 1e-10 * scale, "no active set satisfies the conditions"
     return best[1], best[2]
 

@@ -152,10 +152,7 @@ DEEDS = {
 
 @pytest.mark.parametrize(
     "deed",
-    [
-        deed if deed in {"closes the streams", "starts a thread"} else pytest.param(deed, marks=pytest.mark.deep)
-        for deed in DEEDS
-    ],
+    [deed if deed == "closes the streams" else pytest.param(deed, marks=pytest.mark.deep) for deed in DEEDS],
 )
 def test_what_a_plug_in_does_to_the_process_is_undone(deed, tmp_path):
     (tmp_path / "busy.py").write_text(PLUGIN.format(deed=DEEDS[deed]))

@@ -743,7 +743,7 @@ def odd(several):
 @pytest.mark.parametrize(
     ("name", "scheme", "width"),
     [
-        pytest.param(name, scheme, width, marks=() if pick in {0, 7} else pytest.mark.deep)
+        pytest.param(name, scheme, width, marks=() if pick == 2 else pytest.mark.deep)
         for pick, (name, scheme, width) in enumerate(
             itertools.product(["small", "large"], ["light", "dark"], [390, 1280])
         )
@@ -927,6 +927,7 @@ def test_the_page_prints_with_its_charts(browser, pages, tmp_path):
         assert opened.complaints == []
 
 
+@pytest.mark.deep
 def test_a_chart_is_painted_when_it_comes_into_sight(browser, pages):
     """Painting takes half of the time in which a large page opens."""
     painted = "Object.keys(charts)"
@@ -991,6 +992,7 @@ def zip_sorted(cost, error):
     return np.array(sorted(zip(cost, error, strict=True))).T
 
 
+@pytest.mark.deep
 def test_the_csv_of_the_page_has_every_digit(browser, pages, several):
     table = odd(several).table
     with Opened(browser, pages / "odd.html") as opened:

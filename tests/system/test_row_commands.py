@@ -331,14 +331,19 @@ def test_the_address_holds_what_was_chosen(browser, page_of_rows):
         assert opened.complaints == []
 
 
+ADDRESSES = (
+    "runs",
+    "nothing-here",
+    "at=nothing&work-x=nothing&log=work-logx+nothing&log=__proto__&without=nobody&only=nothing%3D1&only=&only=contact",
+    "sort=up+contact&sort=asc+nothing&sort=&sort=asc+__proto__&fold=nothing&run=nobody&run=&row=nobody&__proto__=1",
+    "only=command%3D1&sort=asc+command&run=%00&row=%E2%80%A8&at=%3Cimg+src%3Dx+onerror%3D%22window.hacked%3D1%22%3E",
+)
+
+
 @pytest.mark.parametrize(
     "address",
     [
-        "runs",
-        "nothing-here",
-        "at=nothing&work-x=nothing&log=work-logx+nothing&log=__proto__&without=nobody&only=nothing%3D1&only=&only=contact",
-        "sort=up+contact&sort=asc+nothing&sort=&sort=asc+__proto__&fold=nothing&run=nobody&run=&row=nobody&__proto__=1",
-        "only=command%3D1&sort=asc+command&run=%00&row=%E2%80%A8&at=%3Cimg+src%3Dx+onerror%3D%22window.hacked%3D1%22%3E",
+        *(pytest.param(one, marks=pytest.mark.deep) for one in ADDRESSES),
         "%%%=&=&&=1&only=reason%3D%3Cimg+src%3Dx+onerror%3D%22window.hacked%3D1%22%3E",
     ],
 )
@@ -353,6 +358,7 @@ def test_an_address_of_another_page_does_no_harm(browser, page_of_rows, address)
         assert opened.complaints == []
 
 
+@pytest.mark.deep
 def test_the_files_are_folded_into_the_page(browser, page_of_rows, whole):
     with Opened(browser, page_of_rows) as opened:
         files = opened.page.locator("#files details")

@@ -362,7 +362,7 @@ def ended(pids, within=20.0):
     return True
 
 
-def test_workers_that_have_grown_large_are_replaced(whole, tmp_path, monkeypatch):
+def test_workers_that_have_grown_large_are_replaced(tmp_path, monkeypatch):
     """A process keeps the machine code of all kernels that it has met; new processes give the same rows."""
     started = []
     memory = iter([2 * local_workers.MOST_MEMORY])
@@ -375,9 +375,10 @@ def test_workers_that_have_grown_large_are_replaced(whole, tmp_path, monkeypatch
     monkeypatch.setattr(local_workers, "SHORTEST_SERVICE", 0.0)
     monkeypatch.setattr(local_workers, "_memory_of", lambda process: next(memory, 0))
     monkeypatch.setattr(local_workers, "_Worker", Worker)
-    study = percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=2)
+    few = given(vary={"method.contact.beta_s": "0.05:2:log:12"})
+    study = percuss.study(few, tmp_path / "a.sqlite", workers=2)
     assert len(started) == 3
-    assert same(study.table, whole)
+    assert same(study.table, percuss.study(few, tmp_path / "whole.sqlite", workers=1).table)
 
 
 @pytest.mark.deep
@@ -626,8 +627,9 @@ def test_plug_ins_and_tables_travel_to_the_workers(scheduler, tmp_path):
     assert same(there.table, here)
 
 
-def test_nobody_at_the_address(tmp_path):
+def test_nobody_at_the_address(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
+    monkeypatch.setattr("percuss.studies.cluster.CONNECT_SECONDS", 0.5)
     with pytest.raises(InputError, match="nobody answers"):
         percuss.study(given(), tmp_path / "a.sqlite", scheduler="tcp://127.0.0.1:9")
 

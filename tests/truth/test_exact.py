@@ -19,6 +19,7 @@ import percuss
 import places
 from percuss.contact.contact_problem import contact_problem
 from percuss.march.model import Model
+from percuss.results import exact_only
 from percuss.results.exact_only import run_exact
 from percuss_methods.solutions import _row
 from strategies import REGISTRY, hunek, number
@@ -29,6 +30,12 @@ MORE = settings(
     deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],
 )
+
+
+@pytest.fixture(autouse=True)
+def few_samples(monkeypatch):
+    """Take a tenth of the samples of an exact solution alone: what is asked of it here needs no more."""
+    monkeypatch.setattr(exact_only, "SAMPLES", 201)
 
 
 def solve(case, end=None, overrides=None):

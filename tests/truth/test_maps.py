@@ -259,7 +259,6 @@ def test_the_command_line_measures_waves(tmp_path):
 # ---------------------------------------------------------------------------------------------- the step chosen
 
 
-OF_BARS = {path for path in CASES if "bar: " in path.read_text(encoding="utf-8")}
 # On large meshes each integrator and each law is asked once, and two pairs on the largest: the search takes longer
 # there, and half a minute where the step itself is asked.
 IN_SPACE = {"box-impact", "wolff-bucher", "ball-on-wall-3d", "two-spheres"}
@@ -277,8 +276,8 @@ def is_quick(case, pair):
     if pair[0] == "noh-bathe":
         return case.stem == "hunek"
     if case.stem in LARGE:
-        return pair == (CD, "lagrange") and case.stem != "two-spheres"
-    return case in OF_BARS or pair == (CD, "penalty") or (case.stem not in IN_SPACE and pair in EACH_ONCE)
+        return pair == (CD, "lagrange") and case.stem == "disk-on-wall"
+    return case.stem == "hunek" or pair == (CD, "penalty") or (case.stem not in IN_SPACE and pair in EACH_ONCE)
 
 
 @pytest.mark.parametrize(

@@ -180,8 +180,13 @@ class Everything:
 BEFORE_THE_FIRST_RUN = ("keeps a list", "draws at random", "an index that turns negative")
 
 
+QUICK = {*BEFORE_THE_FIRST_RUN, "not a number", "nothing kept"}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.deep) for name in WRONG]
+)
 def test_a_mistake_is_found_in_every_run_or_else_by_the_kit(ran, name, monkeypatch, capsys):
     known = first_run.Answers._noted
     monkeypatch.setattr(first_run.Answers, "_noted", lambda self: Everything() if self.file else known(self))

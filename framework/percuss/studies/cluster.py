@@ -21,6 +21,7 @@ from percuss.studies.store import WORKER
 from percuss.studies.workers import Batches, Made
 from percuss.version import __version__
 
+CONNECT_SECONDS = 5.0  # until a scheduler counts as absent
 FIRST_WORD, LATER_WORDS = 5.0, 60.0  # seconds without workers until it is said, and until it is said again
 LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
 
@@ -66,7 +67,7 @@ def _client(address: str) -> Any:
         advice = "Install percuss[study], or leave --scheduler out to use the cores of this machine."
         raise wrong_input("--scheduler", "needs distributed, which is not installed", advice) from None
     try:
-        return Client(address, timeout=5, set_as_default=False)
+        return Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:
         advice = "Start one with `dask scheduler`, and workers with `dask worker ADDRESS`."
         raise wrong_input(f"--scheduler {address}", f"nobody answers: {error}", advice) from None
