@@ -261,15 +261,17 @@ def test_graded_balls_keep_the_sphere_and_the_shapes_of_cells(grading):
 
 
 @pytest.mark.deep
-def test_a_ball_of_hexahedra_on_a_wall_is_within_the_tolerances_of_two_programs():
+@pytest.mark.parametrize(("cells", "elements"), [("hex8", 24), ("tet4", 48)])
+def test_a_ball_on_a_wall_is_within_the_tolerances_of_two_programs(cells, elements):
     """Duration, force at the middle, approach and restitution, as those of the body of revolution (test_disk)."""
-    body = {"ball": {"radius": 1.0, "elements": 24, "grading": 16.0}, "at": [0, 0, 1], "velocity": [0, 0, -0.01],
+    body = {"ball": {"radius": 1.0, "elements": elements, "grading": 16.0, "cells": cells},
+            "at": [0, 0, 1], "velocity": [0, 0, -0.01],
             "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}  # fmt: skip
     case = percuss.load({
         "percuss": 1, "bodies": {"ball": body},
         "contacts": {"floor": {"body": "ball.skin", "wall": {"point": [0, 0, 0], "normal": [0, 0, 1]}}},
         "method": {"integrator": "wu-predictor-corrector", "contact": "lagrange", "pairing": "node-to-segment"},
-        "time": {"courant": 0.8, "end": 13.0}, "record": {"probes": []},
+        "time": {"courant": 0.8, "end": 12.0}, "record": {"probes": []},
     })  # fmt: skip
     mass = float(Model(case).bodies.mass.sum())
     result = percuss.run(case.with_overrides({"bodies.ball.material.density": WHOLE / mass}))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, cast, get_args
@@ -27,7 +26,7 @@ from percuss.case.type_words import Expects, advice_for, describe, fact, found, 
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem, suggestion
 from percuss.jsonable import Data
-from percuss.methods.blame import SINGULAR, is_third_party, said_by
+from percuss.methods.blame import SINGULAR, said_by
 from percuss.methods.interfaces import Component, DataFile, Gt, MeshFile, OptionError
 from percuss.methods.process_guard import process_as_before
 from percuss.methods.registry import Registry
@@ -273,7 +272,7 @@ def _mapping_schema(cls: Any, handler: GetCoreSchemaHandler) -> core_schema.Core
         except pydantic.ValidationError as error:
             raise failure(*_mapping_mistakes(cls, given, error.errors(include_url=False), info.context)) from None
         try:
-            with process_as_before() if is_third_party(cls.__module__) else nullcontext():
+            with process_as_before(cls.__module__):
                 made = cls(**{options[key].field: item for key, item in values.items()})
         except pydantic.ValidationError:
             raise

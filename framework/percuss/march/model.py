@@ -81,23 +81,23 @@ class Model(ModelArrays):
     _whole: Model | None  # the model of the whole run, in the model of a stretch
 
     @np.errstate(all="ignore")  # numbers that are not finite are refused with their place
-    @process_as_before()
     def __init__(self, case: Case) -> None:
-        bodies = bodies_of(case)
-        self._set(case=case, bodies=bodies, _never_active=(), _whole=None)
-        courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
-        self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / bodies.omega)
-        problems: list[Problem] = []
-        points = [
-            point
-            for number, spec in enumerate(case.contacts.values())
-            for point in contact_points_of(case, number, spec, bodies, problems)
-        ]
-        loads = supports_and_loads(case, bodies, problems)
-        problems += spots.outside(case, bodies)
-        refuse_if_any(problems)
-        self._set(contact_points=tuple(points), loads=loads)
-        self._bind()
+        with process_as_before(*case.registry.packages):
+            bodies = bodies_of(case)
+            self._set(case=case, bodies=bodies, _never_active=(), _whole=None)
+            courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
+            self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / bodies.omega)
+            problems: list[Problem] = []
+            points = [
+                point
+                for number, spec in enumerate(case.contacts.values())
+                for point in contact_points_of(case, number, spec, bodies, problems)
+            ]
+            loads = supports_and_loads(case, bodies, problems)
+            problems += spots.outside(case, bodies)
+            refuse_if_any(problems)
+            self._set(contact_points=tuple(points), loads=loads)
+            self._bind()
 
     # -- construction and derived models -----------------------------------------------------------------
 

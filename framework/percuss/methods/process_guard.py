@@ -24,8 +24,6 @@ from percuss.errors import PluginError
 from percuss.files import PACKAGE
 from percuss.heartbeat import beat
 from percuss.methods.blame import (
-    OWN_PACKAGES,
-    PLUGIN_MODULES,
     assignment_place,
     definition_place,
     described,
@@ -170,17 +168,22 @@ STATES: tuple[tuple[Callable[[], Any], Callable[[Any], Any]], ...] = (
 
 
 @contextmanager
-def process_as_before() -> Iterator[None]:
+def process_as_before(*modules: str) -> Iterator[None]:
     """Put back what a plug-in inside this context changes in this process, and refuse one that overwrites a name.
 
     Names are those of Python, numpy and percuss that other methods use.
+
+    Parameters
+    ----------
+    modules
+        Modules, or their packages, whose code may run; if all come with percuss, nothing is looked at.
 
     Raises
     ------
     PluginError
         If a plug-in overwrites a name.
     """
-    if not PLUGIN_MODULES - OWN_PACKAGES:
+    if not any(map(is_third_party, modules)):
         yield
         return
     beat()  # so that a silence from here on is one of the plug-in

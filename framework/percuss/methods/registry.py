@@ -83,6 +83,11 @@ class Registry:
                 given.setdefault(read.path, read)
             return _load(_environment(), tuple(given.values()))
 
+    @functools.cached_property
+    def packages(self) -> frozenset[str]:
+        """The packages, and the modules of single files, from which the components are."""
+        return frozenset(source.module.partition(".")[0] for source in self.sources.values())
+
     @property
     def files(self) -> tuple[Path, ...]:
         """Paths of the single-file plug-ins."""
@@ -165,7 +170,7 @@ def _load(environment: tuple[tuple[str, int], ...], files: tuple[SingleFile, ...
         with _isolate(broken, source, f"entry point '{point.name} = {point.value}'"):
             top = source.module.partition(".")[0]
             PLUGIN_MODULES.add(top)
-            with _undoing_failed_import(top), process_as_before():
+            with _undoing_failed_import(top), process_as_before(top):
                 plugin = point.load()
             for registered in _components_of(manager, plugin, source, broken):
                 by_key.setdefault(registered.key, []).append(registered)
@@ -234,7 +239,7 @@ def _import_file(file: SingleFile) -> ModuleType:
     name = file.source.module
     if name not in sys.modules:
         PLUGIN_MODULES.add(name)
-        with _undoing_failed_import(name), process_as_before():
+        with _undoing_failed_import(name), process_as_before(name):
             file.import_as(name)
     return sys.modules[name]
 
@@ -281,7 +286,7 @@ def _components_of(manager: PluginManager, plugin: Any, source: Provenance, brok
     offers: list[tuple[str, object]] = []
     broken += [Broken(source.label, fault, definition_place(function) or source.file) for fault, function in faults]
     for family, function in hooks:
-        with _isolate(broken, source, PREFIX + family, function), process_as_before():
+        with _isolate(broken, source, PREFIX + family, function), process_as_before(source.module):
             offers += [(family, offer) for offer in _offers_of(function)]
     if not hooks and not faults:
         offers = [] if source.distribution else [(offer.family, offer) for offer in _finished_components(plugin)]

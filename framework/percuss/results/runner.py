@@ -134,7 +134,6 @@ def run_again(case: Case, summary: Data) -> Result:
     )
 
 
-@process_as_before()
 @one_blas_thread()
 @np.errstate(all="ignore")  # an overflow is reported by the stop of the run, or as a history without a number
 def _run(
@@ -150,45 +149,48 @@ def _run(
     certify: verdict.Certify = verdict.certificate,
     keeper: SavedState | None = None,
 ) -> Result:
-    model, criterion = verdict.settled(case)
-    march = March(recordable(model), compiled=compiled)
-    seconds = march.seconds
-    seconds["build"] = watch.lap()
-    certificate = certify(model, criterion)
-    seconds["certificate"] = watch.lap()
-    if certificate["stable"] == "no" and case.time.on_unstable == "stop":
-        outcome = march.refuse(cause.not_started(march.model, certificate))
-    else:
-        marginal = certificate["stable"] == "marginal"
-        march.compile()  # before the lock is taken, so that no other thread waits for the compilation
-        if timed:
-            march.keep_beginning()
-        with MARCH_LOCK if timed else nullcontext(), interruptible() as interrupted:
-            outcome = march.run(
-                progress, marginal=marginal, interrupted=interrupted, interrupt_after=interrupt_after, keeper=keeper
-            )
-            if timed and outcome.status == "done":
-                _repeat(march, outcome, repeats, interrupted, marginal=marginal)
-    watch.lap()
-    with interruptible() as interrupted, heard_by(partial(_end_if, interrupted)):
-        if interrupt_after == model.steps:  # the earlier run was interrupted after its last step
-            interrupted.set()
-        result = result_of(march, outcome, certificate)
-    if nudge and outcome.status != "unstable":
-        try:
-            with MARCH_LOCK if timed else nullcontext():  # the twin is not timed but would slow down a march that is
-                twin = run(nudged(case, model.courant), compiled=compiled)
-        except RunError as error:  # the twin is unstable although the run is not
-            twin = error.result
-        compared = "contact_force" if result.arrays["contact_force"].size else "displacement"
-        result.summary["fragile"] = differs(result.arrays[compared], twin.arrays[compared])
-    result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
-    if keeper is not None and outcome.status != "interrupted":
-        keeper.forget()
-    stop = result.summary["stop"]
-    if stop is not None:
-        raise RunError(stop_message(stop), result)
-    return result
+    with process_as_before(*case.registry.packages):
+        model, criterion = verdict.settled(case)
+        march = March(recordable(model), compiled=compiled)
+        seconds = march.seconds
+        seconds["build"] = watch.lap()
+        certificate = certify(model, criterion)
+        seconds["certificate"] = watch.lap()
+        if certificate["stable"] == "no" and case.time.on_unstable == "stop":
+            outcome = march.refuse(cause.not_started(march.model, certificate))
+        else:
+            marginal = certificate["stable"] == "marginal"
+            march.compile()  # before the lock is taken, so that no other thread waits for the compilation
+            if timed:
+                march.keep_beginning()
+            with MARCH_LOCK if timed else nullcontext(), interruptible() as interrupted:
+                outcome = march.run(
+                    progress, marginal=marginal, interrupted=interrupted, interrupt_after=interrupt_after, keeper=keeper
+                )
+                if timed and outcome.status == "done":
+                    _repeat(march, outcome, repeats, interrupted, marginal=marginal)
+        watch.lap()
+        with interruptible() as interrupted, heard_by(partial(_end_if, interrupted)):
+            if interrupt_after == model.steps:  # the earlier run was interrupted after its last step
+                interrupted.set()
+            result = result_of(march, outcome, certificate)
+        if nudge and outcome.status != "unstable":
+            try:
+                with (
+                    MARCH_LOCK if timed else nullcontext()
+                ):  # the twin is not timed but would slow down a march that is
+                    twin = run(nudged(case, model.courant), compiled=compiled)
+            except RunError as error:  # the twin is unstable although the run is not
+                twin = error.result
+            compared = "contact_force" if result.arrays["contact_force"].size else "displacement"
+            result.summary["fragile"] = differs(result.arrays[compared], twin.arrays[compared])
+        result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
+        if keeper is not None and outcome.status != "interrupted":
+            keeper.forget()
+        stop = result.summary["stop"]
+        if stop is not None:
+            raise RunError(stop_message(stop), result)
+        return result
 
 
 def _end_if(interrupted: threading.Event, share: float) -> None:  # noqa: ARG001 - told to all who listen

@@ -356,7 +356,7 @@ def record(key: str, run: Run, settings: RowSettings, wall: float, registry: Reg
     measures = {}
     for column in settings.columns:
         try:
-            with plugin_faults(), process_as_before():
+            with plugin_faults(), process_as_before(*registry.packages):
                 measures[column.name] = plain(column.take(run.result, registry))
         except Exception as error:  # noqa: BLE001 - an error of a plug-in's measure costs this run alone
             status, reason = failure_status(error, registry)
