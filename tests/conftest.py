@@ -60,8 +60,8 @@ def pytest_collection_finish():
 
 
 def pytest_xdist_auto_num_workers(config):
-    """Return one worker more than there are processors: tests of pages and studies wait for other processes."""
-    return (os.cpu_count() or 1) + 1
+    """Return the number of processors: a worker more waits less for other processes, but compiles all once more."""
+    return os.cpu_count() or 1
 
 
 @pytest.fixture(scope="module")
