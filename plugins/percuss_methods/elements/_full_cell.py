@@ -172,11 +172,10 @@ def ring_forces(
             force[a, 1] += yx * by_x + yy * by_y
 
 
-def solid_stress_at(material: Any, point: int, of_point: Floats, displacement: Floats) -> tuple[float, ...]:
-    """Return minus the volume of a point of a cell times its stress in three dimensions, row by row."""
-    count = displacement.shape[0]
+def solid_gradient(of_point: Floats, displacement: Floats) -> tuple[float, ...]:
+    """Return the displacement gradient at a point of a cell in three dimensions, row by row."""
     xx = xy = xz = yx = yy = yz = zx = zy = zz = 0.0
-    for a in range(count):
+    for a in range(displacement.shape[0]):
         by_x, by_y, by_z = of_point[3 * a], of_point[3 * a + 1], of_point[3 * a + 2]
         x, y, z = displacement[a, 0], displacement[a, 1], displacement[a, 2]
         xx += x * by_x
@@ -188,8 +187,13 @@ def solid_stress_at(material: Any, point: int, of_point: Floats, displacement: F
         zx += z * by_x
         zy += z * by_y
         zz += z * by_z
-    s = stress_3d(material, point, (xx, xy, xz, yx, yy, yz, zx, zy, zz))
-    v = -of_point[3 * count]
+    return xx, xy, xz, yx, yy, yz, zx, zy, zz
+
+
+def solid_stress_at(material: Any, point: int, of_point: Floats, displacement: Floats) -> tuple[float, ...]:
+    """Return minus the volume of a point of a cell times its stress in three dimensions, row by row."""
+    s = stress_3d(material, point, solid_gradient(of_point, displacement))
+    v = -of_point[3 * displacement.shape[0]]
     return v * s[0], v * s[1], v * s[2], v * s[3], v * s[4], v * s[5], v * s[6], v * s[7], v * s[8]
 
 
