@@ -711,6 +711,15 @@ def test_the_outline_is_the_boundary_of_the_bodies(of_blocks):
     assert length == pytest.approx(2 * (2 + 0.6) + 2 * (0.8 + 0.5))
 
 
+def test_inner_faces_are_hidden_though_cells_have_unlike_numbers_of_corners():
+    """Two tetrahedra that share a face, its corners in another order, beside a hexahedron."""
+    tetrahedra = [[0, 1, 2, 3], [1, 0, 2, 4]]
+    cells = np.array([*(tetrahedron + [-1] * 4 for tetrahedron in tetrahedra), list(range(5, 13))])
+    faces = views.Faces.of(cells, 3)
+    assert sorted(faces.sizes) == [3] * 6 + [4] * 6
+    assert not any(set(face) == {0, 1, 2} for face in faces.corners)
+
+
 def test_a_wall_is_drawn_and_the_arrows_before_it():
     result = run(load(FALLING))
     figure = run_figure.figure_of(result)

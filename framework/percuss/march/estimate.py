@@ -23,7 +23,7 @@ def seconds_of_steps(model: Model) -> float | None:
     """Return roughly how long the compiled steps of a run take [s]; None where contact is solved for implicitly.
 
     A recorded step computes the energies, which costs as much as the forces. A material with a kernel of its own may
-    take longer.
+    take longer, and so do sweeps over contact points that share nodes, of which nobody knows how many there will be.
     """
     if model.facts.solves_contact:
         return None

@@ -178,7 +178,7 @@ def deformed(figure: Figure, place: SubplotSpec, result: Result) -> None:
         still_parts(axes, scene)
         axes.label_outer()
         time = with_unit(f"time {number(float(fields['time'][snapshot]))}", "time", result.units)
-        between = "  ·  " if columns < 3 else "\n"  # a narrow picture has a narrow title
+        between = "  ·  " if columns == 1 else "\n"  # a narrow picture has a narrow title
         axes.set_title(between.join(filter(None, [time, why])), loc="left", size=9.5)
     names_in_bodies(panels[-1], fields, list(chosen)[-1])
     colour_bar(figure, panels, scene, result.units)

@@ -70,7 +70,8 @@ class Faces(NamedTuple):
         cell, sizes = np.concatenate(owner), np.repeat([each.shape[1] for each in found], [len(each) for each in found])
         kept = np.argsort(cell, kind="stable")
         if dim == 3:
-            _, first, times = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
+            alone = np.where(np.arange(most) < sizes[:, None], corners, -1)  # the same for both cells at a face
+            _, first, times = np.unique(np.sort(alone, axis=1), axis=0, return_index=True, return_counts=True)
             kept = np.sort(first[times == 1])
         corners = corners[kept]
         edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
