@@ -679,7 +679,7 @@ def test_bodies_are_drawn_where_they_are_in_the_colours_of_their_stress(of_block
         corners = [path.vertices[:-1] for path in cells.get_paths()]
         assert [len(corner) for corner in corners] == [4] * 30 + [3] * 30
         assert np.array_equal(corners[0], place[fields["cell_nodes"][0]])
-        assert axes.get_title("left").endswith(f"·  {why}")
+        assert axes.get_title("left").endswith(f"\n{why}")
         assert axes.get_aspect() == 1.0
         assert (axes.get_xlim(), axes.get_ylim()) == (panels[0].get_xlim(), panels[0].get_ylim())
         assert place[:, 0].min() > axes.get_xlim()[0]
