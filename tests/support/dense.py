@@ -110,8 +110,8 @@ def constrained(A, b, N, g, S):
     `S` maps a to the gaps: gaps = g + S.T @ a.
     """
     count = N.shape[1]
-    free, *pushed = np.linalg.solve(A, np.column_stack([b, N])).T
-    pushed = np.reshape(pushed, (count, b.size)).T
+    solved = np.linalg.solve(A, np.column_stack([b, N]))
+    free, pushed = solved[:, 0], solved[:, 1:]
     own, shares = g + S.T @ free, S.T @ pushed  # gaps without x, and what each x adds to them
     scale = np.abs(g).max(initial=0.0) + np.abs(own - g).max(initial=0.0) + 1e-300
     best = None

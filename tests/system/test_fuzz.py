@@ -18,7 +18,7 @@ from percuss.errors import PercussError
 
 pytestmark = pytest.mark.usefixtures("unadvised")
 
-COUNT = int(os.environ.get("PERCUSS_FUZZ", "200"))
+COUNT = int(os.environ.get("PERCUSS_FUZZ", "500"))
 QUICK = {
     "case": 60,
     "value": 60,

@@ -89,11 +89,11 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     yield _step(model, verdict)
     seconds, size = seconds_of_steps(model), bytes_of_run(model)
     time = "an unknown time" if seconds is None else "less than 1 s" if seconds < 1.0 else f"about {duration(seconds)}"
-    # the contact equation of points that share nodes is solved by sweeps, as many as it takes
-    coupled = seconds is not None and any(model.rows.at(0.5 * model.dt).others)
-    takes = f"the steps take {time} once they are compiled{', more if many coupled contact points press' * coupled}"
-    takes = f"{takes}, and the run about {bytes_in_words(size)} of memory"
-    yield Fact("estimate", {"seconds": seconds, "bytes": size}, [], [f"{takes}, estimated"])
+    takes = f"the steps take {time} once they are compiled"
+    if seconds is not None and any(model.rows.at(0.5 * model.dt).others):
+        takes += ", more if many coupled contact points press"  # the number of sweeps over them is not known
+    takes += f", and the run about {bytes_in_words(size)} of memory, estimated"
+    yield Fact("estimate", {"seconds": seconds, "bytes": size}, [], [takes])
     yield Fact("nodes", model.bodies.n_nodes)
     yield Fact("certificate", verdict, ["Stability of the closed linear step"], [verdict["why"]])
     measured = _measured_energy(model, verdict["energy"])

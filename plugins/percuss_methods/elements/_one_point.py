@@ -25,7 +25,7 @@ class OnePointCell(FullCell, contract="elements"):
     Attributes
     ----------
     modes : (modes, nodes) array
-        Hourglass modes of the reference cell, each of 1 and -1.
+        Hourglass modes of the reference cell, each of 1 and -1; the kernels have these signs written out.
     """
 
     modes: ClassVar[Floats]
