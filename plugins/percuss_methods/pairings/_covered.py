@@ -30,11 +30,25 @@ class Quadrature(NamedTuple):
     area: Floats  # of the first surface that belongs to the point
     basis: Floats  # (points, nodes of a facet) functions that span the shape functions of the facet
     at_nodes: Floats  # (facets, nodes of a facet, nodes of a facet) the same at the nodes of each facet
+    cornered: Integers  # facet of the first surface to which each corner of a covered piece belongs
+    apart: Floats  # (corners, dim) from the first surface to the second one there
 
 
 def covered(first: Surface, second: Surface) -> Quadrature:
     """Return the quadrature points of the parts of the first surface that the second one covers."""
     return _on_edges(first, second) if first.facets.shape[1] == 2 else _on_facets(first, second)
+
+
+def between(
+    first: Surface, own: Integers, second: Surface, other: Integers, share: Floats, other_share: Floats
+) -> Floats:
+    """Return the vectors from points of facets of the first surface to points of facets of the second one, (P, dim)."""
+    from_, to = (
+        np.einsum("pa,pad->pd", of, surface.positions[surface.facets[facet]])
+        for surface, facet, of in ((first, own, share), (second, other, other_share))
+    )
+    vectors: Floats = to - from_
+    return vectors
 
 
 # ------------------------------------------------------------------------------------------------------ edges
@@ -44,13 +58,18 @@ def _on_edges(first: Surface, second: Surface) -> Quadrature:
     """Return two Gauss points on each piece of an edge between neighbouring nodes of the surface that covers it."""
     edge, other, start, stop, ends = _pieces(first, second)
     place, weight = np.polynomial.legendre.leggauss(2)
-    on_edge = (0.5 * (start + stop)[:, None] + 0.5 * (stop - start)[:, None] * place).ravel()
     edge, other, ends = (np.repeat(array, 2, axis=0) for array in (edge, other, ends))
-    on_other = (on_edge - ends[:, 0]) / (ends[:, 1] - ends[:, 0])
-    share, other_share = (np.stack([1.0 - along, along], axis=1) for along in (on_edge, on_other))
+
+    def shares(on_edge: Floats) -> tuple[Floats, Floats]:
+        on_other = (on_edge - ends[:, 0]) / (ends[:, 1] - ends[:, 0])
+        share, other_share = (np.stack([1.0 - along, along], axis=1) for along in (on_edge, on_other))
+        return share, other_share
+
+    share, other_share = shares((0.5 * (start + stop)[:, None] + 0.5 * (stop - start)[:, None] * place).ravel())
     area = first.spread(edge, share) * (0.5 * (stop - start)[:, None] * weight).ravel()
     at_nodes = np.tile(np.eye(2), (len(first.facets), 1, 1))
-    return Quadrature(edge, share, other, other_share, area, share, at_nodes)
+    apart = between(first, edge, second, other, *shares(np.stack([start, stop], axis=1).ravel()))
+    return Quadrature(edge, share, other, other_share, area, share, at_nodes, edge, apart)
 
 
 def _pieces(first: Surface, second: Surface) -> tuple[Integers, Integers, Floats, Floats, Floats]:
@@ -126,6 +145,10 @@ def _on_facets(first: Surface, second: Surface) -> Quadrature:
     seen[seen] = ~_hidden(own[seen], centre[seen], backwards[seen], depth[seen])
     seen &= np.bincount(own, pieces * seen, len(first.facets))[own] > AT_AN_END * whole
     pair, fan = np.nonzero((area > 0.0) & seen[:, None])
+    corner, cornered = fans[pair, fan].reshape(-1, 2), np.repeat(pair, 3)
+    shares = _shares(corner, ours[cornered]), _shares(corner, theirs[cornered])
+    apart = between(first, own[cornered], second, other[cornered], *shares)
+    cornered = own[cornered]
     on_triangle, weight = rule(3, _points_along(first, second))
     place = np.einsum("qc,tcd->tqd", on_triangle, fans[pair, fan]).reshape(-1, 2)
     flat = np.outer(area[pair, fan], weight).ravel()
@@ -135,7 +158,7 @@ def _on_facets(first: Surface, second: Surface) -> Quadrature:
     vector = first.outward(own, share)
     flat *= np.linalg.norm(vector, axis=1) / np.einsum("pd,pd->p", vector, normals[pair])
     basis, at_nodes = _basis(own, share, flat, len(first.facets))
-    return Quadrature(own, share, other[pair], other_share, flat, basis, at_nodes)
+    return Quadrature(own, share, other[pair], other_share, flat, basis, at_nodes, cornered, apart)
 
 
 def _near(first: Surface, second: Surface) -> tuple[Integers, Integers]:

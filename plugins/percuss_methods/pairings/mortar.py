@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss import PairedPoints, Pairing, Wall
 from percuss_methods.pairings._closest import AT_AN_END
-from percuss_methods.pairings._covered import covered
+from percuss_methods.pairings._covered import between, covered
 from percuss_methods.pairings.node_to_segment import NodeToSegment
 
 if TYPE_CHECKING:
@@ -20,17 +20,19 @@ if TYPE_CHECKING:
 class Mortar(Pairing):
     """The nodes of the first surface against means of the second one, by functions dual to those of the nodes.
 
-    Formula: ``g_j = integral of psi_j n_j . (y - x) / D_j``, ``w_j = D_j = integral of phi_j`` over what the second
-    surface covers of the facets at node j. The normal n_j is the normalised sum of those of these facets; y is the
-    point of the second surface that the normal of a facet meets at its point x. On each facet ``psi = D M^-1 phi`` with
-    ``M = integral of phi phi^T`` and ``D = diag(integral of phi)`` over its covered part, so that ``psi_j phi_k``
-    integrates to 0 for two nodes.
+    Formula: ``g_j = integral of psi_j m_j . (y - x) / D_j``, ``w_j = D_j = integral of phi_j`` over what the second
+    surface covers of the facets at node j. The point y of the second surface is met by the normal of a facet at its
+    point x; m_j is the normalised integral of phi_j times the normal into the second surface at y. On each facet
+    ``psi = D M^-1 phi`` with ``M = integral of phi phi^T`` and ``D = diag(integral of phi)`` over its covered part, so
+    that ``psi_j phi_k`` integrates to 0 for two nodes.
+
+    A facet that is covered in part has a dual mean that goes on beyond that part. The gap at the start is therefore at
+    least the smallest of ``m_j . (y - x)`` over the corners of the pieces that node j sees.
 
     A uniform pressure between any two meshes is transmitted exactly: each facet is cut by those of the second surface
     as they project onto it. In three dimensions that holds for triangles and parallelograms; on other quadrilaterals
     the integrals have an error, below 1e-8 of the pressure where nodes are moved by a sixth of an edge along each axis.
-    The nodes of the second surface may have negative shares in a gap. A mean that is negative at the start, though the
-    surfaces are apart, counts as 0. At a wall the points are nodes.
+    The nodes of the second surface may have negative shares in a gap. At a wall the points are nodes.
     """
 
     name = "mortar"
@@ -60,17 +62,17 @@ class Mortar(Pairing):
         inverse = at.at_nodes[at.facet] @ np.linalg.solve(matrix[at.facet], at.basis[..., None])
         dual = at.area[:, None] * of_facet[at.facet] * inverse[..., 0]
         nodes, others = first.facets[at.facet], second.facets[at.other]
-        between = np.einsum("pb,pbd->pd", at.other_share, second.positions[others]) - np.einsum(
-            "pa,pad->pd", at.share, first.positions[nodes]
-        )
+        vectors = between(first, at.facet, second, at.other, at.share, at.other_share)
+        into = second.outward(at.other, at.other_share)
+        into /= -np.linalg.norm(into, axis=1)[:, None]
         weight, apart, normal = np.zeros(count), np.zeros((count, dim)), np.zeros((count, dim))
         np.add.at(weight, first.facets, of_facet)
-        np.add.at(apart, nodes, dual[..., None] * between[:, None])
-        np.add.at(normal, first.facets, np.repeat(first.normals[:, None], width, axis=1))
-        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        np.add.at(apart, nodes, dual[..., None] * vectors[:, None])
+        np.add.at(normal, nodes, (at.area[:, None] * at.share)[..., None] * into[:, None])
+        found = np.flatnonzero(weight > 0.0)
+        normal[found] /= np.linalg.norm(normal[found], axis=1)[:, None]
         facets_seen = np.zeros((count, 2), dtype=np.int64)
         facets_seen[nodes] = np.stack([at.facet, at.other], axis=1)[:, None]  # any two that a node sees serve
-        found = np.flatnonzero(weight > 0.0)
         pairs, number = np.unique(nodes[:, :, None] * len(second.nodes) + others[:, None], return_inverse=True)
         seen = np.bincount(number.ravel(), (dual[:, :, None] * at.other_share[:, None]).ravel(), pairs.size)
         by, other = np.divmod(pairs[seen != 0.0], len(second.nodes))
@@ -79,11 +81,10 @@ class Mortar(Pairing):
         order = np.argsort(point, kind="stable")
         start = np.searchsorted(point[order], [*found, count])
         node = np.concatenate([first.nodes[found], second.nodes[other]])[order]
-        # The dual functions are negative in places: a mean may be so where the surfaces are apart. It counts as 0, as
-        # contacts that begin with an overlap would add energy. Where the surfaces overlap, the depth is theirs.
-        deepest = np.full(count, np.inf)
-        np.minimum.at(deepest, nodes, np.einsum("pd,pd->p", between, first.normals[at.facet])[:, None])
-        overlap = deepest[found] < -AT_AN_END * float(np.ptp(first.positions, axis=0).max())
+        at_corners, least = first.facets[at.cornered], np.full(count, np.inf)
+        np.minimum.at(least, at_corners, np.einsum("cad,cd->ca", normal[at_corners], at.apart))
+        # Where the surfaces overlap, which a case is refused for, the depth is theirs.
+        overlap = least[found] < -AT_AN_END * float(np.ptp(first.positions, axis=0).max())
         mean = np.einsum("jd,jd->j", apart, normal)[found] / weight[found]
-        gap = np.where(overlap, deepest[found], np.maximum(mean, 0.0))
+        gap = np.where(overlap, least[found], np.maximum(mean, least[found]))
         return PairedPoints(gap, weight[found], normal[found], facets_seen[found], start, node, value[order])
