@@ -9,7 +9,7 @@ import numpy as np
 from percuss.case.specs import Spot
 from percuss.case.type_words import found
 from percuss.mesh.cells import cells_of
-from percuss.methods.interfaces.pairing import SQUARE
+from percuss.methods.interfaces.nearest import SQUARE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

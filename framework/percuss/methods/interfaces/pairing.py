@@ -8,8 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from percuss.methods.interfaces.base import Component, Floats, Integers
-
-SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])  # the corners of a quadrilateral in reference
+from percuss.methods.interfaces.nearest import SQUARE, nearest_places
 
 
 class Surface(NamedTuple):
@@ -62,6 +61,20 @@ class Surface(NamedTuple):
         first = (1.0 - y) * along + (1.0 + y) * (corners[:, 2] - corners[:, 3])
         second = (1.0 - x) * (corners[:, 3] - corners[:, 0]) + (1.0 + x) * (corners[:, 2] - corners[:, 1])
         return 0.25 * np.cross(first, second)
+
+    def nearest(self, at: Floats) -> tuple[Integers, Floats]:
+        """Return the facet nearest to each point, (P,), and its shape functions at the nearest place of it.
+
+        Parameters
+        ----------
+        at : (P, dim) array
+            The points.
+
+        Returns
+        -------
+        (P,) and (P, nodes of a facet) arrays
+        """
+        return nearest_places(at, self.positions[self.facets])
 
     def spread(self, facets: Integers, shares: Floats) -> Floats:
         """Return what area points stand for that see a whole facet each, (P,): of a body of revolution that of a ring.
