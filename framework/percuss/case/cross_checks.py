@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from percuss.case.defaults import DEFAULTS, IN_SPACE, WITHOUT_BARS
+from percuss.case.defaults import DEFAULTS, WITHOUT_BARS
 from percuss.case.source import Source
 from percuss.case.specs import (
     Address,
@@ -90,7 +90,7 @@ def completed(case: CaseSection, dimension: int, source: Source, registry: Regis
         bodies[name] = replace(body, name=name, at=padded(start), element=_element_of(body, registry))
     method = case.method
     if any(body.shape.cell != "line" for body in bodies.values()):
-        usual = (IN_SPACE if dimension == 3 else DEFAULTS)["pairings"]
+        usual = DEFAULTS["pairings"]
         pairing: Any = method.pairing or registry.get("pairings", usual)()
         law: Any = method.contact
         if source.get(("method", "contact")) is None:

@@ -10,7 +10,6 @@ DEFAULTS = {
     "solutions": "bars-in-a-row",
 }
 # Of a case with bodies that are no bars, in place of those above.
-WITHOUT_BARS = {"contacts": "regularised-lagrange"}
-IN_SPACE = {"pairings": "gauss-points"}
+WITHOUT_BARS = {"contacts": "lagrange"}
 # Of the finer run that judges a case: contact without compliance, and a pairing that passes the patch test.
 OF_REFERENCE = {"contacts": "lagrange", "pairings": "mortar"}
