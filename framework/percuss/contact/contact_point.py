@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,7 @@ class ContactPoint:
     mass: float
     equal_sides: bool
     weight: float = 1.0
+    facet: float = math.inf  # size of the facet that it met at the start, at a wall of its own [length]
 
     @property
     def nodes(self) -> tuple[int, ...]:

@@ -61,6 +61,8 @@ def points_of_surfaces(
         )
         yield case.problem(path, message, f"Move them apart by {-deepest:.12g}, or drop the contact.")
         return
+    facets = surfaces[-1].surface.positions[surfaces[-1].surface.facets]
+    sizes = np.ptp(facets, axis=1).max(axis=1)[found.facets[:, len(surfaces) - 1]]
     for p in range(found.gap.size):
         gradient: dict[int, Floats] = {}
         for k in range(found.start[p], found.start[p + 1]):
@@ -81,6 +83,7 @@ def points_of_surfaces(
             mass=2.0 * stiffness * weight / frequency**2,
             equal_sides=equal,
             weight=weight,
+            facet=float(sizes[p]),
         )
 
 

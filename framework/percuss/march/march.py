@@ -92,6 +92,7 @@ class Outcome:
     reactions: Any = None  # sum of the reactions over the steps, one value for each constraint of the model
     final_velocity: Any = None  # at t_N - dt/2
     final_displacement: Any = None  # at t_N
+    multipliers: Any = None  # of the contact points at t_N
     stop: Stop | None = None
 
 
@@ -236,6 +237,7 @@ class March:
             outcome.totals = self.totals
             if outcome.status != "unstable":
                 self._trial_step(outcome.done)
+                outcome.multipliers = np.array(self.arrays.step.points.state["multiplier"])[self._case_order]
         every = self.arrays.record.every
         if outcome.status == "done":
             outcome.records = self.arrays.time.size

@@ -1,4 +1,4 @@
-"""The surface of a body at a region of its boundary: facets, their areas and normals, and the cells behind them."""
+"""Surfaces of a body: its facets at a region, with their areas and the cells behind them, and its whole boundary."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ if TYPE_CHECKING:
 
 # Volume of a cell over the area of a facet is the height of the cell for squares and cubes; a part of it for others.
 PARTS_OF_HEIGHT = {"triangle": 2.0, "tetra": 3.0}
-
+# The sides of a cell as seen from outside, by the number of dimensions and of its nodes.
+SIDES = {
+    (2, 3): [[0, 1], [1, 2], [2, 0]],
+    (2, 4): [[0, 1], [1, 2], [2, 3], [3, 0]],
+    (3, 4): [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+    (3, 8): [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
+}
 
 TINY = float(np.finfo(float).tiny)
 
@@ -70,6 +76,14 @@ def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> Body
     outward = np.zeros((nodes.size, out.shape[1]))
     np.add.at(outward, places, of_nodes[..., None] * surface.normals[:, None])
     return BodySurface(surface._replace(areas=areas), heights, shares, outward)
+
+
+def skin_of(cells: Integers, dim: int) -> Integers:
+    """Return the facets of the boundary of cells, (F, nodes of a facet): the sides that one cell alone has."""
+    sides = cells[:, SIDES[dim, cells.shape[1]]].reshape(-1, dim if cells.shape[1] != 8 else 4)
+    _, first, times = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
+    skin: Integers = sides[np.sort(first[times == 1])]
+    return skin
 
 
 def _cells_behind(cells: Integers, facets: Integers, nodes: int) -> Integers:

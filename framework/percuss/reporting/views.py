@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.mesh.surfaces import SIDES
 from percuss.reporting.figures import FAINT, INK
 
 if TYPE_CHECKING:
@@ -19,10 +20,6 @@ ACROSS, ABOVE = np.radians(28.0), np.radians(22.0)
 TO_CAMERA = np.array([np.sin(ACROSS) * np.cos(ABOVE), -np.cos(ACROSS) * np.cos(ABOVE), np.sin(ABOVE)])
 RIGHT = np.array([np.cos(ACROSS), np.sin(ACROSS), 0.0])
 PAGE = np.stack([RIGHT, np.cross(TO_CAMERA, RIGHT)], axis=1)  # (3, 2)
-FACES: Mapping[int, list[list[int]]] = {  # of a tetrahedron and a hexahedron, as seen from outside
-    4: [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
-    8: [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
-}
 SHARP = 0.8  # largest cosine between two faces that meet in an edge which is drawn
 
 
@@ -62,7 +59,7 @@ class Faces(NamedTuple):
         found, owner = [], []
         for count in np.unique(counts):
             (numbers,) = np.nonzero(counts == count)
-            faces = FACES[int(count)] if dim == 3 else [list(range(count))]
+            faces = SIDES[3, int(count)] if dim == 3 else [list(range(count))]
             found.append(cells[numbers][:, faces].reshape(-1, len(faces[0])))
             owner.append(np.repeat(numbers, len(faces)))
         most = max(each.shape[1] for each in found)

@@ -19,6 +19,7 @@ from percuss.march.model import Model
 from percuss.march.recording import probe_nodes
 from percuss.mesh.bar import Bar
 from percuss.methods.interfaces import Floats
+from percuss.results.encounters_of_solids import foreseen_of_solids, notes_of_solids
 
 NOT_DECLARED = "no contact is declared between them"
 
@@ -36,7 +37,7 @@ class End:
 
 def _ends(model: Model) -> Iterator[End]:
     """Yield the ends of all bodies."""
-    for body in model.bodies.bars.values() if model.bodies.of_lines else ():
+    for body in model.bodies.bars.values():
         for region, (nodes, outward, _) in body.mesh.regions.items():
             if len(nodes) == 1:
                 yield End(f"{body.name}.{region}", body, body.start + nodes[0], outward, body.mesh.nodes[nodes[0]])
@@ -82,7 +83,12 @@ def _line(end: End, forward: bool) -> tuple[float, ...]:
 
 
 def expected_meetings(model: Model) -> list[str]:
-    """Return one sentence for each pair of ends without a contact that touch, or meet at their first velocities."""
+    """Return one sentence for each meeting that no contact will see, if bodies keep their first velocities.
+
+    Of bars those are pairs of ends without a contact that touch or meet.
+    """
+    if not model.bodies.of_lines:
+        return foreseen_of_solids(model)
     sentences = []
     for end, other, gap in undeclared_pairs(model):
         closing = float(end.outward @ (end.body.velocity - other.body.velocity))
@@ -104,13 +110,15 @@ def encounters(march: March, outcome: Outcome, arrays: Entries) -> list[str]:
     model = march.model
     if outcome.done == 0:
         return []
+    if not model.bodies.of_lines:
+        return notes_of_solids(march, outcome) if outcome.status != "unstable" else []
     notes = []
     for end, other, gap in undeclared_pairs(model):
         depth = -float((gap + _relative(march, outcome, arrays, end.node, other.node) @ end.outward).min())
         if depth > _touching(end):
             notes.append(f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}")
     for number, contact_point in enumerate(model.contact_points):
-        if model.dim == 1 or contact_point.at_wall or not model.bodies.of_lines:
+        if model.dim == 1 or contact_point.at_wall:
             continue
         relative = _relative(march, outcome, arrays, *contact_point.nodes)
         beside = np.linalg.norm(relative - np.outer(relative @ contact_point.normal, contact_point.normal), axis=1)

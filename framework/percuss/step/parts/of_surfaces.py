@@ -1,4 +1,4 @@
-"""What is recorded of bodies that are no bars: velocities and contact pressures of snapshots, contact areas."""
+"""What is recorded of solids: velocities and contact pressures of snapshots, contact areas, slides of points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,20 @@ from percuss.step.part import Part, Setting
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from percuss.methods.interfaces import Floats, Integers
+    from percuss.methods.interfaces import Array, Floats, Integers
+
+
+class Slides(NamedTuple):
+    """How far contact points that press slide along the surface that they met at the start."""
+
+    points: Points
+    start: Integers  # (P + 1,) first entry of each point
+    node: Integers  # of the model, of each entry
+    share: Floats  # in the motion of the point relative to what it met
+    normal: Floats  # (P, dim)
+    facet: Floats  # (P,) size of the facet that each point met [length]
+    slid: Floats  # (contacts, 2) largest slide over the size of the facet, and time at which it first exceeded 1
+    now: Records  # percuss.step.records.NOW
 
 
 class Surfaces(NamedTuple):
@@ -33,7 +46,19 @@ class Surfaces(NamedTuple):
 
 
 class SurfacesRecorded(Part[Surfaces]):
-    """The part of a step that records surfaces."""
+    """The part of a step that records surfaces.
+
+    Parameters
+    ----------
+    data
+        What is recorded of areas and snapshots.
+    slides
+        What is recorded of slides.
+    """
+
+    def __init__(self, data: Surfaces, slides: Slides) -> None:
+        super().__init__(data)
+        self.slides = slides
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -42,7 +67,8 @@ class SurfacesRecorded(Part[Surfaces]):
         if model.bodies.of_lines:
             return None
         if before is not None:
-            return cls(before.data._replace(points=step.points, now=step.now))
+            slides = before.slides._replace(points=step.points, now=step.now)
+            return cls(before.data._replace(points=step.points, now=step.now), slides)
         number = np.array(setting.order, dtype=np.int64)
         weight = np.array([model.contact_points[point].weight for point in setting.order], dtype=float)
         snapshots, dofs = record.field.shape
@@ -50,9 +76,8 @@ class SurfacesRecorded(Part[Surfaces]):
         shapes = record.gap.shape, (snapshots, pressed), (snapshots, dofs)
         areas, pressures, velocities = (np.full(shape, np.nan) for shape in shapes)
         lags = int(not model.multistage)
-        return cls(
-            Surfaces(step.points, number, weight, areas, pressures, velocities, record.field_every, lags, step.now)
-        )
+        data = Surfaces(step.points, number, weight, areas, pressures, velocities, record.field_every, lags, step.now)
+        return cls(data, _slides(setting, len(model.case.contacts)))
 
     def actions(self) -> Iterator[Action]:
         """Yield the actions of a step."""
@@ -61,11 +86,37 @@ class SurfacesRecorded(Part[Surfaces]):
             yield Action(BEFORE_ACCOUNT, record_pressures, self.data)
         if self.data.weight.size:
             yield Action(RECORD, record_areas, self.data)
+            yield Action(RECORD, record_slides, self.slides)
+
+    def changing_arrays(self) -> list[Array]:
+        """Return the slides: they are no histories."""
+        return [self.slides.slid]
 
     def results(self) -> Mapping[str, Floats]:
         """Return the contact areas, and of the snapshots velocities and contact pressures."""
         data = self.data
-        return {"contact_area": data.area, "field_velocity": data.velocity, "field_pressure": data.pressure}
+        return {
+            "contact_area": data.area,
+            "field_velocity": data.velocity,
+            "field_pressure": data.pressure,
+            "slid": self.slides.slid,
+        }
+
+
+def _slides(setting: Setting, contacts: int) -> Slides:
+    points = [setting.model.contact_points[point] for point in setting.order]
+    entries = [(node, by @ point.normal) for point in points for node, by in point.gradient]
+    normal = np.array([point.normal for point in points], dtype=float).reshape(len(points), setting.model.dim)
+    return Slides(
+        points=setting.step.points,
+        start=np.cumsum([0, *(len(point.gradient) for point in points)], dtype=np.int64),
+        node=np.array([node for node, _ in entries], dtype=np.int64),
+        share=np.array([share for _, share in entries], dtype=float),
+        normal=normal,
+        facet=np.array([np.inf if point.at_wall else point.facet for point in points], dtype=float),
+        slid=np.tile([0.0, np.nan], (contacts, 1)),
+        now=setting.step.now,
+    )
 
 
 def record_velocities(data: Surfaces, n: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -94,3 +145,22 @@ def record_areas(data: Surfaces, n: int, u: Floats, v: Floats, a: Floats) -> Non
     for i in range(data.weight.size):
         if data.points.state[i].multiplier != 0.0:
             data.area[r, data.points.law[i].contact] += data.weight[i]
+
+
+def record_slides(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Record how far points that press have slid along the surface that they met; at a plane wall that is nothing."""
+    dim = data.normal.shape[1]
+    for i in range(data.facet.size):
+        if data.points.state[i].multiplier > 0.0 and data.facet[i] < np.inf:
+            whole, along = 0.0, 0.0
+            for d in range(dim):
+                relative = 0.0
+                for k in range(data.start[i], data.start[i + 1]):
+                    relative += data.share[k] * u[data.node[k] * dim + d]
+                whole += relative * relative
+                along += relative * data.normal[i, d]
+            slid = np.sqrt(max(whole - along * along, 0.0)) / data.facet[i]
+            contact = data.points.law[i].contact
+            data.slid[contact, 0] = max(data.slid[contact, 0], slid)
+            if slid > 1.0 and not data.slid[contact, 1] >= 0.0:
+                data.slid[contact, 1] = (n + 1) * data.now[0].dt  # displacements are those after the step

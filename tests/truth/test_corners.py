@@ -1,0 +1,223 @@
+"""A corner that falls on a face: when it touches, and what is told where the contact points do not see it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import percuss
+from percuss.march.model import Model
+from percuss.reporting.explanation import explanation
+from percuss_methods.pairings.mortar import Mortar
+
+GAP, SPEED = 0.05, 0.01
+STEEL = {"young": 1.0, "density": 1.0, "poisson": 0.3}
+CORNER_FIRST, FACE_FIRST = ["block.bottom", "anvil.top"], ["anvil.top", "block.bottom"]
+
+
+def falling(tilt, between, pairing="mortar", *, dim=2, refine=1, **changes):
+    """Return a case in which a turned block falls on a larger one, which its lowest corner meets at `GAP / SPEED`.
+
+    In space the block is turned about y alone, so that an edge falls on the face.
+    """
+    turn, (length, height) = math.radians(tilt), (5.0, 2.0)
+    lowest = 0.5 * (length * math.sin(turn) + height * math.cos(turn))  # below the middle of the block
+    size = {2: ([10, 3], [length, height]), 3: ([10, 3, 3], [length, 1.7, height])}[dim]
+    cells = {2: ([10, 3], [7, 2]), 3: ([7, 3, 3], [5, 2, 2])}[dim]
+    across = [0.6] * (dim - 2)
+    block = {
+        "block": {"size": size[1], "elements": cells[1]}, "material": STEEL, "angle": tilt,
+        "at": [2.537, *across, 3.0 + GAP + lowest - 0.5 * height], "velocity": [*[0.0] * (dim - 1), -SPEED],
+    }  # fmt: skip
+    anvil = {"block": {"size": size[0], "elements": cells[0]}, "at": [0.0] * dim, "material": STEEL}
+    return {
+        "percuss": 1,
+        "bodies": {
+            "anvil": {**anvil, "fixed": ["bottom"]},
+            "block": block | ({"axis": [0, -1, 0]} if dim == 3 else {}),
+        },
+        "contacts": {"hit": {"between": between}},
+        "refine": refine,
+        "method": {"contact": "lagrange", "pairing": pairing},
+        "time": {"courant": 0.5, "end": 1.2 * GAP / SPEED},
+        **changes,
+    }
+
+
+def times_of_touch(case):
+    """Return when each contact point closes if the bodies keep their first velocities."""
+    model = Model(percuss.load(case))
+    velocity = np.concatenate([body.nodal_velocity for body in model.bodies.values()])
+    return [
+        point.gap / -sum(by @ velocity[node] for node, by in point.gradient) for point in model.contact_points
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("refine", [1, 2])
+@pytest.mark.parametrize("tilt", [1, 5, 10, 25, 30])
+@pytest.mark.parametrize(
+    ("pairing", "between"), [("mortar", CORNER_FIRST), ("mortar", FACE_FIRST), ("node-to-segment", CORNER_FIRST)]
+)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_corner_touches_at_the_time_of_geometry(dim, pairing, between, tilt, refine):
+    assert min(times_of_touch(falling(tilt, between, pairing, dim=dim, refine=refine))) == pytest.approx(GAP / SPEED)
+
+
+@pytest.mark.parametrize("between", [CORNER_FIRST, FACE_FIRST])
+def test_a_run_closes_at_that_time(between):
+    result = percuss.run(percuss.load(falling(10, between)))
+    assert result.summary["contacts"]["hit"]["first_closed"] == pytest.approx(GAP / SPEED, abs=result.summary["dt"])
+    assert result.summary["notes"] == []
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_nothing_presses_while_a_block_hovers(dim):
+    """Dual means go on beyond what is covered; they were negative here, and the contact closed at once."""
+    case = falling(10, FACE_FIRST, dim=dim, time={"courant": 0.5, "end": 0.9 * GAP / SPEED})
+    assert percuss.run(percuss.load(case)).summary["contacts"]["hit"]["closed_time"] == 0.0
+
+
+@given(
+    tilts=st.tuples(*[st.floats(-25.0, 25.0)] * 2),
+    place=st.tuples(*[st.floats(0.0, 1.0)] * 2),
+    cells=st.tuples(*[st.integers(1, 4)] * 4),
+    swapped=st.booleans(),
+)
+def test_no_gap_is_below_the_least_distance_of_plane_faces(tilts, place, cells, swapped):
+    """Of two plane faces the least distance is that of a corner of the upper one, along the normal that gaps are of."""
+    turns = np.radians(tilts)
+    x, y = (np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]]) for a in turns)
+    rotation = np.eye(3)
+    rotation[np.ix_([0, 2], [0, 2])] = x
+    second = np.eye(3)
+    second[np.ix_([1, 2], [1, 2])] = y
+    rotation = rotation @ second
+    lower = plane([-3.0, -3.0], [6.0, 6.0], cells[:2])
+    upper = plane([-0.5, -0.5], [1.0, 1.0], cells[2:])
+    turned = upper.positions @ rotation.T
+    turned += np.array([*place, GAP - turned[:, 2].min()])
+    facets = upper.facets[:, ::-1]  # it looks down
+    upper = upper._replace(
+        positions=turned, facets=facets, normals=np.tile(-rotation[:, 2], (len(facets), 1)), nodes=upper.nodes + 100
+    )
+    pair = (lower, upper) if swapped else (upper, lower)
+    found = Mortar().points(*pair)
+    along = found.normal if swapped else -found.normal  # upwards
+    # The plane of the normals is that of the second surface: the lowest corner is GAP above the lower face.
+    least = GAP * along[:, 2] if swapped else np.full(len(along), GAP)
+    assert (found.gap >= least * (1.0 - 1e-9)).all()
+    assert found.gap.min() == pytest.approx(least.min(), rel=1e-6)
+
+
+def plane(start, size, cells):
+    """Return a surface in the plane z = 0 that looks up."""
+    axes = [np.linspace(a, a + length, n + 1) for a, length, n in zip(start, size, cells, strict=True)]
+    positions = np.array([[a, b, 0.0] for b in axes[1] for a in axes[0]])
+    row = cells[0] + 1
+    corners = np.array([j * row + i for j in range(cells[1]) for i in range(cells[0])])
+    facets = corners[:, None] + np.array([0, 1, row + 1, row])
+    count = len(facets)
+    area = size[0] * size[1] / count
+    return percuss.Surface(
+        np.arange(len(positions)), positions, facets, np.tile([0.0, 0.0, 1.0], (count, 1)), np.full(count, area)
+    )
+
+
+# -- what is told ----------------------------------------------------------------------------------------------
+
+
+def notes_of(case):
+    return percuss.run(percuss.load(case)).summary["notes"]
+
+
+def foreseen(case):
+    return explanation(Model(percuss.load(case))).data["notes"]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_corner_between_the_points_of_a_face_is_told(dim):
+    case = falling(30, FACE_FIRST, "node-to-segment", dim=dim)
+    sink = 0.2 * GAP
+    for note in (*notes_of(case), *foreseen(case)):
+        assert "of 'block'" in note
+        assert f"{sink:.3g}"[:4] in note or "0.01" in note
+        assert "contact 'hit' has its points on anvil.top. Name block.bottom first" in note
+    assert len(notes_of(case)) == len(foreseen(case)) == 1
+    assert notes_of(falling(30, CORNER_FIRST, "node-to-segment", dim=dim)) == []
+    assert foreseen(falling(30, CORNER_FIRST, "node-to-segment", dim=dim)) == []
+
+
+def test_nodes_behind_a_wall_that_their_region_does_not_have_are_told():
+    case = falling(30, CORNER_FIRST)
+    del case["bodies"]["anvil"]
+    case["contacts"] = {"hit": {"body": "block.right", "wall": {"point": [0, 3.0], "normal": [0, 1]}}}
+    (note,) = notes_of(case)
+    assert "of 'block' lies" in note
+    assert "behind the wall of contact 'hit'" in note
+    assert "it is not in block.right" in note
+
+
+def test_bodies_without_a_contact_that_pass_through_each_other_are_told():
+    case = falling(5, CORNER_FIRST)
+    del case["contacts"]
+    for (note,) in (notes_of(case), foreseen(case)):
+        assert "of 'block'" in note
+        assert note.endswith("no contact is declared between them")
+    case["bodies"]["block"]["at"] = [2.5, 2.0]  # they lie over each other from the start: they do not know each other
+    assert notes_of(case) == foreseen(case) == []
+
+
+def test_a_contact_that_presses_at_a_distance_is_told(tmp_path):
+    plugin = tmp_path / "too_near.py"
+    plugin.write_text(
+        "from dataclasses import dataclass\nfrom percuss import Pairing\n"
+        "from percuss_methods.pairings.node_to_segment import NodeToSegment\n\n\n"
+        "@dataclass(frozen=True)\nclass TooNear(Pairing):\n"
+        '    """Nodes whose gaps begin at nothing."""\n\n    name = "too-near"\n    summary = "a pairing"\n\n'
+        "    def points(self, first, second):\n"
+        '        """Return points that touch at once."""\n'
+        "        found = NodeToSegment().points(first, second)\n        return found._replace(gap=0.0 * found.gap)\n",
+        encoding="utf-8",
+    )
+    case = falling(10, CORNER_FIRST, "too-near", plugins=[str(plugin)], record={"fields": 10})
+    (note,) = notes_of(case)
+    assert note.startswith("contact 'hit' presses at time 0")
+    assert "although its surfaces are 0.05 apart" in note
+    (note,) = foreseen(case)
+    assert note.startswith("contact 'hit' will press at time 0 ")
+
+
+def sliding(speed, cells=4, **changes):
+    """Return two squares of side 1 beside each other, of which one moves along their common face."""
+    square = {"block": {"size": [1, 1], "elements": [cells, cells]}, "material": STEEL}
+    return {
+        "percuss": 1,
+        "bodies": {
+            "a": {**square, "at": [0, 0], "velocity": [0.01, speed]},
+            "b": {**square, "at": [1, 0], "velocity": [-0.01, 0]},
+        },
+        "contacts": {"side": {"between": ["a.right", "b.left"]}},
+        "time": {"end": 1.0, "courant": 0.5},
+        **changes,
+    }
+
+
+@pytest.mark.parametrize("pairing", ["mortar", "node-to-segment"])
+def test_points_that_press_where_they_have_slid_are_told(pairing):
+    """A facet is a quarter long, which is passed within the step to 0.27."""
+    method = {"method": {"pairing": pairing}}
+    (note,) = notes_of(sliding(1.0, time={"end": 0.7, "courant": 0.5}, **method))
+    assert note.startswith("contact 'side' presses from time 0.270416 on at points that have slid along their surface")
+    assert "by more than a facet, by 2." in note or "by more than a facet, by 3." in note
+    assert notes_of(sliding(0.2, **method)) == []
+    case = sliding(1.0, time={"end": 0.7, "courant": 0.5}, **method)
+    case["bodies"]["a"]["velocity"] = [-0.02, 1.0]  # it leaves the other one, and slides beside it
+    assert notes_of(case) == []
+
+
+def test_faces_that_have_slid_off_each_other_are_told_at_a_snapshot():
+    far, slid = notes_of(sliding(4.0, record={"fields": 40}))
+    assert "although its surfaces are" in far
+    assert "more than a facet" in slid
