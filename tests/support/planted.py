@@ -958,6 +958,26 @@ staged("energy-claimed", "conserves", conserves=("energy",))
 staged("half-the-acceleration", "order", scale=0.5)
 
 
+@caught_by("order", "of the velocity")
+@dataclass(frozen=True)
+class HalfAStepBehind(Integrator):
+    """Semi-implicit Euler, said to be of second order: so are its displacements, if they start from zero."""
+
+    name = "half-a-step-behind"
+    summary = "a scheme"
+    order = 2
+
+    def bind(self, dt):
+        return Stages(times=(0.0,))
+
+    @staticmethod
+    def step(numbers, system, u, v, kept, dt):
+        a = np.empty_like(u)
+        accelerations(system, 0, u, v, a)
+        v += dt * a
+        u += dt * v
+
+
 def verlet(name, check=None, *, time=1.0, end=(1.0, 1.0, 1.0), start=(1.0, 0.5, 0.5)):
     """Velocity Verlet, whose stage says of itself what is given: time, `end` and `start` in units of the step."""
 
