@@ -65,6 +65,7 @@ def test_a_planted_mistake_is_caught_by_the_check_that_should(cls, name, said):
     assert not found.good, f"{name} let it pass: {found.message or found.status}"
     assert name in str(found)
     assert said in found.message
+    assert said in " ".join(str(Report(cls, (found,))).split())  # what decides is told in a short report too
 
 
 def test_a_pairing_that_does_not_declare_the_patch_test_is_not_said_to_pass_it():
@@ -135,6 +136,12 @@ def test_equal_failures_are_told_once_and_a_single_mistake_on_one_screen():
     assert 'expected_failures = {"exact-impact": "why", "energy-never-grows with p0": "why"}' in told
     assert len(lines) <= 40
     assert max(map(len, lines)) <= 80
+
+
+def test_a_method_that_fails_by_itself_is_not_advised_to_declare_what_follows_in_pairs():
+    failed = outcomes_of("pushes-apart", "its impulse is -1", partner=""), outcomes_of("exact-impact", "it is off")
+    assert "declare it" in str(Report(planted.WrongSign, tuple(failed[1])))
+    assert "declare it" not in str(Report(planted.WrongSign, (*failed[0], *failed[1])))
 
 
 def test_the_smallest_failing_case_is_sought():

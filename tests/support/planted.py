@@ -1453,8 +1453,8 @@ def solid_material(name, check, said, *, linear=True, modulus=3.0, **wrong):
 
         @staticmethod
         def stress_2d(parameters, gradient):
-            twice, spinning, rest, curve, sheared = parameters
-            xx, xy, yx, yy = gradient
+            twice, spinning, rest, curve, sheared, sign = parameters
+            xx, xy, yx, yy = (sign * value for value in gradient)
             shear, spin = sheared * (xy + yx), spinning * (xy - yx)
             mean = xx + yy + rest + curve * (xx + yy) ** 3
             return mean + 2.0 * xx, twice * shear + spin, shear - spin, mean + 2.0 * yy
@@ -1474,7 +1474,7 @@ def solid_material(name, check, said, *, linear=True, modulus=3.0, **wrong):
     return (caught_by(check, said) if check else right)(at_the_top(Wrong))
 
 
-USUAL = {"twice": 1.0, "spinning": 0.0, "rest": 0.0, "curve": 0.0, "sheared": 1.0}
+USUAL = {"twice": 1.0, "spinning": 0.0, "rest": 0.0, "curve": 0.0, "sheared": 1.0, "sign": 1.0}
 solid_material("hooke-in-two-dimensions", "", "")
 solid_material("stiffens", "", "", linear=False, curve=5.0)
 solid_material("twice-the-shear", "solid-stress", "the slope of the energy", twice=2.0)
@@ -1482,6 +1482,8 @@ solid_material("holds-its-direction", "solid-stress", "does not turn with the bo
 solid_material("strained-at-rest", "solid-stress", "a body at rest has stress", rest=1e-3)
 solid_material("waves-too-fast", "solid-stress", "`wave_modulus` is 2", modulus=2.0)
 solid_material("waves-too-slow", "solid-stress", "`wave_modulus` is 4", modulus=4.0)
+solid_material("negative-modulus", "solid-stress", "and `wave_modulus` is -3: none", modulus=-3.0)
+solid_material("pushes-where-it-pulls", "solid-stress", "waves of the moduli -3 to -1", sign=-1.0)
 solid_material("fast-across", "solid-stress", "`wave_modulus` is 3", sheared=3.0)
 solid_material("curved-in-two-dimensions", "linear", "not proportional", curve=3.0)
 
@@ -1718,6 +1720,14 @@ def counts_its_calls(first, second):
 
 pairing("promises-too-much", "patch-test", "pressures at nodes are wrong by 4.8", passes_patch_test=True)(nodes_of)
 pairing("negative-shares", "shares", "has the share -0.", dimensions=(2,))(lambda *surfaces: Mortar().points(*surfaces))
+
+
+@pairing("turned-round", "shares", "the shares of a surface in a gap add up to -1, expected 1")
+def turned_round(first, second):
+    found = nodes_of(first, second)
+    return found._replace(value=-found.value)
+
+
 pairing("points-on-edges", "shares", "6 nodes have 10 points")(lambda *surfaces: GaussPoints(2).points(*surfaces))
 
 
@@ -1727,9 +1737,9 @@ def no_number_apart(first, second):
     return found._replace(gap=np.where(found.gap > 0.01, np.nan, found.gap))
 
 
-@pairing("half-of-the-area", "pairing", "0.4 in all, not 0.8")
+@pairing("half-of-the-area", "pairing", "0.4 in all, not 0.8", more_points_than_nodes=True)
 def half_of_the_area(first, second):
-    found = nodes_of(first, second)
+    found = GaussPoints(2).points(first, second)
     return found._replace(weight=0.5 * found.weight)
 
 

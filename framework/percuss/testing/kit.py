@@ -14,6 +14,8 @@ import dataclasses
 import traceback
 from collections.abc import Callable, Iterator
 
+import numpy as np
+
 from percuss.errors import PercussError, PluginError, suggestion
 from percuss.methods.blame import described, is_ctrl_c, line_in_plugin
 from percuss.methods.first_run import asked_again
@@ -105,7 +107,8 @@ def perform(kit_check: Check, subject: Subject, partner: str = "") -> Outcome:
 def _performed(kit_check: Check, subject: Subject, partner: str, *, declared: bool) -> tuple[Status, str]:
     """Return status and message of a check, which may be declared to fail."""
     try:
-        with asked_again(subject.component, subject.answers):
+        # the words after an array decide: they stand in the same line
+        with asked_again(subject.component, subject.answers), np.printoptions(threshold=6, linewidth=10**6):
             kit_check(subject, partner) if partner else kit_check(subject)
     except NotApplicable as exemption:
         return "not applicable", str(exemption)

@@ -21,7 +21,7 @@ WORDS = {"expected failure": "declared", "not applicable": "skipped", "passes un
 WORST: tuple[Status, ...] = ("failed", "passes unexpectedly", "expected failure", "passed")
 WIDTH = 79
 NEXT_ENTRY = ",\n" + " " * 25
-GROUPS_SHOWN, LINES_OF_A_GROUP, NAMES_SHOWN = 3, 3, 3
+GROUPS_SHOWN, NAMES_SHOWN = 3, 3
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,12 @@ class Report:
             yield f"    expected_failures = {{{NEXT_ENTRY.join(entries)}}}"
 
     def _declarable(self) -> Iterator[str]:
-        """Yield the names by which failures in pairs can be declared: of a check that fails in all pairs, its own."""
+        """Yield the names by which failures in pairs can be declared: of a check that fails in all pairs, its own.
+
+        None is the nature of a method that fails by itself, as by a wrong sign.
+        """
+        if not all(outcome.check.in_pairs for outcome in self.failures):
+            return
         for check in dict.fromkeys(outcome.check for outcome in self.failures if outcome.check.in_pairs):
             made = [
                 one for one in self.outcomes if one.check is check and one.counts and one.status != "not applicable"
@@ -235,12 +240,5 @@ def here(text: str) -> str:
 
 
 def _filled(text: str) -> list[str]:
-    """Return a text in a few lines, cut if it is longer."""
-    return textwrap.wrap(
-        here(text),
-        WIDTH,
-        subsequent_indent="    ",
-        max_lines=LINES_OF_A_GROUP,
-        placeholder=" ...",
-        break_on_hyphens=False,
-    )
+    """Return a text in lines of the width of a report."""
+    return textwrap.wrap(here(text), WIDTH, subsequent_indent="    ", break_on_hyphens=False)

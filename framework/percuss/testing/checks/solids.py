@@ -20,6 +20,7 @@ from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-9
 DIRECTIONS = 500  # of waves, whose fastest is sought
+ROUND_OFF = 1e-6  # of a tangent, relative to its largest value
 SHEARED = np.array([[1.0, 0.3, 0.1], [-0.2, 0.5, 0.2], [0.15, -0.1, 0.7]])
 TURN = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
 SPIN = np.array([[0.0, 1.0, -0.3], [-1.0, 0.0, 0.5], [0.3, -0.5, 0.0]])
@@ -196,7 +197,8 @@ def check_solid_stress(subject: Subject) -> None:
     """Stress has an energy and turns along.
 
     At rest there is no stress. Stress is the slope of the energy that the material stores. It is that of the symmetric
-    part of the gradient, or turns with a body that turns. `wave_modulus` is that of the fastest waves of small strains.
+    part of the gradient, or turns with a body that turns. `wave_modulus` is that of the fastest waves of small strains,
+    and no wave has a negative one.
     """
     solids = [solid for _, material in subject.made() for solid in solid_kernels(material)]
     if not solids:
@@ -207,6 +209,16 @@ def check_solid_stress(subject: Subject) -> None:
 
 def _check_solid(solid: SolidKernels) -> None:
     dim, _, modulus, stress, energy = solid
+    tangent = slopes(stress, np.zeros((dim, dim)), 1e-7)
+    along = np.random.default_rng(0).normal(size=(DIRECTIONS, dim))
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    waves = np.linalg.eigvals(np.einsum("ki,jilm,km->kjl", along, tangent.transpose(2, 3, 0, 1), along)).real
+    slowest, fastest = float(waves.min()), float(waves.max())
+    if not modulus > 0.0 or slowest < -ROUND_OFF * np.abs(waves).max():
+        raise CheckFailed(
+            f"in {dim} dimensions the tangent at rest gives waves of the moduli {slowest:.6g} to {fastest:.6g}, and "
+            f"`wave_modulus` is {modulus:.6g}: none may be negative"
+        )
     if np.abs(stress(np.zeros((dim, dim)))).max() > CLOSE * modulus:
         raise CheckFailed(f"a body at rest has stress in {dim} dimensions")
     gradient = 0.05 * uneven(dim, dim)
@@ -220,11 +232,6 @@ def _check_solid(solid: SolidKernels) -> None:
     of_small_strain = found - stress(0.5 * (gradient + gradient.T))
     if min(np.abs(turned).max(), np.abs(of_small_strain).max()) > CLOSE * modulus:
         raise CheckFailed(f"in {dim} dimensions the stress does not turn with the body")
-    tangent = slopes(stress, np.zeros((dim, dim)), 1e-7)
-    along = np.random.default_rng(0).normal(size=(DIRECTIONS, dim))
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    waves = np.einsum("ki,jilm,km->kjl", along, tangent.transpose(2, 3, 0, 1), along)
-    fastest = float(np.linalg.eigvals(waves).real.max())
     if not 0.99 * modulus <= fastest <= modulus * (1.0 + 1e-5):
         raise CheckFailed(
             f"in {dim} dimensions the fastest waves have the modulus {fastest:.6g}, `wave_modulus` is {modulus:.6g}"
@@ -404,14 +411,19 @@ def check_patch_test(subject: Subject) -> None:
 def check_shares(subject: Subject) -> None:
     """Shares and points are as declared.
 
-    With `convex`, as by default, no node has a negative share in a gap. Without `more_points_than_nodes` there are at
-    most as many points as nodes of the first surface: a law without compliance needs that.
+    The shares of each surface in a gap add up to 1. With `convex`, as by default, none is negative. Without
+    `more_points_than_nodes` there are at most as many points as nodes of the first surface: a law without compliance
+    needs that.
     """
     for dim, pairing in _with_dimensions(subject):
         for first, second in (_surfaces(0.1, np.eye(dim)), _surfaces(0.1, np.eye(dim))[::-1]):
             found = _points(pairing, first, second)
             shares = np.einsum("pnd,pd->pn", _rows(found, first, second), found.normal)
             shares[:, first.nodes] *= -1.0
+            for surface in (first, second):
+                sums = shares[:, surface.nodes].sum(axis=1)
+                if abs((most := sums[np.abs(sums - 1.0).argmax()]) - 1.0) > CLOSE:
+                    raise CheckFailed(f"the shares of a surface in a gap add up to {most:.3g}, expected 1")
             if pairing.convex and shares.min() < -CLOSE:
                 raise CheckFailed(f"a node has the share {shares.min():.3g} in a gap: declare `convex = False`")
             if found.gap.size > len(first.nodes) and not pairing.more_points_than_nodes:
