@@ -144,6 +144,19 @@ class WrongSign(ContactLaw):
         return LinearLaw(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness), gap=-1.0)
 
 
+@caught_by("areas", "a surface twice as fine presses otherwise")
+@dataclass(frozen=True)
+class ForgetsTheArea(ContactLaw):
+    """Has the same stiffness at each point, however many share a surface."""
+
+    name = "forgets-the-area"
+    summary = law.summary
+    epsilon_s: Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness")] = 500.0
+
+    def bind(self, points, dt):
+        return LinearLaw(at="explicit", sigma=np.full(points.weight.size, 1.0 / self.epsilon_s))
+
+
 @caught_by("options-bounded")
 @dataclass(frozen=True)
 class NoBound(ContactLaw):

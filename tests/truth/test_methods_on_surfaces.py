@@ -85,6 +85,13 @@ def test_each_method_runs_with_closed_accounts_or_is_refused_with_a_reason(integ
     assert summary["contacts"]["s"]["impulse"] != 0.0
 
 
+def test_a_law_that_asks_for_end_elements_is_refused_with_a_reason():
+    wall = {"w": {"body": "a.right", "wall": {"point": [1.0, 0.0], "normal": [-1.0, 0.0]}}}
+    made = case({"a": block((0, 0), (0.01, 0.0), (6, 2))}, wall, CENTRAL, {"name": "nitsche", "theta": 1.0})
+    with pytest.raises(percuss.InputError, match="no trace_stiffness: it is that of the end elements of bars"):
+        percuss.run(made)
+
+
 # ---------------------------------------------------------------------------- regions in two contacts, and corners
 
 

@@ -56,7 +56,7 @@ class Binding:
             coupling=column(coupling[list(where)]),
             weight=column([contact_point.weight for contact_point in contact_points]),
             limits=lambda: column(self._stiffness_limits(dt)[list(where)]),
-            traces=lambda: column(self._trace_stiffness[list(where)]),
+            traces=(lambda: column(self._trace_stiffness[list(where)])) if self.model.bodies.of_lines else None,
         )
 
     def laws(self, dt: float) -> tuple[BoundLaw, ...]:

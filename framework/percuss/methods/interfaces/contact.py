@@ -80,7 +80,7 @@ class ContactPoints:
         an end for a part of the run.
         """
         if self.traces is None:
-            raise ValueError("these contact points have no trace_stiffness: they were made without `traces`")
+            raise ValueError("these contact points have no trace_stiffness: it is that of the end elements of bars")
         return self.traces()
 
 

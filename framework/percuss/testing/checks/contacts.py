@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -41,6 +42,26 @@ STRUCK_TWICE = {
     "contacts": {**TWO_BARS["contacts"], "wall": {"body": "a.right", "wall": 1.0002}},
     "time": {**TWO_BARS["time"], "on_unstable": "warn"},
 }
+BLOCK = {
+    "material": {"young": 100.0, "density": 0.01, "poisson": 0.0},
+    "plane": "strain",
+    "velocity": [0.5, 0.0],
+}
+# Two blocks that strike a wall and then another, and move as bars.
+TWICE_AS_FINE: Entries = {
+    "percuss": 1,
+    "bodies": {
+        name: {"block": {"size": [1.0, 0.4], "elements": [10, cells]}, "at": [0.0, y], **BLOCK}
+        for name, cells, y in (("coarse", 2, 0.0), ("fine", 4, 1.0))
+    },
+    "contacts": {
+        f"{name}_{side}": {"body": f"{name}.{side}", "wall": {"point": [x, 0.0], "normal": [1.0 - 2.0 * x, 0.0]}}
+        for name, (side, x) in itertools.product(("coarse", "fine"), (("left", 0.0), ("right", 1.0)))
+    },
+}
+COURANTS = (0.4, 0.1, 0.025)  # a law that is too stiff for a step may run at a smaller one
+ALIKE = 1e-6  # largest difference of two forces, relative to their peak
+AREA = "`weight` of a point is its area"
 NUDGE = 1e-9  # relative change of an option
 NEARLY_EQUAL = 1e-6  # largest change of a short run by it, relative to its peaks, unless all runs change more
 REDUCTION = 0.6  # largest allowed ratio of the energies not accounted for with a time step and with one four times it
@@ -299,6 +320,34 @@ def check_pushes_apart(subject: Subject) -> None:
                 raise CheckFailed(f"{NOT_BACK}: its impulse is {impulse:.3g}")
             if not result.summary["momentum"]["final"][0] < result.summary["momentum"]["initial"][0]:
                 raise CheckFailed(f"{NOT_BACK}: the bar does not slow down")
+
+
+@check("contacts")
+def check_areas(subject: Subject) -> None:
+    """Points press by their areas.
+
+    Two equal blocks between walls have equal contact forces, though the faces of one are twice as fine. The forces of
+    points are in proportion to `weight`, the area of the point, as `stiffness` and `mass` are. On bars the area is 1,
+    so that a law that forgets it is right there, and on surfaces of more points too stiff.
+    """
+    ran, why = False, "no integrator runs with it"
+    for options in subject.examples:
+        for courant, partner in itertools.product(COURANTS, subject.partners):
+            try:
+                case = {**TWICE_AS_FINE, "time": {"end": 0.05, "courant": courant}}
+                force = subject.run(subject.placed(case, options, partner)).arrays["contact_force"]
+            except (InputError, NotApplicable, RunError) as refusal:
+                why = str(refusal).partition("\n")[0]
+                continue
+            ran = True
+            coarse, fine = np.split(force, 2, axis=1)
+            peak, difference = np.abs(force).max(), np.abs(coarse - fine).max()
+            if difference > ALIKE * peak:
+                share = per_cent(float(difference / peak))
+                raise CheckFailed(f"a surface twice as fine presses otherwise, by {share} of the peak: {AREA}")
+            break
+    if not ran:
+        raise NotApplicable(why)
 
 
 @check("contacts")
