@@ -144,6 +144,38 @@ class WrongSign(ContactLaw):
         return LinearLaw(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness), gap=-1.0)
 
 
+@caught_by("pushes-apart", "a dashpot of this sign adds energy")
+@dataclass(frozen=True)
+class DrivingDashpot(ContactLaw):
+    """A spring whose dashpot has the wrong sign."""
+
+    name = "driving-dashpot"
+    summary = law.summary
+    beta_s: Stiffness = 0.25
+
+    def bind(self, points, dt):
+        return LinearLaw(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness), rate=-1e-4)
+
+
+@caught_by("pushes-apart", "a dashpot of this sign adds energy")
+@dataclass(frozen=True)
+class DrivingKernel(ContactLaw):
+    """The same in a kernel."""
+
+    name = "driving-kernel"
+    summary = law.summary
+    beta_s: Stiffness = 0.25
+
+    def bind(self, points, dt):
+        return Stiff(self.beta_s * points.stiffness)
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            overlap = max(-trial.gap[p], 0.0)
+            multiplier[p] = bound.k[p] * overlap * max(1.0 + 0.1 * trial.rate[p], 0.0)
+
+
 @caught_by("areas", "a surface twice as fine presses otherwise")
 @dataclass(frozen=True)
 class ForgetsTheArea(ContactLaw):

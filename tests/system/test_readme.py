@@ -267,7 +267,11 @@ def test_the_kit_finds_the_dashpot_of_the_wrong_sign(folder: Path) -> None:
     (folder / "wrong_sign.py").write_text(law.replace("rate=self.tau", "rate=-self.tau"), encoding="utf-8")
     done = percuss_command("verify", "--plugin", "wrong_sign.py", cwd=folder)
     assert done.returncode == 1
-    assert "energy grows by" in " ".join(done.stdout.split())
+    told = " ".join(done.stdout.split())
+    assert "a dashpot of this sign adds energy" in told
+    assert "energy grows by" in told
+    assert "smallest case, of energy-never-grows" in told
+    assert "declare it" not in told
 
 
 @pytest.mark.deep

@@ -66,6 +66,9 @@ NUDGE = 1e-9  # relative change of an option
 NEARLY_EQUAL = 1e-6  # largest change of a short run by it, relative to its peaks, unless all runs change more
 REDUCTION = 0.6  # largest allowed ratio of the energies not accounted for with a time step and with one four times it
 NOT_BACK = "the wall does not push the bar back (a multiplier is positive in compression)"
+SHORT_STEP = 1e-5
+APPROACHES = (1.0, 0.1, -0.1, -1.0)  # gap rates, from a fast opening to a fast closing
+ADDS_ENERGY = "a dashpot of this sign adds energy"
 GUARANTEES = ("never pulls", "no penetration", "keeps the free step")
 
 
@@ -302,9 +305,12 @@ def check_pushes_apart(subject: Subject) -> None:
     """A wall pushes a bar back.
 
     A bar that strikes a wall is pushed back: the contact impulse is positive and the bar loses momentum.
-    Multipliers are positive in compression, so a law of the opposite sign pulls the bodies into each other.
+    Multipliers are positive in compression, so a law of the opposite sign pulls the bodies into each other. No force
+    in closed contact falls with the speed of approach: a dashpot of the opposite sign adds energy.
     """
     case = {**STRUCK_WALL, "time": {"end": 0.009, "courant": 0.5}}
+    for options in subject.examples:
+        _check_sign_of_rate(subject, options)
     for options in subject.examples:
         for partner in subject.partners:
             try:
@@ -320,6 +326,24 @@ def check_pushes_apart(subject: Subject) -> None:
                 raise CheckFailed(f"{NOT_BACK}: its impulse is {impulse:.3g}")
             if not result.summary["momentum"]["final"][0] < result.summary["momentum"]["initial"][0]:
                 raise CheckFailed(f"{NOT_BACK}: the bar does not slow down")
+
+
+def _check_sign_of_rate(subject: Subject, options: Data) -> None:
+    """Raise `CheckFailed` if a force in closed contact is the lower the faster its sides approach each other."""
+    points, dt = sample_points(2), SHORT_STEP
+    bound, law = _bound(subject, options, points, dt), subject.make(options)
+    if isinstance(bound, LinearLaw):
+        # The gap at the end of a step has the rate in it.
+        if (weight := float(np.min(bound.rate + dt * np.asarray(bound.gap) * (bound.at == "end")))) < 0.0:
+            raise CheckFailed(f"the weight of the gap rate is {weight:.3g}: {ADDS_ENERGY}")
+        return
+    found = []
+    for rate in np.repeat(APPROACHES, 2).reshape(-1, 2):
+        deep = np.full(2, -1e-3)
+        trial = trial_of(points, dt, [deep, deep + dt * rate, rate, rate], subject.component)
+        found.append(multipliers_of(law, plain_kernel(law), bound, trial)[0])
+    if (np.diff(found) < -ALIKE * np.abs(found).max()).any():
+        raise CheckFailed(f"of one gap at the rates {APPROACHES} the multipliers are {np.array(found)}: {ADDS_ENERGY}")
 
 
 @check("contacts")
