@@ -438,6 +438,22 @@ def test_each_contact_has_its_panel_in_a_comparison():
         assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, k])
 
 
+def test_contacts_of_more_than_six_runs_have_a_legend_clear_of_the_runs_that_are_not_shown():
+    result = row_of_bars(9)
+    rows = [{"label": f"run {k}", "result": result} for k in range(7)]
+    figure = comparison_figure.comparison_figure([*rows, {"label": "lost", "result": None, "reason": "refused"}])
+    (legend,) = figure.legends
+    assert [text.get_text().strip() for text in legend.get_texts()] == [f"c{k}" for k in range(1, 7)]
+    assert "the first 6 of 8 contacts are shown" in words(figure)
+    for line, force in zip(legend.get_lines(), result.arrays["contact_force"].T, strict=False):
+        (drawn,) = (one for one in figure.axes[0].lines if one.get_color() == line.get_color())
+        assert np.array_equal(drawn.get_ydata(), force)
+    (foot,) = (text for text in figure.texts if text.get_text().startswith("not shown: lost"))
+    below, at = foot.get_window_extent(), legend.get_window_extent()
+    assert below.y1 <= at.y0
+    assert at.y1 <= min(axes.get_tightbbox().y0 for axes in figure.axes)
+
+
 @pytest.mark.parametrize("rows", [[], [{"label": "a", "result": None, "reason": None}]])
 def test_a_comparison_without_any_result_says_so(rows):
     assert "None of the runs has a result." in words(comparison_figure.comparison_figure(rows))

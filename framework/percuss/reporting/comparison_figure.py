@@ -58,15 +58,14 @@ def comparison_figure(rows: Sequence[Data]) -> Figure:
     apart = len(runs) > OVERLAY
     down = -(-len(runs) // 3) if apart else min(max(len(names), 1), MOST_PANELS)
     notes = [f"{FORCE[0]} of {f'{len(runs)} of ' if others else ''}{len(rows)} runs"]
-    if not apart:
-        notes += contacts_left_out(names)
+    notes += contacts_left_out(names)
     height = max(4.6, 1.9 + 2.4 * down) + 0.2 * len(lost)
     with new_figure(12.8, height, runs[0][1].title if runs else "", notes, foot=lost) as figure:
         panels = figure.subplots(down, 3 if apart else 1, sharex=True, sharey=apart, squeeze=False).flat
         if not runs:
             write_reason(panels[0], "None of the runs has a result.")
         elif apart:
-            _small_panels(list(panels), runs)
+            legend_below(figure, _small_panels(list(panels), runs))
         else:
             entries: Entries = {}
             for axes, name in zip(panels, names or [""], strict=False):
@@ -129,17 +128,18 @@ def _mark_stop(axes: Axes, result: Result) -> None:
         axes.axvline(result.end, color=ALARM, linewidth=1.0, linestyle=(0, (1, 2)))
 
 
-def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) -> None:
-    """Draw a small panel for each run, with the other runs behind it in grey."""
+def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) -> Entries:
+    """Draw a small panel for each run, with the other runs behind it in grey, and return the legend entries."""
     entries: Entries = {}
     for k, (axes, (label, result)) in enumerate(zip(panels, runs, strict=False)):
         for _, other in runs:
-            for force in other.arrays["contact_force"].T:
+            for force in other.arrays["contact_force"].T[:MOST_PANELS]:
                 axes.plot(*thinned(other.arrays["time"], force), color="#d9d9d9", linewidth=0.8, zorder=1)
-        names = result.coordinates["contact"]
-        for number_of_contact, force in enumerate(result.arrays["contact_force"].T):
-            colour = COLOURS[number_of_contact % len(COLOURS)]
-            axes.plot(*thinned(result.arrays["time"], force), color=colour, linewidth=1.3)
+        names = result.coordinates["contact"][:MOST_PANELS]
+        styles = zip(names, result.arrays["contact_force"].T, COLOURS, DASHES, strict=False)
+        for name, force, colour, dash in styles:
+            line = axes.plot(*thinned(result.arrays["time"], force), color=colour, linestyle=dash, linewidth=1.3)
+            entries |= {name: line[0]} if len(names) > 1 else {}
         entries |= draw_references(axes, _run_with_exact(runs), names)
         _mark_stop(axes, result)
         words = "\n".join(wrapped(_run_label(label, result), 44, 2))
@@ -154,8 +154,7 @@ def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) ->
         axes.set_axis_off()
     panels[0].set_xlim(0, _end_time(runs))
     _limit_forces(panels[0], [result for _, result in runs])
-    if entries:
-        legend(panels[0], entries, room=46, up=1.03 + 0.1 * (1 + panels[0].get_title("left").count("\n")))
+    return entries
 
 
 # ------------------------------------------------------------------------------------- errors over refinement

@@ -38,6 +38,7 @@ RAISED = str.maketrans("0123456789-\u2212", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
 SMALL = {"s": "ₛ", "m": "ₘ", "n": "ₙ", "p": "ₚ"}
 OVERLAY = 6  # More lines than this cannot be distinguished in one panel.
 MOST_PANELS = 6  # of contacts in one figure
+BELOW = 0.1  # inches below all panels
 
 
 def one_line(text: object) -> str:
@@ -127,7 +128,7 @@ def header(figure: Figure, title: str, small: Sequence[str], loud: Sequence[str]
         figure.add_artist(band)
     top = y - 0.08 / height
     feet = [part for line in foot for part in wrapped(line, 165, 1)]
-    y = bottom = (0.1 + 0.2 * len(feet)) / height
+    y = bottom = (BELOW + 0.2 * len(feet)) / height
     write(feet, 9.5, ALARM)
     rect = (0.008, bottom, 0.984, top - bottom)
     figure.set_layout_engine("constrained", rect=rect, hspace=0.03, wspace=0.03)
@@ -160,6 +161,9 @@ def fix_layout(figure: Figure) -> Figure:
         axes.apply_aspect()
     if engine := figure.get_layout_engine():
         engine.execute(figure)
+        foot = engine.get()["rect"][1]
+        for below in figure.legends if foot * figure.get_figheight() > 2.0 * BELOW else ():
+            below.set_bbox_to_anchor((0.0, foot, 1.0, 1.0 - foot))  # clear of the foot lines
     figure.set_dpi(shown)
     figure.set_layout_engine("none")
     for axes in figure.axes:
@@ -193,7 +197,7 @@ def legend(axes: Axes, entries: Data, *, room: int = 76, up: float = 1.0) -> Non
 
 
 def legend_below(figure: Figure, entries: Entries, *, beside: bool = False) -> None:
-    """Put one legend below or beside all panels."""
+    """Put one legend below all panels, above the foot lines of the `header`, or beside them."""
     if not entries:
         return
     longest = max(map(len, entries))
