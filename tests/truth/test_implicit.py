@@ -123,8 +123,8 @@ def test_motion_and_multipliers_are_those_of_full_matrices(contact, alpha):
     assert np.abs(result.arrays["kinetic_energy"] - kinetic).max() < 1e-10 * kinetic.max()
     assert np.abs(result.arrays["elastic_energy"] - elastic).max() < 1e-10 * kinetic.max()
     assert np.array_equal(result.arrays["time_half"], result.arrays["time"])
-    assert result.histories["kinetic_energy"].attrs["long_name"] == "kinetic energy at t_n"
-    assert result.histories["contact_force"].attrs["long_name"].startswith("contact force that moves the mass")
+    assert result.histories["kinetic_energy"].attrs["definition"] == "kinetic energy at t_n"
+    assert result.histories["contact_force"].attrs["definition"].startswith("contact force that moves the mass")
 
 
 def test_a_penalty_is_the_compliance_at_the_end_of_the_step():

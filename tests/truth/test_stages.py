@@ -492,7 +492,7 @@ def test_records_stand_where_they_say(name, files):
     strain = 0.5 * (u[1:, 1] - u[1:, 0]) ** 2
     np.testing.assert_allclose(result.arrays["elastic_energy"][:-1], strain, rtol=1e-9, atol=1e-14)
     assert (v[0] == 1.0).all()
-    assert "t_n+1" in result.histories["kinetic_energy"].attrs["long_name"]
+    assert "t_n+1" in result.histories["kinetic_energy"].attrs["definition"]
     assert result.histories["kinetic_energy"].attrs["at"] == "time_half"
     assert any("energy_error is what" in note for note in result.summary["notes"])
 

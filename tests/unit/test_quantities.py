@@ -129,7 +129,8 @@ def test_every_history_is_in_a_result(result, of_plastic_body, of_blocks, name):
     axes["point"] = ["point"]
     axes["contact state"] = ["contact", "state_variable"]
     assert list(dataset[name].dims) == ["time", *axes[quantity.of]]
-    assert dataset[name].attrs["long_name"] == quantity.definition != ""
+    assert dataset[name].attrs["long_name"] == quantity.label
+    assert dataset[name].attrs["definition"] == quantity.definition != ""
     assert dataset[name].attrs["units"] == quantity.unit
     assert (dataset[name].attrs.get("at") == "time_half") == (quantity.axis == "time_half")
     assert np.isfinite(dataset[name]).any()

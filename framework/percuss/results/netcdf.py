@@ -38,9 +38,10 @@ _TIMES = ("time", "time_half")  # a result without steps has no second one
 
 
 def definition_attributes(source: Source, units: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Return definition, unit and, for energies, times of each history of a run or of an exact solution.
+    """Return label, definition, unit and, for energies, times of each history of a run or of an exact solution.
 
-    Units have the names in `units` where the case gives them, else words as ``force``.
+    The label is the ``long_name``, which other programs write at the axes of their pictures. Units have the names in
+    `units` where the case gives them, else words as ``force``.
     """
     attributes: dict[str, dict[str, str]] = {}
     for name, quantity in QUANTITIES.items():
@@ -54,7 +55,8 @@ def definition_attributes(source: Source, units: Mapping[str, str]) -> dict[str,
         elif source == "exact":
             definition = quantity.definition_exact
         if definition:
-            attributes[name] = {"long_name": definition, "units": unit_name(quantity.unit, units) or quantity.unit}
+            unit = unit_name(quantity.unit, units) or quantity.unit
+            attributes[name] = {"long_name": quantity.label, "definition": definition, "units": unit}
             if quantity.axis == "time_half" and source != "exact":
                 attributes[name]["at"] = "time_half"
     return attributes
