@@ -1,5 +1,6 @@
 """Every command and snippet of every page is executed."""
 
+import contextlib
 import json
 import math
 import os
@@ -157,12 +158,26 @@ def test_the_notebook_runs_from_top_to_bottom_and_shows_what_it_stores(
 
 @pytest.mark.parametrize("text", PYTHON, ids=beginning)
 def test_a_snippet_runs(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    if ".plot(" in text:
-        pytest.importorskip("matplotlib")
     if ".table" in text:
         pytest.importorskip("pandas")
     monkeypatch.chdir(folder)
-    exec(compile(text, "snippet", "exec"), {"__name__": "__main__"})
+    drawn = ".plot(" in text or "matplotlib" in text
+    with pytest.importorskip("matplotlib").rc_context() if drawn else contextlib.nullcontext():
+        exec(compile(text, "snippet", "exec"), {"__name__": "__main__"})
+
+
+def test_the_figure_for_a_paper_is_as_wide_as_its_column_in_the_font_of_the_paper(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    (text,) = (text for text in PYTHON if "force.pdf" in text)
+    monkeypatch.chdir(folder)
+    with matplotlib.rc_context():
+        exec(compile(text, "snippet", "exec"), {})
+    written = (folder / "force.pdf").read_bytes()
+    (width,) = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ", written)
+    assert float(width) / 72.0 * 25.4 == pytest.approx(85.0)
+    assert set(re.findall(rb"/BaseFont /\w+\+(\w+)", written)) == {b"DejaVuSerif"}
 
 
 @pytest.mark.parametrize("text", [text for text in YAML if beginning(text).startswith("percuss:")], ids=beginning)
