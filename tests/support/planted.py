@@ -1499,7 +1499,7 @@ def solid_material(name, check, said, *, linear=True, modulus=3.0, **wrong):
         @staticmethod
         def stress_2d(parameters, gradient):
             twice, spinning, rest, curve, sheared, sign = parameters
-            xx, xy, yx, yy = (sign * value for value in gradient)
+            xx, xy, yx, yy = sign * gradient[0], sign * gradient[1], sign * gradient[2], sign * gradient[3]
             shear, spin = sheared * (xy + yx), spinning * (xy - yx)
             mean = xx + yy + rest + curve * (xx + yy) ** 3
             return mean + 2.0 * xx, twice * shear + spin, shear - spin, mean + 2.0 * yy

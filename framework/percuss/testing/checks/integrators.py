@@ -76,7 +76,7 @@ def check_order(subject: Subject) -> None:
         largest = below_limit(subject, subject.placed(moving_bar(4, COURANTS[0], 1, "left"), options), COURANTS[0])
         courants = [courant * largest / COURANTS[0] for courant in COURANTS]
         for courant in courants:
-            case = moving_bar(4, courant, round(6.0 / courant), "left")
+            case = moving_bar(4, courant, round(2.0 / courant), "left")
             case["loads"] = {"pull": {"constant": PULL, "on": "a.right"}}
             result = subject.run(subject.placed(case, options))
             for name, exact in exact_end(4, PULL, result.arrays["time"]).items():
