@@ -26,11 +26,11 @@ def bar(at, speed, length=1.0, young=1.0, area=0.2, **more):
     }  # fmt: skip
 
 
-def case(bodies, contacts=None, loads=None, end=3.0):
+def case(bodies, contacts=None, loads=None, end=3.0, plugins=()):
     return percuss.load({
         "percuss": 1, "bodies": bodies, "contacts": contacts or {}, "loads": loads or {},
         "time": {"courant": 0.5, "end": end},
-    })  # fmt: skip
+    }, plugins=plugins)  # fmt: skip
 
 
 SEAM = {"seam": {"between": ["left.right", "right.left"]}}
@@ -126,9 +126,11 @@ def with_left(**changes):
 NONE = {
     "the body 'left' contracts": (with_left(poisson=0.3), SEAM, {}, "contracts, and no rollers hold its side"),
     "rollers at one side": (
-        with_left(poisson=0.3, fixed=ROLLERS[:1]), SEAM, {}, "no rollers hold its side 'top'",
+        with_left(poisson=0.3, fixed=ROLLERS[:1]), SEAM, {}, "no rollers hold its side at [0.05, 0.2]",
     ),
-    "a side is held": (with_left(fixed=["bottom"]), SEAM, {}, "the side 'left.bottom' is held along the axis"),
+    "a side is held": (
+        with_left(fixed=["bottom"]), SEAM, {}, "'left.bottom', which is held along the axis, is no face across",
+    ),
     "faces of unlike size": (
         {"left": block((0, 0), (0.5, 0)), "right": block((1, 0), (0, 0), size=(1, 0.3))}, SEAM, {},
         "the faces of contact 'seam' do not cover each other",
@@ -144,7 +146,7 @@ NONE = {
     "gravity across": (with_left(), SEAM, {"g": {"gravity": [0, -1]}}, "load 'g' acts across the axis"),
     "pressure on a side": (
         with_left(), SEAM, {"p": {"constant": 1, "on": "left.top", "as": "pressure"}},
-        "'left.top' is no face across the axis",
+        "'left.top', which is loaded, is no face across the axis",
     ),
     "a push across": (
         with_left(), SEAM, {"p": {"constant": 1, "on": "left.left", "direction": [1, 1]}},
@@ -155,6 +157,11 @@ NONE = {
         "the case has a contact along more than one line",
     ),
     "nothing moves": ({"left": block((0, 0), (0, 0))}, {}, {}, "nothing moves"),
+    "a support oblique to the axis": (
+        {"left": block((0, 0), (0.3, 0.4), angle=float(np.degrees(np.arctan2(0.4, 0.3))),
+                       fixed=[{"on": "left", "along": "x"}])}, {}, {},
+        "'left.left' is held in a direction oblique to the axis",
+    ),
 }  # fmt: skip
 
 
@@ -164,6 +171,147 @@ def test_what_is_no_row_of_prisms_is_not_judged_by_bars(name):
     reason = prism_problem(Model(case(bodies, contacts, loads)))
     assert isinstance(reason, str)
     assert said in reason
+
+
+PART = """
+from dataclasses import dataclass, replace
+import numpy as np
+from percuss import Mesh, Region, Shape
+from percuss_methods.shapes.block import Block
+
+@dataclass(frozen=True)
+class Part(Shape):
+    \"\"\"A block without the cells whose middles lie in a box, with half of each side as a region.
+
+    Formula: ``half = facets whose middles are below the middle of the side``.
+    \"\"\"
+
+    name = "part"
+    summary = "a block without a box"
+    examples = ({"size": (1.0, 0.5), "elements": (2, 2)},)
+    size: tuple[float, ...]
+    elements: tuple[int, ...]
+    box: tuple[float, ...] = ()
+
+    @property
+    def regions(self):
+        return tuple(name + half for name in Block(self.size, self.elements).regions for half in ("", "half"))
+
+    @property
+    def cell(self):
+        return Block(self.size, self.elements).cell
+
+    def dimension(self):
+        return len(self.size)
+
+    def mesh(self, at, refine):
+        whole = Block(self.size, self.elements).mesh(at, refine)
+        ((kind, cells),) = whole.cells.items()
+        if self.box:
+            middles = whole.nodes[cells].mean(axis=1) - at
+            low, high = np.reshape(self.box, (2, -1))
+            cells = cells[~((middles > low) & (middles < high)).all(axis=1)]
+        used, numbers = np.unique(cells, return_inverse=True)
+        cells = numbers.reshape(cells.shape)
+        number = np.full(len(whole.nodes), -1)
+        number[used] = np.arange(used.size)
+        regions = {}
+        for name, region in whole.regions.items():
+            ((of, facets),) = region.facets.items()
+            middles = whole.nodes[facets].mean(axis=1)
+            halves = (middles <= middles.mean(axis=0) + 1e-9).all(axis=1)
+            facets = number[facets]
+            stays = np.array([np.isin(cells, facet).sum(axis=1).max() == facet.size for facet in facets])
+            for half, kept in (("", stays), ("half", stays & halves)):
+                chosen = facets[kept]
+                regions[name + half] = Region(tuple(np.unique(chosen).tolist()), region.outward, {of: chosen})
+        return Mesh(whole.nodes[used], {kind: cells}, regions)
+"""
+
+
+def part(at, speed, size=(1.0, 0.2), elements=(4, 2), box=(), poisson=0.0, **more):
+    return {
+        "part": {"size": list(size), "elements": list(elements), "box": list(box)}, "at": list(at),
+        "velocity": list(speed), "material": {"young": 1.0, "density": 1.0, "poisson": poisson}, **more,
+    }  # fmt: skip
+
+
+WALL = {"w": {"body": "a.left", "wall": {"point": [0, 0], "normal": [1, 0]}}}
+FALLS = {"a": part((0, 0), (-0.1, 0))}
+BOX = {"size": (1, 1, 1), "elements": (2, 2, 2)}
+CORNER, OTHER_CORNER = (-1, 0.5, 0.5, 2, 2, 2), (-1, -1, 0.5, 2, 0.5, 2)
+FACES = {"w": {"between": ["a.right", "b.left"]}}
+HALF = "has not the area of its face"
+PARTS = {
+    "whole": (FALLS, WALL, {}, ""),
+    "half of a face on a wall": (
+        FALLS, {"w": {"body": "a.lefthalf", "wall": {"point": [0, 0], "normal": [1, 0]}}}, {}, f"in contact, {HALF}",
+    ),
+    "half of a face on a face": (
+        {"a": part((0, 0), (0.1, 0)), "b": part((1, 0), (0, 0))}, {"w": {"between": ["a.right", "b.lefthalf"]}}, {},
+        f"'b.lefthalf', which is in contact, {HALF}",
+    ),
+    "half of a face held": (
+        {"a": part((0, 0), (-0.1, 0), fixed=["righthalf"])}, WALL, {}, f"held along the axis, {HALF}",
+    ),
+    **{
+        f"half of a face under a {name}": (FALLS, WALL, {"p": {**load, "on": "a.righthalf"}}, f"loaded, {HALF}")
+        for name, load in {
+            "force": {"constant": 0.1, "direction": [1, 0]}, "pressure": {"constant": 0.1, "as": "pressure"},
+            "traction": {"constant": 0.1, "as": "traction", "direction": [1, 0]},
+            "drive": {"prescribed-velocity": 0.1, "direction": [1, 0]},
+        }.items()
+    },
+    "half of a face in space": (
+        {"a": part((0, 0, 0), (-0.1, 0, 0), **BOX)}, {"w": {"body": "a.lefthalf", "wall": 0.0}}, {}, HALF,
+    ),
+    "half of a face of revolution": (
+        {"a": part((0, 0), (0, -0.1), plane="axisymmetric")},
+        {"w": {"body": "a.bottomhalf", "wall": {"point": [0, 0], "normal": [0, 1]}}}, {}, HALF,
+    ),
+    "whole, of revolution": (
+        {"a": part((0, 0), (0, -0.1), poisson=0.3, fixed=[{"on": "right", "along": "x"}], plane="axisymmetric")},
+        {"w": {"body": "a.bottom", "wall": {"point": [0, 0], "normal": [0, 1]}}}, {}, "",
+    ),
+    "two pieces": (
+        {"a": part((0, 0), (-0.1, 0), elements=(4, 3), box=(-1, 0.07, 2, 0.13))}, WALL, {}, "body 'a' is in 2 pieces",
+    ),
+    "a neck that no region names": (
+        {"a": part((0, 0), (-0.1, 0), elements=(5, 2), box=(0.3, 0.1, 0.7, 1))}, WALL, {}, "is no prism",
+    ),
+    "rollers on half of a side": (
+        {"a": part((0, 0), (-0.1, 0), poisson=0.3, fixed=[ROLLERS[0], {"on": "tophalf", "along": "y"}])}, WALL, {},
+        "no rollers hold its side at [",
+    ),
+    "a corner before a square": (
+        {"a": part((0, 0, 0), (0.1, 0, 0), box=CORNER, **BOX), "b": part((1, 0, 0), (0, 0, 0), **BOX)}, FACES, {},
+        "do not cover each other",
+    ),
+    "two corners that look to unlike sides": (
+        {"a": part((0, 0, 0), (0.1, 0, 0), box=CORNER, **BOX),
+         "b": part((1, 0, 0), (0, 0, 0), box=OTHER_CORNER, **BOX)}, FACES, {}, "do not cover each other",
+    ),
+    "two equal corners of unlike meshes": (
+        {"a": part((0, 0, 0), (0.1, 0, 0), box=CORNER, **BOX),
+         "b": part((1, 0, 0), (0, 0, 0), box=CORNER, size=(1, 1, 1), elements=(2, 4, 6))}, FACES, {}, "",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_row_of_prisms_meets_acts_and_is_held_with_its_whole_faces_alone(name, tmp_path):
+    bodies, contacts, loads, said = PARTS[name]
+    (tmp_path / "part.py").write_text(PART, encoding="utf-8")
+    reason = prism_problem(Model(case(bodies, contacts, loads, plugins=[tmp_path / "part.py"])))
+    assert said in reason if said else not isinstance(reason, str)
+
+
+def test_a_row_of_prisms_is_recorded_with_its_whole_faces_alone(tmp_path):
+    (tmp_path / "part.py").write_text(PART, encoding="utf-8")
+    found = case(FALLS, WALL, plugins=[tmp_path / "part.py"])
+    for probe, judged in (("a.right", True), ("a.top", True), ("a.tophalf", True), ("a.righthalf", False)):
+        problem = prism_problem(Model(found.with_overrides({"record.probes": [probe]})))
+        assert isinstance(problem, str) != judged, probe
 
 
 def test_the_exact_solution_alone_is_drawn_on_the_length_of_a_prism():

@@ -1,7 +1,8 @@
 """Prisms that move along their axis alone: bars in all but their cells, whose contact problem is that of bars.
 
-A body is one if its boundary is two equal plane faces across the axis and sides along it, and if nothing moves across:
-the material does not contract, or rollers hold the sides. Its modulus is that of a strain along the axis alone.
+A body is one if it is in one piece, its boundary is two equal plane faces across the axis and sides along it, and
+nothing moves across: the material does not contract, or rollers hold the sides. Its modulus is that of a strain along
+the axis alone. What acts on a face acts on all of it, and faces in contact cover each other.
 """
 
 from __future__ import annotations
@@ -11,16 +12,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.case.type_words import found
+from percuss.mesh.cells import cells_of
+from percuss.mesh.surfaces import boundary_of, whole_surface
 from percuss.methods.blame import plain_function
 from percuss.methods.interfaces import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
 from percuss.methods.plugin_calls import answer, read_only
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from percuss.contact.model_arrays import ModelArrays
     from percuss.mesh.body import Body
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Floats, Integers, Surface
 
 ROUND_OFF = 1e-9  # relative, of directions, lengths, areas and stresses
 STRAIN = 1e-6  # of a material that is not linear
@@ -31,43 +35,66 @@ class NotARowOfPrisms(Exception):
 
 
 class Prism(NamedTuple):
-    """A body as a bar."""
+    """A body as a bar along an axis."""
 
+    body: Body
+    axis: Floats
     start: float  # place of its start along the axis
     length: float
     area: float
     modulus: float
-    ends: dict[str, bool]  # regions that are its faces across the axis, and whether each is at the start
-    across: Floats  # (2, dim) least and largest coordinates of its faces, those along the axis set to 0
+
+    def at_start(self, region: str, used: str) -> bool:
+        """Return whether a region is the face at the start; `used` says what for."""
+        surface = self.body.surface(region).surface
+        looks, place = _looks(surface, self.axis), (surface.positions @ self.axis - self.start) / self.length
+        said = f"'{self.body.name}.{region}', which is {used}, "
+        if not (looks == looks[0]).all() or looks[0] == 0.0 or np.ptp(place) > ROUND_OFF:
+            raise NotARowOfPrisms(f"{said}is no face across the axis")
+        if abs(float(surface.areas.sum()) - self.area) > ROUND_OFF * self.area:
+            raise NotARowOfPrisms(f"{said}has not the area of its face")
+        return bool(looks[0] < 0.0)
 
 
 def prism_problem(model: ModelArrays) -> ContactProblem | str:
     """Return the contact problem of a case as that of bars, or why it is none."""
     try:
-        axis = _axis(model)
-        prisms = {body.name: _prism(body, axis) for body in model.bodies.values()}
-        return ContactProblem(
-            bodies=MappingProxyType(
-                {
-                    body.name: ProblemBody(
-                        name=body.name,
-                        shape=body.spec.shape,
-                        material=body.spec.material,
-                        area=prisms[body.name].area,
-                        length=prisms[body.name].length,
-                        direction=read_only(axis),
-                        velocity=read_only(body.velocity),
-                        modulus=prisms[body.name].modulus,
-                    )
-                    for body in model.bodies.values()
-                }
-            ),
-            contacts=tuple(_contacts(model, prisms, axis)),
-            fixed=tuple(_fixed(model, prisms, axis)),
-            loads=tuple(_loads(model, prisms, axis)),
-        )
+        return _problem(model)
     except NotARowOfPrisms as reason:
         return str(reason)
+
+
+def _problem(model: ModelArrays) -> ContactProblem:
+    """Return the contact problem of a case as that of bars."""
+    axis = _axis(model)
+    supports = [one for one in model.loads.constraints if one.load is None]
+    held = {(support.node, int(support.direction.argmax())) for support in supports}
+    prisms = {body.name: _prism(body, axis, held) for body in model.bodies.values()}
+    problem = ContactProblem(
+        bodies=MappingProxyType(
+            {
+                body.name: ProblemBody(
+                    name=body.name,
+                    shape=body.spec.shape,
+                    material=body.spec.material,
+                    area=prisms[body.name].area,
+                    length=prisms[body.name].length,
+                    direction=read_only(axis),
+                    velocity=read_only(body.velocity),
+                    modulus=prisms[body.name].modulus,
+                )
+                for body in model.bodies.values()
+            }
+        ),
+        contacts=tuple(_contacts(model, prisms, axis)),
+        fixed=tuple(_fixed(model, prisms, axis)),
+        loads=tuple(_loads(model, prisms, axis)),
+    )
+    for probe in model.case.recorded_ends:
+        region = getattr(probe, "region", "")
+        if region and (_looks(model.bodies[probe.body].surface(region).surface, axis) != 0.0).any():  # no side
+            prisms[probe.body].at_start(region, "recorded")
+    return problem
 
 
 def _axis(model: ModelArrays) -> Floats:
@@ -90,53 +117,52 @@ def _across(vector: Floats, axis: Floats) -> float:
     return float(np.linalg.norm(vector - (vector @ axis) * axis))
 
 
-def _prism(body: Body, axis: Floats) -> Prism:
-    """Return a body as a prism along an axis."""
-    place = body.mesh.nodes @ axis
-    start, length = float(place.min()), float(np.ptp(place))
-    ends, sides, faces, boundary = {}, [], [], []
-    for region in body.mesh.regions:
-        surface = body.surface(region).surface
-        along = np.round(surface.normals @ axis)  # -1 and 1 of the faces at the start and at the end, 0 of a side
-        if np.abs(surface.normals @ axis - along).max() > ROUND_OFF:
-            raise NotARowOfPrisms(f"'{body.name}.{region}' is neither across the axis nor along it")
-        corners = surface.positions[surface.facets]
-        apart = corners @ axis - start - np.where(along > 0.0, length, 0.0)[:, None]
-        if np.abs(apart[along != 0.0]).max(initial=0.0) > ROUND_OFF * length:
-            raise NotARowOfPrisms(f"'{body.name}.{region}' is not at an end of its body")
-        if (along == 0.0).all():
-            sides.append(region)
-        elif np.ptp(along) == 0.0:
-            ends[region] = bool(along[0] < 0.0)
-        face = corners[along != 0.0].reshape(-1, axis.size)
-        faces.append(face - np.outer(face @ axis, axis))
-        boundary.append((np.sort(surface.nodes[surface.facets], axis=1), along, surface.areas))
-    facets, looks, areas = map(np.concatenate, zip(*boundary, strict=True))
-    first = np.unique(facets, axis=0, return_index=True)[1]  # a facet may lie in several regions
-    area, opposite = (float(areas[first][looks[first] == way].sum()) for way in (-1.0, 1.0))
-    volume = float(body.volumes_of_cells.sum())
-    if not ends or max(abs(one * length - volume) for one in (area, opposite)) > ROUND_OFF * volume:
-        raise NotARowOfPrisms(f"body '{body.name}' is no prism along the axis")
-    if _across(body.velocity, axis) > ROUND_OFF * np.linalg.norm(body.velocity):
-        raise NotARowOfPrisms(f"body '{body.name}' moves across the axis")
+def _prism(body: Body, axis: Floats, held: set[tuple[int, int]]) -> Prism:
+    """Return a body as a prism along an axis; `held` are the nodes of the model that supports hold, and along what."""
     if np.any(body.spec.spin):
         raise NotARowOfPrisms(f"body '{body.name}' turns")
-    modulus = _modulus(body, sides, set(body.mesh.regions) - {*sides, *ends}, axis)
-    points = np.concatenate(faces)
-    return Prism(start, length, area, modulus, ends, np.array([points.min(axis=0), points.max(axis=0)]))
+    if _across(body.velocity, axis) > ROUND_OFF * np.linalg.norm(body.velocity):
+        raise NotARowOfPrisms(f"body '{body.name}' moves across the axis")
+    if (pieces := _pieces(body)) > 1:
+        raise NotARowOfPrisms(f"body '{body.name}' is in {pieces} pieces")
+    place = body.mesh.nodes @ axis
+    start, length = float(place.min()), float(np.ptp(place))
+    volume = float(body.volumes_of_cells.sum())
+    surface = whole_surface(body.view, body.volumes_of_cells)
+    looks = _looks(surface, axis)
+    apart = surface.positions[surface.facets] @ axis - start - np.where(looks > 0.0, length, 0.0)[:, None]
+    area = float(surface.areas[looks == -1.0].sum())
+    is_prism = np.isfinite(looks).all() and np.abs(apart[looks != 0.0]).max(initial=0.0) <= ROUND_OFF * length
+    if not is_prism or abs(area * length - volume) > ROUND_OFF * volume:
+        raise NotARowOfPrisms(f"body '{body.name}' is no prism along the axis")
+    sides = (looks == 0.0) & (surface.areas > 0.0)  # a side of no area is the axis of revolution
+    modulus = _modulus(body, surface, sides, axis, held)
+    return Prism(body, axis, start, length, area, modulus)
 
 
-def _modulus(body: Body, sides: list[str], mixed: set[str], axis: Floats) -> float:
-    """Return the modulus of a body that moves along the axis alone; `mixed` regions have several of its sides."""
-    rolls = set()
-    for region, along in body.spec.supports:
-        if region in mixed:
-            raise NotARowOfPrisms(f"'{body.name}.{region}', which is held, has several sides of its body")
-        if region not in sides:
-            continue
-        if along is None or abs(axis[along]) > ROUND_OFF:
-            raise NotARowOfPrisms(f"the side '{body.name}.{region}' is held along the axis")
-        rolls.add((region, along))
+def _pieces(body: Body) -> int:
+    """Return the number of pieces of a body that share no node."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    cells, count = cells_of(body.mesh), len(body.mesh.nodes)
+    first = np.repeat(cells[:, 0], cells.shape[1])
+    _, piece = connected_components(csr_array((np.ones(cells.size), (first, cells.ravel())), shape=(count, count)))
+    return np.unique(piece[cells[:, 0]]).size
+
+
+def _looks(surface: Surface, axis: Floats) -> Floats:
+    """Return -1 and 1 of facets across an axis, by the way they look, 0 of those along it, nan of others."""
+    width, every = surface.facets.shape[1], np.arange(len(surface.facets))
+    corners = np.stack([surface.outward(every, np.tile(corner, (every.size, 1))) for corner in np.eye(width)], axis=1)
+    cosines = corners @ axis / np.linalg.norm(corners, axis=2)
+    looks: Floats = np.round(cosines[:, 0])
+    looks[np.abs(cosines - looks[:, None]).max(axis=1) > ROUND_OFF] = np.nan
+    return looks
+
+
+def _modulus(body: Body, surface: Surface, sides: Integers, axis: Floats, held: set[tuple[int, int]]) -> float:
+    """Return the modulus of a body that moves along the axis alone, whose facets `sides` are free or roll."""
     stress, pull = _stress_along(body, axis)
     modulus = float(pull @ stress @ pull)
     if np.abs(stress @ pull - modulus * pull).max() > ROUND_OFF * modulus:
@@ -144,10 +170,11 @@ def _modulus(body: Body, sides: list[str], mixed: set[str], axis: Floats) -> flo
     across = np.eye(pull.size) - np.outer(pull, pull)
     if np.abs(across @ stress @ across).max() <= ROUND_OFF * modulus:
         return modulus  # it does not contract
-    for region in [*sides, *sorted(mixed)]:
-        normals = np.abs(body.surface(region).surface.normals)
-        if (region, int(normals[0].argmax())) not in rolls or normals.max(axis=1).min() < 1.0 - ROUND_OFF:
-            raise NotARowOfPrisms(f"body '{body.name}' contracts, and no rollers hold its side '{region}'")
+    for facet, normal in zip(surface.nodes[surface.facets[sides]], np.abs(surface.normals[sides]), strict=True):
+        rolls = {(body.start + int(node), int(normal.argmax())) for node in facet} <= held
+        if not rolls or normal.max() < 1.0 - ROUND_OFF:
+            place = found(np.round(body.mesh.nodes[facet].mean(axis=0), 9).tolist())
+            raise NotARowOfPrisms(f"body '{body.name}' contracts, and no rollers hold its side at {place}")
     return modulus
 
 
@@ -170,31 +197,61 @@ def _stress_along(body: Body, axis: Floats) -> tuple[Floats, Floats]:
 def _contacts(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Iterator[ProblemContact]:
     """Yield the contacts of faces that cover each other, and of faces with walls across the axis."""
     for name, spec in model.case.contacts.items():
-        points = [point for point in model.contact_points if point.name == name]
-        ends = [BodyEnd(side.body, _end(prisms, side.body, side.region)) for side in spec.sides]
-        faces = [prisms[side.body].across for side in spec.sides]
-        size = float(np.abs(np.ptp(faces[0], axis=0)).max())
-        if np.abs(faces[0] - faces[-1]).max() > ROUND_OFF * max(size, float(np.abs(faces).max())):
-            raise NotARowOfPrisms(f"the faces of contact '{name}' do not cover each other")
+        gaps = [point.gap for point in model.contact_points if point.name == name]
+        ends = [BodyEnd(side.body, prisms[side.body].at_start(side.region, "in contact")) for side in spec.sides]
+        if np.ptp(gaps) > ROUND_OFF * min(prisms[end.body].length for end in ends):
+            raise NotARowOfPrisms(f"the gap of contact '{name}' differs from place to place")
         if len({end.at_start for end in ends}) != len(ends):
             raise NotARowOfPrisms(f"the faces of contact '{name}' look the same way")
+        if len(ends) > 1 and not _cover(
+            [model.bodies[side.body] for side in spec.sides], [side.region for side in spec.sides], axis
+        ):
+            raise NotARowOfPrisms(f"the faces of contact '{name}' do not cover each other")
         normal = -axis if ends[0].at_start else axis
-        yield ProblemContact(name, tuple(ends), read_only(normal), points[0].gap)
+        yield ProblemContact(name, tuple(ends), read_only(normal), gaps[0])
 
 
-def _end(prisms: dict[str, Prism], body: str, region: str) -> bool:
-    """Return whether a region is the face at the start of its body."""
-    if region not in prisms[body].ends:
-        raise NotARowOfPrisms(f"'{body}.{region}' is no face across the axis")
-    return prisms[body].ends[region]
+def _cover(bodies: Sequence[Body], regions: Sequence[str], axis: Floats) -> bool:
+    """Return whether two faces across an axis cover each other: whether they have the same rim.
+
+    The rim of a face is the edges of its facets that no other of them has, in a plane their ends.
+    """
+    plane = np.linalg.svd(axis[None])[2][1:].T
+    rims = []
+    for body, region in zip(bodies, regions, strict=True):
+        ((kind, facets),) = body.mesh.regions[region].facets.items()
+        rims.append(body.mesh.nodes[boundary_of(kind, np.asarray(facets))] @ plane)
+    size = ROUND_OFF * max(float(np.abs(rim).max()) for rim in rims)
+    if axis.size == 2:
+        one, other = (np.sort(rim, axis=None) for rim in rims)
+        return one.size == other.size and bool(np.abs(one - other).max() <= size)
+    return all(_lies_on(one, other, size) for one, other in (rims, rims[::-1]))
+
+
+def _lies_on(edges: Floats, others: Floats, slack: float) -> bool:
+    """Return whether edges in a plane, (E, 2, 2), lie on others, each part of them once."""
+    ahead = edges[:, 1] - edges[:, 0]
+    length = np.linalg.norm(ahead, axis=1)
+    ahead /= length[:, None]
+    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    places, on = [], np.ones((len(edges), len(others)), dtype=bool)
+    for end in others.swapaxes(0, 1):
+        on &= np.abs(aside @ end.T - (aside * edges[:, 0]).sum(axis=1)[:, None]) <= slack
+        places.append(np.clip(ahead @ end.T - (ahead * edges[:, 0]).sum(axis=1)[:, None], 0.0, length[:, None]))
+    shared = (np.abs(places[1] - places[0]) * on).sum(axis=1)
+    return bool(np.abs(shared - length).max() <= slack)
 
 
 def _fixed(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Iterator[BodyEnd]:
     """Yield the faces that are held along the axis."""
     for body in model.bodies.values():
         for region, along in body.spec.supports:
-            if region in prisms[body.name].ends and (along is None or abs(axis[along]) > ROUND_OFF):
-                yield BodyEnd(body.name, prisms[body.name].ends[region])
+            part = 1.0 if along is None else abs(axis[along])
+            if part > ROUND_OFF:
+                end = BodyEnd(body.name, prisms[body.name].at_start(region, "held along the axis"))
+                if part < 1.0 - ROUND_OFF:
+                    raise NotARowOfPrisms(f"'{body.name}.{region}' is held in a direction oblique to the axis")
+                yield end
 
 
 def _loads(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Iterator[ProblemLoad]:
@@ -204,7 +261,7 @@ def _loads(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Iterat
         for address in spec.on:
             if address.region:
                 body = model.bodies[address.body]
-                end = BodyEnd(body.name, _end(prisms, body.name, address.region))
+                end = BodyEnd(body.name, prisms[body.name].at_start(address.region, "loaded"))
                 nodes = {node for node, _ in body.places(address.region)}
                 forces = [one.force for one in model.loads.on_nodes if one.load is spec and one.node in nodes]
                 drives = [one.direction for one in model.loads.constraints if one.load is spec and one.node in nodes]

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from percuss.methods.interfaces import Surface
+from percuss.methods.interfaces import Region, Surface
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import BodyMesh, Floats, Integers
 
 # Volume of a cell over the area of a facet is the height of the cell for squares and cubes; a part of it for others.
 PARTS_OF_HEIGHT = {"triangle": 2.0, "tetra": 3.0}
-# The sides of a cell as seen from outside, by the number of dimensions and of its nodes.
-SIDES = {
-    (2, 3): [[0, 1], [1, 2], [2, 0]],
-    (2, 4): [[0, 1], [1, 2], [2, 3], [3, 0]],
-    (3, 4): [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
-    (3, 8): [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
+# Of each kind of cell and of facet, as seen from outside; edges of a plane cell have it on their left.
+FACETS = {
+    "line": [[0], [1]],
+    "triangle": [[0, 1], [1, 2], [2, 0]],
+    "quad": [[0, 1], [1, 2], [2, 3], [3, 0]],
+    "tetra": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+    "hexahedron": [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
 }
+KIND_OF_FACET = {"triangle": "line", "quad": "line", "tetra": "triangle", "hexahedron": "quad"}
+
 
 TINY = float(np.finfo(float).tiny)
 
@@ -43,6 +47,21 @@ class BodySurface(NamedTuple):
     heights: Floats
     shares: Floats
     outward: Floats
+
+
+def boundary_of(kind: str, cells: Integers) -> Integers:
+    """Return the facets that bound cells of a kind, or the ends of edges and the rims of faces, each in one of them."""
+    facets = cells[:, FACETS[kind]].reshape(-1, len(FACETS[kind][0]))
+    _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+    alone: Integers = facets[first[count == 1]]
+    return alone
+
+
+def whole_surface(body: BodyMesh, volumes: Floats) -> Surface:
+    """Return the whole boundary of a body, whatever its regions are; parameters are those of `surface_of`."""
+    ((kind, cells),) = body.mesh.cells.items()
+    region = Region((), np.zeros(0), {KIND_OF_FACET[kind]: boundary_of(kind, cells)})
+    return surface_of(replace(body, mesh=body.mesh._replace(regions={"": region})), "", 0, volumes).surface
 
 
 def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> BodySurface:
@@ -76,14 +95,6 @@ def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> Body
     outward = np.zeros((nodes.size, out.shape[1]))
     np.add.at(outward, places, of_nodes[..., None] * surface.normals[:, None])
     return BodySurface(surface._replace(areas=areas), heights, shares, outward)
-
-
-def skin_of(cells: Integers, dim: int) -> Integers:
-    """Return the facets of the boundary of cells, (F, nodes of a facet): the sides that one cell alone has."""
-    sides = cells[:, SIDES[dim, cells.shape[1]]].reshape(-1, dim if cells.shape[1] != 8 else 4)
-    _, first, times = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
-    skin: Integers = sides[np.sort(first[times == 1])]
-    return skin
 
 
 def _cells_behind(cells: Integers, facets: Integers, nodes: int) -> Integers:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.mesh.surfaces import SIDES
+from percuss.mesh.surfaces import FACETS
 from percuss.reporting.figures import FAINT, INK
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ ACROSS, ABOVE = np.radians(28.0), np.radians(22.0)
 TO_CAMERA = np.array([np.sin(ACROSS) * np.cos(ABOVE), -np.cos(ACROSS) * np.cos(ABOVE), np.sin(ABOVE)])
 RIGHT = np.array([np.cos(ACROSS), np.sin(ACROSS), 0.0])
 PAGE = np.stack([RIGHT, np.cross(TO_CAMERA, RIGHT)], axis=1)  # (3, 2)
+FACES: Mapping[int, list[list[int]]] = {4: FACETS["tetra"], 8: FACETS["hexahedron"]}  # by the corners of a cell
 SHARP = 0.8  # largest cosine between two faces that meet in an edge which is drawn
 
 
@@ -59,7 +60,7 @@ class Faces(NamedTuple):
         found, owner = [], []
         for count in np.unique(counts):
             (numbers,) = np.nonzero(counts == count)
-            faces = SIDES[3, int(count)] if dim == 3 else [list(range(count))]
+            faces = FACES[int(count)] if dim == 3 else [list(range(count))]
             found.append(cells[numbers][:, faces].reshape(-1, len(faces[0])))
             owner.append(np.repeat(numbers, len(faces)))
         most = max(each.shape[1] for each in found)

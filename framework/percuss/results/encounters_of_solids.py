@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.contact.paired_surfaces import walls_of
-from percuss.mesh.cells import cells_of
-from percuss.mesh.surfaces import skin_of
+from percuss.mesh.surfaces import boundary_of
 from percuss.methods.interfaces import Surface
 from percuss.methods.interfaces.nearest import EVEN, nearest_places, places_on
 
@@ -214,7 +213,8 @@ def _in_box(at: Floats, others: Floats) -> tuple[Integers, Floats]:
 
 
 def _skin(body: Body) -> Surface:
-    facets = skin_of(cells_of(body.mesh), body.mesh.nodes.shape[1])
+    ((kind, cells),) = body.mesh.cells.items()
+    facets = boundary_of(kind, cells)
     nodes, places = np.unique(facets, return_inverse=True)
     return Surface(
         nodes + body.start, body.mesh.nodes[nodes], places.reshape(facets.shape), np.zeros((0, 0)), np.zeros(0)
