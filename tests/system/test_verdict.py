@@ -122,6 +122,24 @@ def test_what_else_a_verdict_says(coarse: Path, changes: tuple[str, ...], words:
     assert re.search(words, done.stdout), done.stdout + done.stderr
 
 
+GLUED = ("method.contact={name: cohesive, strength: 2, length: 5}",)
+
+
+def test_no_command_advises_to_drop_a_bond(coarse: Path) -> None:
+    """The exact solution of bodies that may part would be off by more than 10 %, and lagrange nearer to it."""
+    done = percuss_command("run", str(coarse), *(f"--set={change}" for change in GLUED))
+    assert "No exact solution is known" in done.stdout
+    assert "(cohesive) holds its bodies together" in done.stdout
+    assert done.stdout.endswith("give `--reference refine=4`.\n")
+    path = coarse.with_name("glued.yaml")
+    path.write_text(COARSE.replace("penalty", "{name: cohesive, strength: 2, length: 5}"))
+    done = percuss_command("recommend", str(path), "--error", "5%", cwd=coarse.parent)
+    assert done.returncode == 2
+    assert "expected a contact whose bodies may part, found a bond (cohesive)" in done.stderr
+    done = percuss_command("compare", str(path), "--contact", "cohesive,lagrange", cwd=coarse.parent)
+    assert "not compared, as their force error, L1 is unknown: central-difference + cohesive." in done.stdout
+
+
 def test_an_unknown_error_has_a_reason() -> None:
     done = percuss_command("run", CASES / "doyen-bounce.yaml", "--set=record.every=5")
     expected = (

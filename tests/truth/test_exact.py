@@ -1200,7 +1200,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from percuss.methods.interfaces import Load, Material, Shape
+from percuss.methods.interfaces import ContactLaw, LinearLaw, Load, Material, Shape
 from percuss_methods.shapes.bar import Bar
 
 
@@ -1242,6 +1242,17 @@ class Rod(Shape):
 
     def mesh(self, at, refine):
         return Bar(self.length, 4).mesh(at, refine)
+
+
+@dataclass(frozen=True)
+class Spring(ContactLaw):
+    """A spring that pulls as it pushes, and does not say that it is a bond."""
+
+    name = "spring"
+    summary = "A spring"
+
+    def bind(self, points, dt):
+        return LinearLaw(at="explicit", sigma=1.0, active="all")
 
 
 @dataclass(frozen=True)
@@ -1333,6 +1344,17 @@ UNCOVERED = {
     ),
     "several contacts": (
         changed("contacts.wall", {"body": "a.right", "wall": 1.5}), "an end takes part in several contacts",
+    ),
+    **{
+        f"bond {name}": (
+            changed("method", {"integrator": "central-difference", "contact": {"name": name, **options}}),
+            f"contact 'ab' ({name}) holds its bodies together, and the solution is that of bodies that may part",
+        )
+        for name, options in {"tied": {}, "cohesive": {"strength": 1.0, "length": 2.0}, "spring": {}}.items()
+    },
+    "tied at other times": (
+        changed("method", {"contact": {"name": "tied", "during": [[0.0, 0.5]]}}),
+        "contact 'ab' (tied) holds its bodies together at other times than those at which the exact contact is closed",
     ),
 }  # fmt: skip
 

@@ -86,6 +86,8 @@ def test_the_finer_run_keeps_what_the_case_is_and_leaves_how_it_is_computed():
     assert finer.method.integrator.name == "wu-predictor-corrector"
     own = case.with_overrides({"contacts.seam.method": {"name": "tied"}})
     assert case_of(own, 2.0).contacts["seam"].law.name == "tied"
+    bond = {"name": "cohesive", "strength": 0.2, "length": 0.5}
+    assert case_of(case.with_overrides({"method.contact": bond}), 2.0).contacts["seam"].law.strength == 0.2
 
 
 def box(at, elements, speed):

@@ -89,6 +89,11 @@ class Case(CaseSection):
         return all(body.shape.cell == "line" for body in self.bodies.values())
 
     @property
+    def bonds(self) -> list[str]:
+        """Names of the contacts that are bonds by their law."""
+        return [name for name, contact in self.contacts.items() if contact.law.bond]
+
+    @property
     def recorded_ends(self) -> list[Address | Spot]:
         """Ends and points whose motion a run records: the ends in contact where the case names none."""
         in_contact = (side for contact in self.contacts.values() for side in contact.sides)

@@ -80,7 +80,7 @@ def run(
             common.tell(f"error: {failure}")
         answer.exit_code = 1 if result.status != "done" or open_accounts(result.summary) else 0
         if result.marched:
-            search = "" if tied else _search(case, set_ or [], plugin or [], reference)
+            search = "" if tied or loaded.bonds else _search(case, set_ or [], plugin or [], reference)
             others = _alternatives(loaded, result) if search else None
             answer.conclude(run_verdict(result, others, search))
         if result.status == "interrupted" and result.marched:

@@ -56,6 +56,12 @@ class BoundLaw:
         return self.linear is not None and any(np.any(getattr(self.linear, name)) for name in OF_END_FORCE)
 
     @property
+    def bonds(self) -> bool:
+        """Whether the law holds bodies together that would part: it says so, or its line pulls at any gap."""
+        line = self.linear
+        return self.law.bond or (line is not None and (line.active, line.sign) == ("all", "free"))
+
+    @property
     def ties(self) -> bool:
         """Whether the law holds the gap rates of its contacts at zero at the end of each step in which it acts."""
         line = self.linear

@@ -91,7 +91,8 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
     if error is None and errors_of(summary) is None:
         yield f"No exact solution is known, so percuss cannot compute the true error ({summary['exact_reason']})."
         finer = f"refine={4 * result.provenance['case'].get('refine', 1):g}"
-        yield f"To judge the run by a finer mesh, give `--reference {finer}`, or try {next_command}."
+        search = f", or try {next_command}" if next_command else ""
+        yield f"To judge the run by a finer mesh, give `--reference {finer}`{search}."
         return
     if summary["exact_covered"]:
         yield f"The exact solution ends before the run: {summary['exact_reason']}."
@@ -149,11 +150,16 @@ def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
     """
     error = next(iter(ranking(name for name in columns if any(is_number(row[name]) for row in rows))), "")
     for case, group in groupby(rows, key=lambda row: row["case"]) if error else ():
-        done = [row for row in group if row["status"] == "done" and row["contact"] != TIED and is_number(row[error])]
+        all_done = [row for row in group if row["status"] == "done" and row["contact"] != TIED]
+        done = [row for row in all_done if is_number(row[error])]
         if not done:
             yield f"{case}: no run has a value of {error}."
             continue
         yield best_words(case, done, error)
+        if unjudged := [run_words(row) for row in all_done if not is_number(row[error])]:
+            more = f" and {len(unjudged) - MOST_NAMED} more" if len(unjudged) > MOST_NAMED else ""
+            named = f"{', '.join(unjudged[:MOST_NAMED])}{more}"
+            yield f"{case}: not compared, as their {of_column(error).label} is unknown: {named}."
     if fragile := sum(row["fragile"] is True for row in rows):
         yield f"{fragile} of {len(rows)} runs depend on round-off."
     sources = (f"{row['said_by']} says: " if row["said_by"] else "" for row in rows)

@@ -38,7 +38,7 @@ class Judge(Protocol):
 
 
 @one_blas_thread()
-def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
+def exact_solution(model: Model, end: float, *, of_contact: bool = False) -> tuple[Exact | None, str, str]:
     """Return the exact solution of a model up to `end`.
 
     Parameters
@@ -47,6 +47,8 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
         The case as arrays.
     end
         Time up to which the solution is needed.
+    of_contact
+        Whether it is that of contact even where a law holds the bodies together.
 
     Returns
     -------
@@ -57,7 +59,7 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     reason
         Why there is none, or why it ends before `end`; empty otherwise.
     """
-    engine, problem, reason = engine_for(model, end)
+    engine, problem, reason = engine_for(model, end, of_contact=of_contact)
     if engine is None or problem is None:
         return None, "", reason
     progress(0.0)
@@ -70,10 +72,12 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     return solution, engine.name, f"{engine.name} holds up to {solution.reached:.9g} only: {stop_reason}"
 
 
-def engine_for(model: Model, end: float) -> tuple[Solution | None, ContactProblem | None, str]:
+def engine_for(
+    model: Model, end: float, *, of_contact: bool = False
+) -> tuple[Solution | None, ContactProblem | None, str]:
     """Return the solution of the case, else the first registered one, that covers it, with the problem that it solves.
 
-    If none covers it, both are None, and the text has the reasons.
+    If none covers it, both are None, and the text has the reasons. Parameters are those of `exact_solution`.
     """
     problem = model.problem
     if isinstance(problem, str):
@@ -88,10 +92,30 @@ def engine_for(model: Model, end: float) -> tuple[Solution | None, ContactProble
         reason = (
             linear_only or unaware or answer(engine, "covers", problem) or answer(engine, "too_costly", problem, end)
         )
-        if reason is None:
+        reason = reason or ("" if of_contact else _bond_in(model, engine, problem, end))
+        if not reason:
             return engine, problem, ""
         reasons.append(f"{engine.name}: {reason}")
     return None, None, "; ".join(reasons) or "no solution engine is registered"
+
+
+def _bond_in(model: Model, engine: Solution, problem: ContactProblem, end: float) -> str:
+    """Return why the exact solution of contact does not judge bodies that a law holds together; empty if none does.
+
+    It judges those that are tied while the exact contact is closed, where the law makes no difference.
+    """
+    for bound_law in filter(lambda bound_law: bound_law.bonds, model.laws):
+        for name in dict.fromkeys(model.contact_points[p].name for p in bound_law.where):
+            said = f"contact '{name}' ({bound_law.law.name}) holds its bodies together"
+            if bound_law.during is None:
+                return f"{said}, and the solution is that of bodies that may part"
+            solution = solve(engine, problem, end)
+            exact = () if isinstance(solution, str) else solution.contacts[name].closed
+            tied, closed = (np.minimum(np.reshape(times, (-1, 2)), end) for times in (bound_law.during, exact))
+            tied, closed = (times[times[:, 0] < times[:, 1]] for times in (tied, closed))
+            if tied.shape != closed.shape or np.abs(tied - closed).max(initial=0.0) > ROUND_OFF * end:
+                return f"{said} at other times than those at which the exact contact is closed"
+    return ""
 
 
 def sampled(solution: Judge, names: list[str], time: Floats, middle: Floats, dt: float) -> tuple[Floats, ...]:

@@ -140,6 +140,8 @@ def case_of(case: Case, end: float) -> Case:
     source = replace(case.origin, data={key: value for key, value in case.data.items() if key not in COMPUTED_BY})
     contacts = case.data.get("contacts", {})
     own = {name: {key: value for key, value in one.items() if key != "pairing"} for name, one in contacts.items()}
+    for name in case.bonds:  # a bond is a part of the problem
+        own[name].setdefault("method", case.data["method"]["contact"])
     usual: dict[str, Any] = {"contact": OF_REFERENCE["contacts"]}
     if case.method.pairing is not None:
         usual["pairing"] = OF_REFERENCE["pairings"]

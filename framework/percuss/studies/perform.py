@@ -208,7 +208,7 @@ def tied_twin(case: Case) -> Case:
     law = tying_law(case.registry)
     tied_contacts = {f"contacts.{name}.method": law.name for name in case.contacts}
     model = settled(case.with_overrides(tied_contacts) if tied_contacts else case).model
-    solution, _, reason = exact_solution(model, (model.steps + 1) * model.dt)
+    solution, _, reason = exact_solution(model, (model.steps + 1) * model.dt, of_contact=True)
     if solution is None or reason:
         raise _NoTwin(f"the times at which the exact contact is closed are unknown: {reason}")
     tied_during = {

@@ -263,6 +263,10 @@ def recommend(
     _check(bounds, runs, seed)
     expect_names("percuss.recommend", "integrators", integrators)
     expect_names("percuss.recommend", "contacts", contacts)
+    if case.bonds and not contacts:
+        message = f"expected a contact whose bodies may part, found a bond ({case.contacts[case.bonds[0]].law.name})"
+        advice = "recommend searches laws of contact; name those that may take its place with --contact."
+        raise InputError([case.problem(("contacts", case.bonds[0]), message, advice)])
     methods = _methods(case.registry, integrators, contacts)
     file = Path(out) if out is not None else Path(f"{Path(path).stem}-recommend.sqlite")
     expect_no_input(file, case.inputs)

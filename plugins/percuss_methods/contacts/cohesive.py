@@ -59,6 +59,7 @@ class Cohesive(ContactLaw):
         "energy-never-grows with wu-predictor-corrector": WHY_ENERGY_MAY_GROW,
     }
     stiffening = ("beta_s", "epsilon_s")
+    bond = True
     # greatest opening, energy stored and energy dissipated; 1 after the first step, and what it had lost before that
     state = 5
     stored_in = 1

@@ -24,6 +24,7 @@ class Tied(ContactLaw):
     name = "tied"
     summary = "Interface tied at given times: the error of the bulk without that of the contact"
     references = ("Belytschko, Liu, Moran, Elkhodary: Nonlinear Finite Elements, Wiley 2014, ch. 10",)
+    bond = True
     tied_during = "during"
     examples = ({}, {"during": ((0.0, 0.1), (0.2, 0.3))})
     expected_failures = {

@@ -281,6 +281,9 @@ class ContactLaw(Component, contract="contacts"):
     stiffening
         Numerical options that make a closed contact stiffer as they grow. The certificate of an unstable step names the
         largest stable value of each.
+    bond
+        Whether it holds bodies together that would part. It is a part of the problem then, and no method for contact:
+        no exact solution of contact judges a run with it, unless it ties while the exact contact is closed.
     tied_during
         Option with the time intervals during which the law ties its contacts; empty for a law that does not tie. A
         comparison uses such a law for tied twins: runs with the contacts tied while the exact contact is closed.
@@ -305,6 +308,7 @@ class ContactLaw(Component, contract="contacts"):
     guarantees: ClassVar[tuple[str, ...]] = ()
     stiffening: ClassVar[tuple[str, ...]] = ()
     headline: ClassVar[tuple[str, ...]] = ()
+    bond: ClassVar[bool] = False
     tied_during: ClassVar[str] = ""
     needs_only_response_of: ClassVar[Mapping[str, str]] = {}
 
