@@ -200,7 +200,7 @@ def test_columns_are_told_apart(small):
     known = study_data.columns(small)
     assert known.varied == ("method.contact.beta_s", "time.courant", "refine")
     assert list(known.measures)[:3] == ["force_error_l1", "force_error_l2", "impulse_error"]
-    assert known.measures["noise"] == "noise of the force [%]"
+    assert known.measures["noise"] == "noise of the force (exact: 1)"
     assert known.measures["penetration"] == "largest penetration"
     named = copy.deepcopy(small)
     named.units = {"length": "mm"}

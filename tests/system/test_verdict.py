@@ -9,7 +9,7 @@ import pytest
 import percuss
 import places
 from command_line import percuss_command
-from percuss.reporting.verdict import failures
+from percuss.reporting.verdict import error_words, failures
 from percuss.results.true_error import largest_error
 from percuss.studies import alternatives as module
 from percuss.studies.columns import metric
@@ -138,6 +138,49 @@ def test_no_command_advises_to_drop_a_bond(coarse: Path) -> None:
     assert "expected a contact whose bodies may part, found a bond (cohesive)" in done.stderr
     done = percuss_command("compare", str(path), "--contact", "cohesive,lagrange", cwd=coarse.parent)
     assert "not compared, as their force error, L1 is unknown: central-difference + cohesive." in done.stdout
+
+
+THREE = """\
+percuss: 1
+title: A contact that presses for the whole run, and one that begins to press at its end
+bodies:
+  left: {bar: {length: 1, elements: 20}, material: {young: 1, density: 1}, area: 1, velocity: 1}
+  middle: {bar: {length: 2, elements: 40}, at: 1, material: {young: 1, density: 1}, area: 1}
+  right: {bar: {length: 1, elements: 20}, at: 3, material: {young: 1, density: 1}, area: 1}
+contacts:
+  first: {between: [left.right, middle.left]}
+  late: {between: [middle.right, right.left]}
+method: {integrator: central-difference, contact: penalty}
+time: {end: 2, courant: 0.5}
+"""
+
+
+def test_a_verdict_names_its_contact_and_leaves_out_one_that_barely_presses(tmp_path: Path) -> None:
+    (tmp_path / "three.yaml").write_text(THREE)
+    done = percuss_command("run", str(tmp_path / "three.yaml"))
+    result = percuss.run(percuss.load(tmp_path / "three.yaml"))
+    errors = {name: contact["force_error_l1"] for name, contact in result.summary["exact"]["contacts"].items()}
+    assert errors["late"] > 0.5 > 3 * errors["first"]
+    assert f"The contact force of 'first' is off by {100 * errors['first']:.2g} %" in done.stdout
+    assert largest_error(result.summary) == metric(result, "force_error_l1") == errors["first"]
+    assert "(exact: 1), overshoot" in done.stdout
+    for command in (done.stdout, percuss_command("run", str(tmp_path / "three.yaml"), "--exact-only").stdout):
+        assert "| first closed |    last open |" in command
+        assert "still closed" in command
+    longer = percuss.run(percuss.load(tmp_path / "three.yaml", {"time.end": 2.3}))
+    assert error_words(longer).startswith("the contact force of 'late' is off by")
+
+
+def test_round_off_is_not_ranked(coarse: Path) -> None:
+    """Exact laws overlap by round-off alone, which of them by less is chance; at the critical step all are exact."""
+    uncovered = ("--set=bodies.left.material.name=ramberg-osgood", "--set=bodies.left.material.yield_stress=1")
+    gap = ("--set=bodies.right.at=1.013", "--set=time.courant=0.3", "--set=refine=7")
+    laws = ("--contact=lagrange,decomposition-contact-response,penalty",)
+    words = percuss_command("compare", str(coarse), *laws, *uncovered, *gap).stdout
+    both = "central-difference + lagrange and central-difference + decomposition-contact-response"
+    assert f"{both} have the smallest largest penetration (0)" in words
+    words = percuss_command("compare", str(coarse), *laws, "--set=time.courant=1", "--set=time.end=2.7").stdout
+    assert f"{both} have the smallest force error, L1" in words
 
 
 def test_an_unknown_error_has_a_reason() -> None:

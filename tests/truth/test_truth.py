@@ -129,7 +129,7 @@ def test_where_nothing_presses_errors_are_zero_or_none():
     time = np.array([0.0, 0.25])
     exact = np.zeros(2)
     silent = true_error.contact_errors(contact, time, np.zeros(2), exact, 0.25, 0.5, every=1)
-    assert [silent[name] for name in (*ERRORS, "noise")] == [0.0, 0.0, 0.0, 0.0]
+    assert [silent[name] for name in (*ERRORS, "noise")] == [0.0, 0.0, 0.0, None]
     assert silent["closed"] == []
     loud = true_error.contact_errors(contact, time, np.array([0.0, 1.0]), exact, 0.25, 0.5, every=1)
     assert [loud[name] for name in (*ERRORS, "noise", "overshoot")] == [None] * 5

@@ -30,6 +30,19 @@ def told(case, overrides=None):
     return explanation(*settled(percuss.load(case, overrides)))
 
 
+@pytest.mark.parametrize("height", [0.0, 0.1])
+def test_the_gap_of_a_contact_is_the_smallest_of_its_points(height):
+    found = told({
+        "percuss": 1, "time": {"courant": 0.5, "end": 1.0},
+        "bodies": {"d": {"disk": {"radius": 1.0, "elements": 8}, "at": [0.0, 1.0 + height],
+                         "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}},
+        "contacts": {"floor": {"body": "d.skin", "wall": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}},
+        "method": {"contact": "lagrange", "pairing": "node-to-segment"},
+    })  # fmt: skip
+    assert found.data["contacts"]["floor"]["gap"] == pytest.approx(height, abs=1e-12)
+    assert f"floor: d.skin and a rigid wall, {f'gap {height:g}' if height else 'touching'}; " in found.text
+
+
 # ------------------------------------------------------------------------------------------------- cases
 
 

@@ -421,6 +421,39 @@ def test_results_of_runs_without_contact_or_probes_are_saved_too(tmp_path):
     assert again.arrays["contact_force"].shape == (11, 0)
 
 
+@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize("integrator", ["central-difference", "asynchronous", "noh-bathe", "implicit-hht"])
+def test_the_numbers_of_a_contact_count_the_last_record(integrator, every):
+    """The force grows until the end; the bar closes at about 0.01, the time of its waves."""
+    push = {"p": {"ramp": {"value": 0.01, "duration": 0.04}, "on": "a.left"}}
+    case = one_bar({"steps": 32, "courant": 0.5}, push, contacts={"w": {"body": "a.right", "wall": 1.0}})
+    case["record"]["every"] = every
+    result = run(case, {"method.integrator": integrator})
+    contact, force, gap = (
+        result.summary["contacts"]["w"], result.arrays["contact_force"][:, 0], result.arrays["gap"][:, 0],
+    )  # fmt: skip
+    assert force[-1] == force.max() > 0.0
+    assert contact["peak_force"] == force[-1]
+    assert contact["penetration"]["largest"] == -gap[-1] == -gap.min()
+    assert contact["first_closed"] < contact["closed_time"] + contact["first_closed"] <= result.end
+    assert contact["last_open"] is None
+
+
+def test_a_contact_that_closes_in_the_last_record_is_closed():
+    push = {"p": {"ramp": {"value": 0.01, "duration": 0.04}, "on": "a.left"}}
+    contacts = {"w": {"body": "a.right", "wall": 1.0}}
+    whole = run(one_bar({"steps": 32, "courant": 0.5}, push, contacts=contacts))
+    (first, *_) = np.flatnonzero(whole.arrays["contact_force"][:, 0])
+    short = run(one_bar({"steps": int(first), "courant": 0.5}, push, contacts=contacts))
+    contact = short.summary["contacts"]["w"]
+    assert contact["first_closed"] == short.end == whole.summary["contacts"]["w"]["first_closed"]
+    assert [contact["last_open"], contact["closed_time"], contact["impulse"]] == [None, 0.0, 0.0]
+    assert contact["peak_force"] > 0.0
+    assert contact["penetration"]["largest"] > 0.0
+    before = run(one_bar({"steps": int(first) - 1, "courant": 0.5}, push, contacts=contacts))
+    assert before.summary["contacts"]["w"]["first_closed"] is None
+
+
 # ---------------------------------------------------------------------------------------------- still and small
 
 

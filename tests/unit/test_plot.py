@@ -572,7 +572,7 @@ def test_a_notebook_shows_table_and_picture(good):
     keys = ("impulse", "peak_force", "first_closed", "last_open", "closed_time")
     numbers = [*(tip[key] for key in keys), tip["penetration"]["largest"]]
     assert cells[start - 7 : start + 7] == [
-        *("contact", "impulse", "peak force", "closed at", "open at", "closed for", "penetration"),
+        *("contact", "impulse", "peak force", "first closed", "last open", "closed for", "penetration"),
         *("tip", *(f"{number:.6g}" for number in numbers)),
     ]
     (picture,) = [attributes for tag, attributes in tags.seen if tag == "img"]
@@ -590,6 +590,10 @@ def test_the_users_text_is_escaped(good):
     result = fresh(good)
     result.provenance["case"]["title"] = "<script>alert('1')</script> & more"
     result.summary["contacts"] = {"<b>tip</b>": good.summary["contacts"]["tip"]}
+    result.summary["exact"] = {
+        **good.summary["exact"],
+        "contacts": {"<b>tip</b>": good.summary["exact"]["contacts"]["tip"]},
+    }
     html = report.notebook_html(result)
     assert "<script>" not in html
     assert "<b>" not in html

@@ -36,7 +36,7 @@ PACKAGES = [Path(percuss.__file__).parent, Path(percuss.__file__).parents[2] / "
 NAMES = set(QUANTITIES) - set(POWERS)
 
 
-BOND = {"name": "cohesive", "strength": 0.02, "length": 0.5}  # it has state variables, and a critical step
+SPRING = {"name": "walton-braun", "beta_s": 0.5}  # it has state variables
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def result():
     case = hunek(10, end=0.3) | {"record": {"fields": 3}}
     # The tip has the force at the end of the step, the wall a law with state variables.
     case["method"] = case["method"] | {"contact": {"name": "penalty", "beta_s": 0.5}}
-    case["contacts"]["wall"] = {"body": "short.left", "wall": -1.0, "method": BOND}
+    case["contacts"]["wall"] = {"body": "short.left", "wall": -1.0, "method": SPRING}
     return percuss.run(percuss.load(case), compiled=False)
 
 
@@ -137,8 +137,10 @@ def test_every_history_is_in_a_result(result, of_plastic_body, of_blocks, name):
 
 
 @pytest.mark.parametrize("name", [name for name, quantity in QUANTITIES.items() if not quantity.axis or quantity.path])
-def test_every_number_is_in_a_result(result, name):
+def test_every_number_is_in_a_result(result, of_blocks, name):
     quantity = QUANTITIES[name]
+    # The certificate knows no critical step of a law with state variables.
+    result = of_blocks if name == "courant_critical" else result
     if quantity.path:
         numbers = list(values_at(result.summary, quantity.path))
         assert len(numbers) == (2 if "*" in quantity.path else 1)

@@ -79,7 +79,7 @@ class Outcome:
     record: Record
     histories: dict[str, Floats]  # what the parts of the step have recorded
     law: Records  # percuss.contact.points.LAW
-    sums: Records  # percuss.contact.points.SUMS, over the steps before t_N
+    sums: Records  # percuss.contact.points.SUMS, over the steps before t_N, and the largest overlap at t_N too
     contacts: Records  # percuss.contact.points.CONTACT, over the steps before t_N
     starting_velocity: Floats  # at -dt/2
     kinetic_before: float  # kinetic energy at -dt/2
@@ -236,8 +236,10 @@ class March:
             outcome.contacts = copied_records(self.arrays.step.points.contacts)
             outcome.totals = self.totals
             if outcome.status != "unstable":
-                self._trial_step(outcome.done)
-                outcome.multipliers = np.array(self.arrays.step.points.state["multiplier"])[self._case_order]
+                self._trial_step(outcome.done)  # its gaps and multipliers are those at t_N
+                state = self.arrays.step.points.state[self._case_order]
+                outcome.multipliers = np.array(state["multiplier"])
+                outcome.sums["deepest"] = np.fmax(outcome.sums["deepest"], -state["gap"])
         every = self.arrays.record.every
         if outcome.status == "done":
             outcome.records = self.arrays.time.size

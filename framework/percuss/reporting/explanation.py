@@ -244,10 +244,11 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     spec, law = model.case.contacts[contact_point.name], contact_point.law
     stiffness, mass, frequency = names = _names_at_end(model, contact_point)
     at_end = contact_point.stiffness, contact_point.mass, contact_point.frequency
+    points = [point for point in model.contact_points if point.name == contact_point.name]
     s_formula = model.facts.delassus if model.balanced[number] else "N^T M^-1 N"
     value: Entries = {
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
-        "gap": contact_point.gap,
+        "gap": min(point.gap for point in points),
         "law": law.name,
         "given": _options(law, with_defaults=False),
         "resolved": {key: one for key, one in model.parameters()[contact_point.name].items() if key != "law"},
@@ -269,10 +270,9 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     )
     if frequency == "omega":
         details.append("m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2")
-    points = [point for point in model.contact_points if point.name == contact_point.name]
     if len(points) > 1:
         area, covered = model.bodies[spec.sides[0].body].area_of(spec.sides[0].region), sum(p.weight for p in points)
-        gaps = f"gaps from {min(p.gap for p in points):.6g} to {max(p.gap for p in points):.6g}"
+        gaps = f"gaps from {value['gap']:.6g} to {max(p.gap for p in points):.6g}"
         details.append(f"{len(points)} points on {covered:.6g} of the area {area:.6g} of {spec.sides[0]}, {gaps}")
         value |= {"points": len(points), "area": area, "covered": covered}
     details += filter(None, [_assignments(_numbers_as_text(value["resolved"]))])

@@ -46,7 +46,7 @@ def _best_sentences(table: pd.DataFrame, roles: ColumnRoles, name: str) -> list[
         keys = ["case", "integrator", "contact", *roles.varied, "status", name]
         plain = table[keys].astype(object).where(table[keys].notna(), None)
         return [best_words(case, plain.iloc[rows].to_dict("records"), name) for case, rows in of_cases.items()]
-    best = {case: rows[is_same(values[rows], values[rows].min())] for case, rows in of_cases.items()}
+    best = {case: rows[is_same(name, values[rows], values[rows].min())] for case, rows in of_cases.items()}
     wins = Counter(pair for rows in best.values() for pair in dict.fromkeys(pairs[rows].tolist()))
     (first, most), *rest = wins.most_common(3)
     others = "".join(f", {pair} in {count}" for pair, count in rest)

@@ -90,8 +90,16 @@ def contact_columns(result: Result, digits_of_errors: int = 6, none: str = "-") 
         overlaps = result.marched or not quantity.is_error
         values = [quantity.of_contact(contact) if overlaps else 0.0 for contact in contacts.values()]
         cells = [none if value is None else number_text(value, digits) for value in values]
+        if quantity is CONTACT_NUMBERS["last_open"]:
+            opened = zip(cells, contacts.values(), strict=True)
+            cells = ["still closed" if _is_closed(contact) else cell for cell, contact in opened]
         columns.append(Column(with_unit(quantity.head, quantity.unit, result.units), cells, drop=rank or None))
     return columns
+
+
+def _is_closed(contact: Data) -> bool:
+    """Return whether a contact is closed at the end of its run."""
+    return contact["first_closed"] is not None and contact["last_open"] is None
 
 
 def balances(result: Result) -> dict[str, str]:
@@ -120,7 +128,7 @@ def _error_lines(summary: Data) -> Iterator[str]:
     for comparison in (summary["exact"], covered, estimated):
         for name, error in comparison["contacts"].items() if comparison is not None else ():
             measures = ", ".join(
-                f"{quantity.head} {quantity.text(error[key])}"
+                f"{quantity.head} {quantity.text(error[key])}{quantity.exact and f' (exact: {quantity.exact})'}"
                 for key, quantity in METRICS.items()
                 if quantity.against_exact and key in error
             )

@@ -12,7 +12,7 @@ from percuss.case.quantities import JUDGED_BY, METRICS, of_column, percent, rank
 from percuss.certificate.cures import capitalised
 from percuss.jsonable import Data
 from percuss.results.ledger import open_accounts
-from percuss.results.true_error import errors_of, judge_of, largest_error
+from percuss.results.true_error import errors_of, errors_of_contacts, judge_of, largest_error
 from percuss.studies.columns import metric
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import label_of
@@ -77,11 +77,13 @@ def error_words(result: Result) -> str:
     error, covered, errors = largest_error(summary), summary.get("exact_covered"), errors_of(summary)
     if error is None or errors is None:
         return "the true error is unknown"
-    of_force = any(contact["force_error_l1"] is not None for contact in errors["contacts"].values())
+    forces = errors_of_contacts(summary, errors, "force_error_l1")
+    worst = max(forces, key=forces.__getitem__, default="")
     until = f" up to t = {covered['until']:.4g}, where the exact solution ends" if covered else ""
     about = "about " if summary.get("estimated") else ""
     off = f"off by {about}{percent(error, 2)}" if error > ROUND_OFF else "exact up to round-off"
-    return f"the {'contact force' if of_force else 'displacement at the end'} is {off}{until}"
+    of_contact = f" of '{worst}'" if len(errors["contacts"]) > 1 else ""
+    return f"the {f'contact force{of_contact}' if worst else 'displacement at the end'} is {off}{until}"
 
 
 def _error_lines(result: Result, others: Alternatives | None, next_command: str) -> Iterator[str]:
@@ -169,9 +171,9 @@ def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
     )
 
 
-def is_same(error: Any, least: float) -> Any:
-    """Return whether an error, or each of an array of errors, is the least one but for round-off."""
-    return error - least <= SAME * abs(least)
+def is_same(name: str, error: Any, least: float) -> Any:
+    """Return whether an error of a name, or each of an array of errors, is the least one but for round-off."""
+    return error - least <= max(SAME * abs(least), ROUND_OFF if of_column(name).is_fraction else 0.0)
 
 
 def best_words(case: str, rows: Sequence[Data], error: str) -> str:
@@ -187,7 +189,7 @@ def best_words(case: str, rows: Sequence[Data], error: str) -> str:
         Name of the error.
     """
     least, quantity = min(row[error] for row in rows), of_column(error)
-    best = [row for row in rows if is_same(row[error], least)]
+    best = [row for row in rows if is_same(error, row[error], least)]
     first_of_pair = {(row["integrator"], row["contact"]): row for row in reversed(best)}
     names = [run_words(row) for row in reversed(first_of_pair.values())]
     pairs = f"{', '.join(names[:-1])} and {names[-1]} have" if names[1:] else f"{names[0]} has"

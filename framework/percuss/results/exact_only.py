@@ -20,7 +20,7 @@ from percuss.march.recording import refuse_large
 from percuss.mesh.body import Body
 from percuss.mesh.spots import shares_at
 from percuss.methods.interfaces import Exact, Floats, ProblemBody
-from percuss.results.exact import exact_solution
+from percuss.results.exact import ROUND_OFF, exact_solution
 from percuss.results.provenance import components_used, provenance_of
 from percuss.results.result import Result
 from percuss.results.true_error import summary_entries
@@ -168,7 +168,7 @@ def _contact(solution: Exact, name: str) -> Entries:
         "impulse": float(contact.impulse(np.array(solution.reached))),
         "peak_force": max(float(contact.largest_force(0.0, solution.reached)), 0.0) if closed else 0.0,
         "first_closed": closed[0][0] if closed else None,
-        "last_open": closed[-1][1] if closed else None,
+        "last_open": closed[-1][1] if closed and closed[-1][1] < solution.reached * (1.0 - ROUND_OFF) else None,
         "closed_time": float(sum(stop - start for start, stop in closed)),
         "closed": [list(interval) for interval in closed[:100]],
     }

@@ -333,14 +333,21 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
     model, dt = march.model, march.model.dt
     summaries: dict[str, ContactSummary] = {}
     of_contact = np.array([point.contact for point in model.contact_points], dtype=np.int64)
+    forces = outcome.record.contact_force[: outcome.records]
+    at_end = outcome.time[: outcome.records][-1:] == outcome.done * dt  # whether there is a record at t_N
     for number, (name, contact) in enumerate(zip(model.case.contacts, outcome.contacts, strict=True)):
-        was_closed = contact.first >= 0
+        force = forces[:, number]
+        last = outcome.done if at_end.any() and force[-1] != 0.0 else int(contact.last)
+        first = int(contact.first) if contact.first >= 0 else last
+        was_closed = last >= 0
+        # Without a record at the end, what presses in the last step is taken for closed there.
+        still_closed = last >= outcome.done - (0 if at_end.any() else 1)
         sums, stiffness = outcome.sums[of_contact == number], outcome.law.end_stiffness[of_contact == number]
         summaries[name] = {
             "impulse": float(sums.impulse.sum()),
-            "peak_force": float(contact.peak),
-            "first_closed": float(contact.first * dt) if was_closed else None,
-            "last_open": float((contact.last + 1) * dt) if was_closed else None,
+            "peak_force": float(np.fmax.reduce(force, initial=contact.peak)),
+            "first_closed": float(first * dt) if was_closed else None,
+            "last_open": float((last + 1) * dt) if was_closed and not still_closed else None,
             "closed_time": float(contact.closed * dt),
             "penetration": {
                 "largest": float(sums.deepest.max(initial=0.0)),

@@ -29,7 +29,10 @@ class PenetrationSummary(TypedDict):
 
 
 class ContactSummary(TypedDict):
-    """Impulse, peak force, times of first closing and last opening (None if never closed), penetration of a contact."""
+    """Impulse, peak force, times of first closing and last opening, and penetration of a contact.
+
+    The times are None if it never closed, that of the opening also if it is still closed at the end.
+    """
 
     impulse: float
     peak_force: float
@@ -122,11 +125,13 @@ class ContactErrors(TypedDict):
     force_error_l1, force_error_l2, impulse_error
         Relative errors of the force in L1 and L2, and of the impulse.
     noise
-        Total variation of the force over that of the exact force.
+        Total variation of the force over that of the exact force: 1 is exact.
     overshoot
         Largest force over the largest exact one, less 1.
     closing_error, opening_error
         Delay of the middle of the first and of the last step with a contact force, known to half a step.
+    exact_impulse
+        Largest impulse of the exact force up to a step.
     closed
         Intervals in which the exact contact is closed.
     """
@@ -138,6 +143,7 @@ class ContactErrors(TypedDict):
     overshoot: float | None
     closing_error: float | None
     opening_error: float | None
+    exact_impulse: float | None
     closed: list[list[float]]
 
 

@@ -13,6 +13,7 @@ from percuss.results.exact import ROUND_OFF, displacement_at
 from percuss.results.summary import ContactErrors, CoveredErrors, ExactEntries, ExactErrors
 
 NEGLIGIBLE = 1e-18
+LIGHT = 0.01  # of the largest impulse: a contact with less decides nothing
 
 
 def summary_entries(errors: ExactErrors | None, reason: str, estimated: ExactErrors | None = None) -> ExactEntries:
@@ -45,10 +46,28 @@ def largest_error(summary: ExactEntries) -> float | None:
     errors = errors_of(summary)
     if errors is None:
         return None
-    of_contacts = (contact["force_error_l1"] for contact in errors["contacts"].values())
-    known = [error for error in of_contacts if error is not None]
+    known = errors_of_contacts(summary, errors, "force_error_l1").values()
     displacement: Any = errors.get("displacement_error")
     return max(known) if known else displacement
+
+
+def errors_of_contacts(summary: Any, errors: Any, name: str) -> dict[str, float]:
+    """Return the known errors of a name by contact, of those that had at least 1 % of the largest impulse.
+
+    Parameters
+    ----------
+    summary, errors
+        The summary of a run, and the entry of it that has the errors.
+    name
+        Name of the error.
+    """
+    impulses = {
+        contact: max(abs(summary["contacts"][contact]["impulse"]), of_contact.get("exact_impulse") or 0.0)
+        for contact, of_contact in errors["contacts"].items()
+    }
+    least = LIGHT * max(impulses.values(), default=0.0)
+    found = {contact: errors["contacts"][contact][name] for contact, impulse in impulses.items() if impulse >= least}
+    return {contact: error for contact, error in found.items() if error is not None}
 
 
 def errors_of(summary: ExactEntries) -> ExactErrors | CoveredErrors | None:
@@ -103,17 +122,18 @@ def contact_errors(
     scale_1, scale_2 = float(np.abs(exact).sum()), float(np.sqrt((exact**2).sum()))
     variation = float(np.abs(np.diff(exact, prepend=0.0)).sum())
     exact_impulse = (impulse or contact.impulse)(time + 0.5 * dt)
+    largest_impulse = float(np.abs(exact_impulse).max())
     pressing_steps = np.flatnonzero(force > ROUND_OFF * force.max(initial=0.0))
     return {
         "force_error_l1": _ratio(float(np.abs(difference).sum()), scale_1),
         "force_error_l2": _ratio(float(np.sqrt((difference**2).sum())), scale_2),
-        "impulse_error": _ratio(
-            float(np.abs(np.cumsum(force) * dt - exact_impulse).max()), float(np.abs(exact_impulse).max())
-        ),
-        "noise": _ratio(float(np.abs(np.diff(force, prepend=0.0)).sum()), variation),
+        "impulse_error": _ratio(float(np.abs(np.cumsum(force) * dt - exact_impulse).max()), largest_impulse),
+        # No variation is none of a contact that never presses, and no ratio.
+        "noise": float(np.abs(np.diff(force, prepend=0.0)).sum()) / variation if variation > 0.0 else None,
         "overshoot": _ratio(float(force.max(initial=0.0)), float(exact.max(initial=0.0)), minus=1.0),
         "closing_error": float(time[pressing_steps[0]] - closed[0][0]) if closed and pressing_steps.size else None,
         "opening_error": _opening_error(time, pressing_steps, closed, reached),
+        "exact_impulse": largest_impulse,
         "closed": closed_intervals,
     }
 

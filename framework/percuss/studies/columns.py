@@ -6,14 +6,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
 from percuss.case.specs import MeasureSection
 from percuss.errors import nearest, suggestion
 from percuss.jsonable import Data
 from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
+from percuss.results.exact import ROUND_OFF
 from percuss.results.result import Result
 from percuss.results.summary import Summary
+from percuss.results.true_error import errors_of_contacts
 from percuss.results.verify import CannotMeasure, measure
 
 
@@ -169,6 +173,11 @@ def metric(result: Result, name: str) -> Any:
     if quantity.against_exact and summary.get("estimated"):
         path = path.replace("exact", "estimated", 1)
     values = [value for value in values_at(summary, path) if value is not None]
+    if quantity.against_exact and "*" in path and (errors := summary["exact"] or summary.get("estimated")):
+        values = list(errors_of_contacts(summary, errors, name).values())
+    if name == "penetration":
+        moved = float(np.abs(result.arrays["displacement"]).max(initial=0.0))
+        values = [value if value > ROUND_OFF * moved else 0.0 for value in values]
     if quantity.over_contacts == "sum":
         return sum(values)
     # The force and the overlap of a run without contacts are zero; an error that no contact has is not known.
