@@ -9,7 +9,7 @@ import pytest
 import percuss
 import places
 from command_line import percuss_command
-from percuss.reporting.verdict import error_words, failures
+from percuss.reporting.verdict import best_words, error_words, failures, run_verdict
 from percuss.results.true_error import largest_error
 from percuss.studies import alternatives as module
 from percuss.studies.columns import metric
@@ -181,6 +181,18 @@ def test_round_off_is_not_ranked(coarse: Path) -> None:
     assert f"{both} have the smallest largest penetration (0)" in words
     words = percuss_command("compare", str(coarse), *laws, "--set=time.courant=1", "--set=time.end=2.7").stdout
     assert f"{both} have the smallest force error, L1" in words
+
+
+def test_a_run_whose_energy_grew_is_not_called_good_by_its_force() -> None:
+    """Newmark's explicit scheme at its critical step: the force is exact, and the bars shake ever more."""
+    changes = {"refine": 0.09, "time": {"end": 0.8, "courant": 1}, "record.every": 1}
+    methods = {"method.integrator": "explicit-newmark", "method.contact": {"name": "nitsche", "stress_from": "auto"}}
+    result = percuss.run(percuss.load(CASES / "hunek.yaml", {**changes, **methods}))
+    assert largest_error(result.summary) < 1e-10 < 1e2 < metric(result, "energy_kept")
+    *_, last = run_verdict(result, None, "")
+    assert re.match(r"But contacts, scheme and materials added \S+ % of the energy put in, which no real contact", last)
+    row = {"integrator": "a", "contact": "b", "case": "c", "status": "done", "force_error_l1": 0.0, "energy_kept": 3.0}
+    assert "; its energy grew by 200 %" in best_words("c", [row], "force_error_l1")
 
 
 def test_an_unknown_error_has_a_reason() -> None:

@@ -143,6 +143,7 @@ SUMMARY = (
     "energy_growth",
     "estimated",
     "exact",
+    "exact_reason",
     "momentum",
     "nodes",
     "seconds",

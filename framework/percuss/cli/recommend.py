@@ -13,7 +13,7 @@ from percuss.process import INTERRUPTED
 def recommend(
     case: common.CaseFile,
     error: Annotated[str, option("--error BOUND", "Largest error, for example 1%.")] = "",
-    energy: Annotated[str, option("--energy BOUND", "Largest share of the energy that contacts take or add.")] = "",
+    energy: Annotated[str, option("--energy BOUND", "Largest share of the energy that a run takes or adds.")] = "",
     time: Annotated[str, option("--time SECONDS", "Longest time of a march.")] = "",
     measure: Annotated[str, option("--measure NAME", "Error to bound.")] = "force_error_l1",
     integrator: Annotated[str, option("--integrator A,B", "Integrators to choose from; by default all.")] = "",

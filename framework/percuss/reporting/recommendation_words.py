@@ -14,6 +14,11 @@ if TYPE_CHECKING:
     from percuss.studies.recommendation import Bounds, Recommendation, Tried
 
 INDENT = "  "
+# What is known of a recommended run beside a certificate that does not say yes.
+STABILITY = {
+    "marginal": ", and the pair guarantees that energy never grows",
+    "unknown": ": only this run shows that it is stable",
+}
 
 
 def recommendation_lines(found: Recommendation) -> Iterator[Piece]:
@@ -50,10 +55,9 @@ def recommendation_verdict(found: Recommendation) -> Iterator[str]:
         yield f"Choices of methods, options and step that were not tried, as --runs allows no more: {found.left}."
     if found.best is None:
         nearest = f"the nearest is {in_words(found.nearest)}" if found.nearest else "none has the bounded numbers"
-        yield f"No run meets the bounds; {nearest}."
+        why = f" (the error is not known: {found.unjudged})" if found.unjudged else ""
+        yield f"No run meets the bounds; {nearest}{why}."
         return
-    if found.best.stable != "yes":
-        yield f"Stability: the certificate says {found.best.stable}; only this run shows that the best is stable."
     others = f" (not tried: {found.unsettled})" if found.unsettled else ""
     yield f"None of {found.beside} neighbours of the best is cheaper and meets the bounds{others}."
     yield f"Second: {in_words(found.second)}." if found.second else "No run of another pair meets the bounds."
@@ -65,8 +69,8 @@ def bounds_in_words(bounds: Bounds) -> str:
     parts = []
     if bounds.error is not None:
         parts.append(f"{METRICS[bounds.measure].label} of at most {percent(bounds.error, 4)}")
-    if bounds.energy is not None:
-        parts.append(f"energy kept to {percent(bounds.energy, 4)}")
+    kept = "kept to" if bounds.energy is not None else "grown by at most"
+    parts.append(f"energy {kept} {percent(bounds.growth, 4)}")
     if bounds.seconds is not None:
         parts.append(f"a march of at most {bounds.seconds:.4g} s")
     return ", ".join(parts)
@@ -74,11 +78,6 @@ def bounds_in_words(bounds: Bounds) -> str:
 
 def error_in_words(found: Recommendation) -> str:
     """Return how the errors are known, in words."""
-    if found.estimated:
-        return (
-            "an estimate: what a mesh twice as fine changes of peak force and impulse, as no exact solution covers "
-            "the case"
-        )
     judges = dict.fromkeys(str(row[JUDGED_BY]) for row in found.study.as_records() if row.get(JUDGED_BY))
     judge = f"an estimate, against a finer run ({'; '.join(judges)})" if judges else "true, against the exact solution"
     return f"{judge}: {METRICS[found.bounds.measure].metric}"
@@ -91,6 +90,7 @@ def in_words(one: Tried) -> str:
         f"energy {percent(one.energy, 2)}" if one.energy is not None else "",
         f"{one.evaluations:.3g} node evaluations",
         f"{1e3 * one.seconds:.3g} ms" if one.seconds is not None else "",
+        f"the certificate says {one.stable}{STABILITY[one.stable]}" if one.stable in STABILITY else "",
     ]
     return f"{methods_in_words(one)}: {', '.join(filter(None, numbers))}"
 

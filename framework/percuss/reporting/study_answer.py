@@ -43,7 +43,8 @@ def _best_sentences(table: pd.DataFrame, roles: ColumnRoles, name: str) -> list[
     if not of_cases:
         return [f"No run has a value of the {what}."]
     if len(of_cases) <= MOST_CASES:
-        keys = ["case", "integrator", "contact", *roles.varied, "status", name]
+        beside = [other for other in ("energy_kept",) if other in roles.measures and other != name]
+        keys = ["case", "integrator", "contact", *roles.varied, "status", name, *beside]
         plain = table[keys].astype(object).where(table[keys].notna(), None)
         return [best_words(case, plain.iloc[rows].to_dict("records"), name) for case, rows in of_cases.items()]
     best = {case: rows[is_same(name, values[rows], values[rows].min())] for case, rows in of_cases.items()}

@@ -28,6 +28,7 @@ CLEARLY_BETTER = 0.9  # ratio of two errors
 SAME = 1e-6  # relative difference below which two errors are the same
 ACCEPTABLE = 0.5  # largest error of a law that is worth a try
 ROUND_OFF = 1e-10  # a smaller error or change of energy is none
+GROWN = 0.01  # share of the energy put in: a run that adds more is not called good by its error alone
 MOST_REASONS, MOST_NAMED = 12, 3
 # What differs from run to run in a reason.
 PLACE = re.compile(r"( at step \d+, time \S+)?, node \d+ of body '[^']*'( limits the step)?")
@@ -61,7 +62,8 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
     if open_accounts(summary):
         yield "This is not a valid result: energy or momentum does not balance. See the notes."
     kept = metric(result, "energy_kept")
-    if kept is not None:
+    grown = kept - 1.0 if kept is not None else 0.0
+    if kept is not None and grown <= GROWN:
         changed = f"{'lost' if kept < 1.0 else 'added'} {percent(abs(kept - 1.0), 2)} of"
         yield f"Contacts, scheme and materials {changed if abs(kept - 1.0) > ROUND_OFF else 'kept'} the energy put in."
     if summary["fragile"] is not None:
@@ -69,6 +71,9 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
         sensitivity = "depends on round-off: a change of 1e-10 % in one area changes it"
         yield f"The {what} {sensitivity if summary['fragile'] else 'is insensitive to round-off'}."
     yield from _error_lines(result, others, next_command)
+    if grown > GROWN:
+        added = f"But contacts, scheme and materials added {percent(grown, 2)} of the energy put in"
+        yield f"{added}, which no real contact does: take other methods or a smaller step."
 
 
 def error_words(result: Result) -> str:
@@ -195,8 +200,10 @@ def best_words(case: str, rows: Sequence[Data], error: str) -> str:
     pairs = f"{', '.join(names[:-1])} and {names[-1]} have" if names[1:] else f"{names[0]} has"
     median = quantity.text(statistics.median(row[error] for row in rows))
     estimated = "estimated " if any(row.get(JUDGED_BY) for row in rows) else ""
+    kept = best[0].get("energy_kept")
+    grown = f"; its energy grew by {percent(kept - 1.0, 2)}" if is_number(kept) and kept > 1.0 + GROWN else ""
     among = f"; the median of {len(rows):,} runs is {median}" if len(rows) > 1 else ""
-    return f"{case}: {pairs} the smallest {estimated}{quantity.label} ({quantity.text(best[0][error])}){among}."
+    return f"{case}: {pairs} the smallest {estimated}{quantity.label} ({quantity.text(best[0][error])}){grown}{among}."
 
 
 def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:

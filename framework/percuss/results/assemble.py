@@ -174,13 +174,14 @@ def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact
     estimated = None
     try:
         solution, name, reason = exact_solution(model, end)
-        if solution is None and model.case.reference is not None:
+        if reason and model.case.reference is not None:
             from percuss.results.reference import finer_run
 
             finer = finer_run(model)
             if isinstance(finer, str):
                 reason = f"{reason}; {finer}"
             else:
+                solution = None  # one that ends before the run does would judge another part of it
                 estimated = _errors(finer, finer.name, "finer", march, outcome, arrays)
     except KeyboardInterrupt:
         outcome.status = "interrupted"

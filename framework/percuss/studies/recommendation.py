@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 import json
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,8 @@ import numpy as np
 
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, load
-from percuss.case.quantities import METRICS
+from percuss.case.quantities import JUDGED_BY, METRICS
+from percuss.certificate.closed_contacts import NEVER_GROWS
 from percuss.errors import (
     InputError,
     PercussError,
@@ -41,6 +41,7 @@ from percuss.march.model import Model
 from percuss.methods.blame import plugin_faults
 from percuss.methods.interfaces import ContactLaw, Implicit
 from percuss.methods.registry import Registry
+from percuss.results.exact import exact_solution
 from percuss.studies.candidates import (
     Candidate,
     defaults,
@@ -58,9 +59,11 @@ from percuss.studies.study_table import Study
 
 FEWEST_RUNS = 10
 SHARE_OF_FIRST_RUNS = 1 / 3  # of all runs; of more pairs than that some are drawn, and the others wait
-STABLE = "certificate.stable"  # of the summary of a run
+STABLE, GUARANTEE, UNJUDGED = "certificate.stable", "certificate.energy", "exact_reason"  # of the summary of a run
 MOST_CELLS = 100_000  # of a mesh in two or three dimensions, which a search builds to know what it costs
-TWICE_AS_FINE = ("peak_force", "impulse")  # numbers whose change on a finer mesh estimates an error
+MOST_GROWTH = 0.01  # share by which the energy of a recommended run may grow where no bound on it is given
+FINER = 4  # refinement of the finer run that judges where there is no exact solution and the case names no other
+NOT_FINE = 0.5  # largest refinement that the finer run judges, over its own: its error is half of theirs, or less
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class Bounds:
     error
         Largest value of `measure`.
     energy
-        Largest share of the energy put in that the contacts may take or add.
+        Largest share of the energy put in that contacts, scheme and materials may take or add; None lets them take any.
     seconds
         Longest time of the march.
     measure
@@ -84,6 +87,11 @@ class Bounds:
     seconds: float | None = None
     measure: str = "force_error_l1"
 
+    @property
+    def growth(self) -> float:
+        """Largest share of the energy put in by which the energy may grow: no run is recommended that adds more."""
+        return MOST_GROWTH if self.energy is None else self.energy
+
 
 @dataclass(frozen=True)
 class Tried:
@@ -94,9 +102,9 @@ class Tried:
     candidate
         Methods, options, mesh and step.
     status, reason
-        As in the table of a study.
+        As in the table of a study, or why a run is never recommended that is done.
     stable
-        What the certificate says; None if the run was not done. No run is recommended of which it says ``no``.
+        What the certificate says; None if the run was not done.
     error, energy, seconds
         The error, true or estimated, the share of energy, and the time of the march; None where they are not known.
     evaluations
@@ -164,7 +172,9 @@ class Recommendation:
     left
         Number of lines (methods, options and step) of which a mesh that did not run may still be better.
     estimated
-        Whether errors are estimated from a mesh twice as fine, because no exact solution covers the case.
+        Whether errors are estimated against a finer run, because no exact solution covers the case.
+    unjudged
+        Why no run has an error; empty if one has.
     study
         The study with all runs.
     """
@@ -181,6 +191,7 @@ class Recommendation:
     untried: int
     left: int
     estimated: bool
+    unjudged: str
     study: Study
 
     def as_dict(self) -> Entries:
@@ -204,6 +215,7 @@ class Recommendation:
             "untried_pairs": self.untried,
             "lines_left": self.left,
             "estimated": self.estimated,
+            "unjudged": self.unjudged,
         }
 
 
@@ -261,6 +273,9 @@ def recommend(
     case = load(Path(path), changes, plugins=plugins)
     bounds = Bounds(error, energy, seconds, measure)
     _check(bounds, runs, seed)
+    if error is not None and case.reference is None and _why_no_exact_solution(case):
+        changes = {**(changes or {}), "reference.refine": FINER}
+        case = load(Path(path), changes, plugins=plugins)
     expect_names("percuss.recommend", "integrators", integrators)
     expect_names("percuss.recommend", "contacts", contacts)
     if case.bonds and not contacts:
@@ -347,6 +362,12 @@ def _is_reference(method: Any) -> bool:
     return isinstance(method(**required_options(method)).bind(1.0), Implicit)
 
 
+def _why_no_exact_solution(case: Case) -> str:
+    """Return why no exact solution covers the whole of a case; empty if one does."""
+    model = Model(case)
+    return exact_solution(model, (model.steps + 1) * model.dt)[2]
+
+
 def _fixed(case: Case) -> Entries:
     """Return what all candidates have in common, by path: the end of the run, no contact with methods of its own."""
     end = case.time.end
@@ -377,7 +398,6 @@ class _Bench:
     candidates: dict[str, Candidate] = field(default_factory=dict)
     refused: dict[tuple[str, str], str] = field(default_factory=dict)
     made: Study | None = None
-    estimated: bool = False
     interrupted: bool = False
     rate: float = 0.0  # the least time of a march for one evaluation
 
@@ -396,8 +416,7 @@ class _Bench:
     @property
     def room(self) -> int:
         """Number of candidates that may still be run."""
-        room = 0 if self.interrupted else self.runs - len(self.candidates)
-        return room // 2 if self.estimated else room
+        return 0 if self.interrupted else self.runs - len(self.candidates)
 
     def cost(self, candidate: Candidate) -> float:
         """Return the number of steps times nodes times stages of a candidate, infinite if its march takes too long."""
@@ -446,8 +465,8 @@ class _Bench:
         # A bar has one row of elements, other bodies as many rows as elements in a row, and as many layers.
         others = [body for body in bodies.values() if body.count > body.in_a_row]
         found = [refine for refine in found if sum(body.count * refine**bodies.dim for body in others) <= MOST_CELLS]
-        if self.case.reference is not None:  # which judges coarser runs alone
-            found = [refine for refine in found if refine < self.case.reference.refine]
+        if self.case.reference is not None:
+            found = [refine for refine in found if refine <= NOT_FINE * self.case.reference.refine]
         try:
             self._model({**self.usual, "refine": found[0]})
         except (InputError, PluginError):  # of a shape that knows whole numbers alone
@@ -455,10 +474,8 @@ class _Bench:
         return found
 
     def ask(self, candidates: Sequence[Candidate]) -> list[float]:
-        """Run candidates, each with one on a mesh twice as fine where errors are estimated, and return their excess."""
-        finer = [_finer(one) for one in candidates] if self.estimated else []
-        new = {one.key: one for pair in itertools.zip_longest(candidates, finer) for one in pair if one is not None}
-        new = {key: one for key, one in new.items() if key not in self.candidates}
+        """Run candidates and return their excess."""
+        new = {one.key: one for one in candidates if one.key not in self.candidates}
         self.candidates |= dict(list(new.items())[: self.runs - len(self.candidates)])
         plan = {
             "percuss-study": 1,
@@ -466,16 +483,13 @@ class _Bench:
             "cases": [str(self.path)],
             "set": self.fixed,
             "paired": [one.changes for one in self.candidates.values()],
-            "measure": list(dict.fromkeys([self.bounds.measure, "energy_kept", *TWICE_AS_FINE, STABLE])),
+            "measure": [self.bounds.measure, "energy_kept", "energy_max", STABLE, GUARANTEE, UNJUDGED],
         }
         self.made = study(plan, self.out, self.workers, None, self._progress, plugins=self.plugins)
         self.rows = dict(zip(self.candidates, self.made.as_records(), strict=True))
         self.interrupted = not self.made.complete
         tried = self.tried()
         self.rate = min((one.seconds / one.evaluations for one in tried if one.seconds), default=0.0)
-        if self.bounds.error is not None and not self.estimated and all(one.error is None for one in tried):
-            self.estimated = True
-            return self.ask(candidates)
         excess = {one.candidate.key: one.excess for one in tried}
         return [excess.get(one.key, math.inf) for one in candidates]
 
@@ -489,36 +503,41 @@ class _Bench:
 
     def _judged(self, row: Data, candidate: Candidate) -> Tried:
         ran = row["status"] == "done" and row["seconds"] is not None
-        done = ran and row[STABLE] != "no"  # a case may ask that a run goes on though it is known to be unstable
+        doubt = why_never(row) if ran else ""
         kept = row["energy_kept"]
-        error, energy = self._error(candidate, row), None if kept is None else abs(1.0 - kept)
-        seconds = row["seconds"] if done else None
-        bounds = ((error, self.bounds.error), (energy, self.bounds.energy), (seconds, self.bounds.seconds))
+        error, energy = row[self.bounds.measure], None if kept is None else abs(1.0 - kept)
+        growth = None if None in (kept, row["energy_max"]) else max(kept, row["energy_max"]) - 1.0
+        seconds = row["seconds"] if ran else None
+        bounds = (
+            (error, self.bounds.error),
+            (energy, self.bounds.energy),
+            (growth, self.bounds.growth),
+            (seconds, self.bounds.seconds),
+        )
         ratios = [math.nan if value is None else value / bound for value, bound in bounds if bound is not None]
-        excess = max(ratios) if done and all(map(math.isfinite, ratios)) else math.inf
+        excess = max(ratios) if ran and not doubt and all(map(math.isfinite, ratios)) else math.inf
         stages = self.stages(candidate.integrator, json.dumps(candidate.integrator_options))
         count = float(row["node_steps"] * stages) if ran else math.inf
         stable = row[STABLE] if row["status"] == "done" else None
         numbers = error, energy, seconds, count, excess
-        return Tried(candidate, row["status"], row["reason"], stable, *numbers, row["key"])
-
-    def _error(self, candidate: Candidate, row: Data) -> float | None:
-        """Return the true error of a run, or what a mesh twice as fine changes where errors are estimated."""
-        if not self.estimated:
-            value = row[self.bounds.measure]
-            return None if value is None else float(value)
-        finer = self.rows.get(_finer(candidate).key)
-        if finer is None or finer["status"] != "done" or row["status"] != "done":
-            return None
-        changes: list[float] = [
-            abs(row[name] - finer[name]) / abs(finer[name]) if finer[name] else abs(row[name]) for name in TWICE_AS_FINE
-        ]
-        return max(changes)
+        return Tried(candidate, row["status"], row["reason"] or doubt, stable, *numbers, row["key"])
 
 
-def _finer(candidate: Candidate) -> Candidate:
-    """Return a candidate on a mesh twice as fine."""
-    return replace(candidate, refine=2 * candidate.refine)
+def why_never(row: Data) -> str:
+    """Return why a run that is done is never recommended, whatever its numbers; empty if it may be.
+
+    Parameters
+    ----------
+    row
+        The run in the table of a study, with the columns `STABLE`, `GUARANTEE` and ``energy_kept``.
+    """
+    if row["reason"]:  # a doubt about a run that is done
+        return str(row["reason"])
+    if row[STABLE] == "no":
+        return "the certificate says unstable"
+    if row[STABLE] == "marginal" and row[GUARANTEE] != NEVER_GROWS:
+        return "the step is at the edge of stability, and the pair does not guarantee that energy never grows"
+    return "" if row["energy_kept"] is not None else "by how much its energy changed is not known"
 
 
 def _answer(bench: _Bench, methods: tuple[list[str], list[str]], random: np.random.Generator) -> Recommendation:
@@ -547,7 +566,10 @@ def _answer(bench: _Bench, methods: tuple[list[str], list[str]], random: np.rand
     left = sum(bool(search.left(line, cost)) for line in search.lines.values())
     numbers = *neighbours_of_best, untried, left
     runs = best, second, nearest, front(known), tried
-    return Recommendation(bench.bounds, *runs, bench.refused, *numbers, bench.estimated, bench.made)
+    estimated = any(row.get(JUDGED_BY) for row in bench.rows.values())
+    reasons = (row[UNJUDGED] or "" for row in bench.rows.values())
+    unjudged = next(reasons, "") if all(one.error is None for one in tried) else ""
+    return Recommendation(bench.bounds, *runs, bench.refused, *numbers, estimated, unjudged, bench.made)
 
 
 def _cheapest(runs: Iterable[Tried]) -> Tried | None:
