@@ -7,12 +7,19 @@ import pytest
 from support.places import CASES
 
 import percuss
+from percuss.case.quantities import by_two, percent
 from percuss.errors import InputError
 from percuss.march.model import Model
-from percuss.reporting.terminal import comparison_lines
+from percuss.reporting.study_answer import answer
+from percuss.reporting.study_data import columns
+from percuss.reporting.terminal import _ranks, comparison_lines
 from percuss.reporting.verdict import comparison_verdict, run_verdict
 from percuss.results import reference
 from percuss.results.reference import _at_nodes, case_of
+from percuss.results.true_error import largest_error
+from percuss.studies.alternatives import alternatives
+from percuss.studies.comparison import metrics
+from percuss.studies.two_references import two_references
 
 BLOCKS = CASES / "tilted-blocks.yaml"
 
@@ -49,12 +56,13 @@ def test_an_estimate_is_the_true_error_but_for_the_error_of_the_finer_run(name, 
 def test_one_finer_run_judges_all_methods_steps_and_meshes(monkeypatch):
     marched, march = [], reference._march
     monkeypatch.setattr(reference, "_march", lambda case: marched.append(case) or march(case))
-    case = percuss.load(BLOCKS, {"reference.refine": 3, "expect": (), "title": "one finer run"})
+    case = percuss.load(BLOCKS, {"reference.refine": 3, "time.end": 2.0, "expect": (), "title": "finer runs"})
     runs = percuss.compare(case, contacts=["lagrange", "penalty"], vary={"time.courant": [0.5, 0.9], "refine": [1, 2]})
     assert [run.status for run in runs] == ["done"] * 8
-    assert len(marched) == 1
+    assert len(marched) == 2  # of two laws
     judges = {run.result.summary["estimated"]["solution"] for run in runs}
-    assert judges == {"refine 3 with wu-predictor-corrector and lagrange"}
+    judge = "refine 3 with wu-predictor-corrector and"
+    assert judges == {f"{judge} lagrange, mortar and {judge} penalty, mortar"}
     errors = {run.varied["refine"]: run.result.summary["estimated"]["displacement_error"] for run in runs}
     assert errors[2] < errors[1]
 
@@ -118,6 +126,99 @@ def test_a_finer_run_in_space_has_mortar_and_finds_larger_displacement_errors_of
     assert finer < errors["mortar"]
 
 
+PAIRINGS = ["mortar", "node-to-segment"]
+
+
+@pytest.mark.parametrize("order", [PAIRINGS, PAIRINGS[::-1]])
+def test_runs_of_two_pairings_are_judged_by_both_and_favoured_by_neither(order):
+    """Against each finer run alone the pairing that made it comes out ahead."""
+    case = percuss.load(
+        {
+            "percuss": 1,
+            "bodies": {"upper": box(0.5, [3, 3, 2], -0.01), "lower": box(0.0, [2, 2, 2], 0.0)},
+            "contacts": {"seam": {"between": ["upper.bottom", "lower.top"]}},
+            "method": {"contact": "lagrange", "pairing": "mortar"},
+            "time": {"end": 1.0, "courant": 0.5},
+            "reference": {"refine": 2},
+        }
+    )
+    single = {
+        (pairing, judge): percuss.run(case, {"method.pairing": pairing, "reference.pairing": judge}).summary[
+            "estimated"
+        ]
+        for pairing in PAIRINGS
+        for judge in PAIRINGS
+    }
+    assert all(single[one, one]["displacement_error"] < single[one, other]["displacement_error"]
+               for one, other in (PAIRINGS, PAIRINGS[::-1]))  # fmt: skip
+    runs = percuss.compare(case, vary={"method.pairing": order})
+    for run in runs:
+        estimated, pairing = run.result.summary["estimated"], run.varied["method.pairing"]
+        for found, judge in ((estimated, "mortar"), (estimated["second"], "node-to-segment")):
+            assert found["contacts"] == single[pairing, judge]["contacts"]
+            assert found["displacement_error"] == single[pairing, judge]["displacement_error"]
+        error = metrics(run)["displacement_error"]
+        assert error == max(single[pairing, judge]["displacement_error"] for judge in PAIRINGS)
+    errors = [metrics(run)["displacement_error"] for run in runs]
+    apart = estimated["apart"]["displacement_error"]
+    assert abs(errors[0] - errors[1]) < apart < 0.2
+    table, judges = list(comparison_lines("", runs))
+    cells = next(column.cells for column in table.columns if column.head == "displ.")
+    for cell, pairing in zip(cells, order, strict=True):
+        assert cell == " / ".join(percent(single[pairing, judge]["displacement_error"]) for judge in PAIRINGS)
+    assert "lagrange, mortar and refine 2 with wu-predictor-corrector and lagrange, node-to-segment" in judges
+    (told,) = comparison_verdict("box", runs)
+    assert told.startswith("box: 2 of 2 runs share the first rank (")
+    assert "differ by less than the two finer runs that judge them" in told
+
+
+def test_the_two_finer_runs_are_those_of_two_of_the_laws_and_pairings_that_work_together():
+    case = percuss.load(BLOCKS, {"reference.refine": 2, "expect": ()})
+
+    def chosen(contacts=(), **vary):
+        points = [{f"method.{kind}": name} for kind, names in vary.items() for name in names]
+        found = two_references(case, {name: name for name in contacts}, points)
+        return [
+            [one.name if one else None for one in (judge.contact, judge.pairing)] if judge else None
+            for judge in (found.reference, found.reference.second)
+        ]
+
+    assert chosen() == [[None, None], None]
+    assert chosen(["penalty"]) == [[None, None], None]
+    assert chosen(["penalty", "lagrange"]) == [["lagrange", None], ["penalty", "mortar"]]
+    assert chosen(["penalty", "bipenalty"]) == [["penalty", None], ["bipenalty", "mortar"]]
+    assert chosen(pairing=PAIRINGS[::-1]) == [[None, "mortar"], ["lagrange", "node-to-segment"]]
+    # lagrange refuses Gauss points: the law of the case stands in for it
+    case = case.with_overrides({"method.contact": "penalty"})
+    assert chosen(pairing=["mortar", "gauss-points"]) == [[None, "mortar"], ["penalty", "gauss-points"]]
+
+
+def test_ranks_of_a_study_are_shared_by_what_its_two_finer_runs_cannot_tell_apart(tmp_path):
+    study = {
+        "percuss-study": 1,
+        "cases": [str(BLOCKS)],
+        "set": {"time.end": 1.0, "reference.refine": 2},
+        "vary": {"method.contact": ["lagrange", "penalty"]},
+        "measure": ["force_error_l1"],
+    }
+    made = percuss.study(study, tmp_path / "rows.sqlite", 1)
+    first, second, apart = by_two("force_error_l1")
+    rows = made.as_records()
+    assert all(row["force_error_l1"] == max(row[first], row[second]) for row in rows)
+    assert abs(rows[0]["force_error_l1"] - rows[1]["force_error_l1"]) < min(row[apart] for row in rows)
+    assert _ranks([0.1, 0.12, 0.16, 0.19, 0.3], 0.05) == ["1", "1", "3", "3", "5"]
+    assert made.command(rows[0]["key"]).count("second: {contact: penalty, pairing: mortar}") == 1
+    assert "share the first rank" in answer(made.table, columns(made))[0]
+
+
+def test_no_other_law_is_tried_where_the_law_of_the_finer_run_is_the_judge(monkeypatch):
+    hidden(monkeypatch)
+    case = percuss.load(CASES / "unlike.yaml", {"reference.refine": 2, "refine": 0.25, "method.contact": "penalty"})
+    result = percuss.run(case)
+    assert largest_error(result.summary) > 0.05
+    assert alternatives(case, result) is None
+
+
 def test_a_finer_run_that_cannot_judge_says_why():
     case = percuss.load(BLOCKS, {"expect": ()})
     same = percuss.run(case, {"reference.refine": 1}).summary
@@ -150,7 +251,7 @@ def test_a_wrong_reference_is_refused(given, words):
 
 def test_estimates_are_called_estimates_in_words_and_rows(tmp_path):
     runs = percuss.compare(
-        percuss.load(BLOCKS, {"reference.refine": 2, "expect": ()}), contacts=["lagrange", "penalty"]
+        percuss.load(BLOCKS, {"reference.refine": 2, "expect": ()}), vary={"time.courant": [0.5, 0.9]}
     )
     told = list(map(str, comparison_lines("", runs)))[-1]
     assert told.startswith("force, impulse, displ.: errors estimated by a finer run: refine 2 with")
@@ -166,5 +267,5 @@ def test_estimates_are_called_estimates_in_words_and_rows(tmp_path):
     }
     rows = percuss.study(study, tmp_path / "rows.sqlite", 1, changes={"reference.refine": 2}).as_records()
     judges = [row["estimated.solution"] for row in rows]
-    assert judges == ["refine 2 with wu-predictor-corrector and lagrange", None]
+    assert judges == ["refine 2 with wu-predictor-corrector and lagrange, mortar", None]
     assert all(math.isfinite(row["force_error_l1"]) for row in rows)

@@ -10,7 +10,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from percuss.files import PACKAGE
@@ -115,9 +115,25 @@ METRICS = {name: quantity for name, quantity in QUANTITIES.items() if quantity.m
 TRUE_ERRORS = tuple(name for name, quantity in METRICS.items() if quantity.against_exact and quantity.is_error)
 
 
+# Errors by two finer runs: where a summary has them, and words for them.
+BY_TWO = {
+    "estimated.second.": "against the second finer run",
+    "estimated.apart.": "of the second finer run against the first",
+    "estimated.": "against the first finer run",
+}
+
+
+def by_two(error: str) -> tuple[str, str, str]:
+    """Return the paths of an error against the first and the second of two finer runs, and between these two."""
+    second, apart, first = (METRICS[error].path.replace("exact.", prefix, 1) for prefix in BY_TWO)
+    return first, second, apart
+
+
 def of_column(name: str) -> Quantity:
     """Return the quantity in a column of the table of a study, which has a name or a path; one without a unit else."""
-    return QUANTITIES.get(name) or METRICS.get(name.rpartition(".")[2]) or Quantity(label=name)
+    found = QUANTITIES.get(name) or METRICS.get(name.rpartition(".")[2]) or Quantity(label=name)
+    words = next((words for prefix, words in BY_TWO.items() if name.startswith(prefix)), "")
+    return replace(found, label=f"{found.label}, {words}") if words and found.against_exact else found
 
 
 def ranking(names: Iterable[str]) -> list[str]:

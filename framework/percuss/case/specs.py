@@ -552,12 +552,22 @@ class UnitsSpec(Section):
 
 
 @dataclass(frozen=True)
+class SecondReferenceSpec(Section):
+    """A second finer run, with another law or pairing: ``{pairing: node-to-segment}``."""
+
+    kind: ClassVar[str] = "the second finer run"
+
+    contact: Annotated[ContactLaw | None, Named("contacts"), Doc("its contact law, else that of the first")] = None
+    pairing: Annotated[Pairing | None, Named("pairings"), Doc("its pairing, else that of the first")] = None
+
+
+@dataclass(frozen=True)
 class ReferenceSpec(Section):
     """A finer run of the case, which judges a run where no exact solution covers it: ``{refine: 4}``.
 
     It has the mesh, step, law and pairing named here, else a law without compliance, and the integrator and mass by
     default. So one and the same finer run judges all runs that differ in methods, mesh or step alone. A contact with a
-    law of its own keeps it.
+    law of its own keeps it. A second finer run shows how far the judgement depends on law and pairing of the first.
     """
 
     kind: ClassVar[str] = "the reference"
@@ -566,6 +576,14 @@ class ReferenceSpec(Section):
     courant: Annotated[float, Gt(0), Unit("1"), Doc("its Courant number")] = 0.5
     contact: Annotated[ContactLaw | None, Named("contacts"), Doc("its contact law")] = None
     pairing: Annotated[Pairing | None, Named("pairings"), Doc("its pairing")] = None
+    second: (
+        Annotated[
+            SecondReferenceSpec,
+            Expects("a mapping as {pairing: node-to-segment}"),
+            Doc("second finer run, of another law or pairing; comparisons and studies of several make one"),
+        ]
+        | None
+    ) = None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from percuss.case.quantities import JUDGED_BY, METRICS, percent
 from percuss.case.yaml_text import flow
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
-from percuss.reporting.verdict import failures
+from percuss.reporting.verdict import error_text, failures
 
 if TYPE_CHECKING:
     from percuss.studies.recommendation import Bounds, Recommendation, Tried
@@ -32,7 +32,7 @@ def recommendation_lines(found: Recommendation) -> Iterator[Piece]:
     if front := found.front:
         columns = [
             words("methods", map(methods_in_words, front)),
-            Column("error", [percent(one.error) for one in front]),
+            Column("error", [error_text(one.error, one.both) for one in front]),
             Column("energy", [percent(one.energy) for one in front], drop=1),
             Column("node evaluations", [f"{one.evaluations:.3g}" for one in front]),
             Column("ms", [f"{1e3 * one.seconds:.3g}" if one.seconds is not None else "-" for one in front], drop=2),
@@ -86,7 +86,7 @@ def error_in_words(found: Recommendation) -> str:
 def in_words(one: Tried) -> str:
     """Return a run in one line: methods, options, mesh, step, and its numbers."""
     numbers = [
-        f"error {percent(one.error)}" if one.error is not None else "",
+        f"error {error_text(one.error, one.both)}" if one.error is not None else "",
         f"energy {percent(one.energy, 2)}" if one.energy is not None else "",
         f"{one.evaluations:.3g} node evaluations",
         f"{1e3 * one.seconds:.3g} ms" if one.seconds is not None else "",

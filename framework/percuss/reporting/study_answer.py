@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.case.quantities import ranking
+from percuss.case.quantities import TRUE_ERRORS, by_two, ranking
 from percuss.reporting.figures import number
 from percuss.reporting.study_data import WAITING, ColumnRoles, groups, methods, numbers, references, texts
 from percuss.reporting.verdict import best_words, is_same
@@ -43,11 +43,17 @@ def _best_sentences(table: pd.DataFrame, roles: ColumnRoles, name: str) -> list[
     if not of_cases:
         return [f"No run has a value of the {what}."]
     if len(of_cases) <= MOST_CASES:
-        beside = [other for other in ("energy_kept",) if other in roles.measures and other != name]
+        told = ["energy_kept", *(by_two(name) if name in TRUE_ERRORS else ())]
+        beside = [other for other in told if other in roles.measures]
         keys = ["case", "integrator", "contact", *roles.varied, "status", name, *beside]
         plain = table[keys].astype(object).where(table[keys].notna(), None)
         return [best_words(case, plain.iloc[rows].to_dict("records"), name) for case, rows in of_cases.items()]
-    best = {case: rows[is_same(name, values[rows], values[rows].min())] for case, rows in of_cases.items()}
+    apart = by_two(name)[2] if name in TRUE_ERRORS else ""
+    equal = numbers(table[apart]) if apart in roles.measures else np.zeros(len(table))
+    best = {
+        case: rows[is_same(name, values[rows], values[rows].min()) | (values[rows] - values[rows].min() < equal[rows])]
+        for case, rows in of_cases.items()
+    }
     wins = Counter(pair for rows in best.values() for pair in dict.fromkeys(pairs[rows].tolist()))
     (first, most), *rest = wins.most_common(3)
     others = "".join(f", {pair} in {count}" for pair, count in rest)

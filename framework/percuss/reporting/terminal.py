@@ -13,6 +13,7 @@ from percuss.case.quantities import (
     QUANTITIES,
     STUDY_TABLE,
     TRUE_ERRORS,
+    by_two,
     in_unit,
     of_column,
     percent,
@@ -21,9 +22,10 @@ from percuss.case.quantities import (
 )
 from percuss.jsonable import Data, Entries
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
-from percuss.reporting.verdict import is_number
+from percuss.reporting.verdict import apart_of, error_text, is_number
 from percuss.results.ledger import ledger_words
 from percuss.results.true_error import judge_of
+from percuss.studies.columns import estimates
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import Run
 
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
 
 
 STABILITY_LINES = 12  # most lines of the table of critical Courant numbers, unless the whole table is asked for
-BEST = 12  # rows of a study in the table of the best
+BEST, FEWEST_BEST = 12, 3  # rows of a study in all tables of the best, and of a case in its own if it has as many
 STABILITY_REASONS = 3  # most reasons below it
 DIFFERENCES = 12  # of a result and its rerun that are printed; all of them are in the JSON
 
@@ -125,14 +127,16 @@ def _error_lines(summary: Data) -> Iterator[str]:
         yield f"the errors are estimates, by a finer run: {estimated['solution']}"
     kind = "estimated " if estimated else "" if covered else "true "
     until = f" up to {number_text(covered['until'])}, where the exact solution ends" if covered is not None else ""
-    for comparison in (summary["exact"], covered, estimated):
+    second = estimated.get("second") if estimated else None
+    for comparison in (summary["exact"], covered, estimated, second):
         for name, error in comparison["contacts"].items() if comparison is not None else ():
             measures = ", ".join(
                 f"{quantity.head} {quantity.text(error[key])}{quantity.exact and f' (exact: {quantity.exact})'}"
                 for key, quantity in METRICS.items()
                 if quantity.against_exact and key in error
             )
-            yield f"{kind}error of {name}{until}: {measures}"
+            whose = ", by the second finer run" if comparison is second else ""
+            yield f"{kind}error of {name}{until}{whose}: {measures}"
 
 
 def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
@@ -149,6 +153,9 @@ def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
         quantity = QUANTITIES.get(key)
         head = with_unit(quantity.head, quantity.unit, units) if quantity is not None else "s"
         cells = [(quantity.text if quantity is not None else number_text)(of_row.get(key), digits) for of_row in values]
+        if key in TRUE_ERRORS:
+            both = [[*estimates(row.result, key).values()][:2] if row.result is not None else [] for row in rows]
+            cells = [error_text(None, two) if two else cell for two, cell in zip(both, cells, strict=True)]
         columns.append(Column(head, cells, drop=1 + rank))
     yield Table(columns, title)
     judges = dict.fromkeys(filter(None, (judge_of(row.result.summary) for row in rows if row.result is not None)))
@@ -178,7 +185,7 @@ def study_lines(study: Study) -> Iterator[Piece]:
     done = [row for row in rows if row["status"] == "done"]
     measured = [name for name in study.columns if any(is_number(row[name]) for row in done)]
     if done and measured:
-        yield _best_runs(done, measured, list(rows[0]))
+        yield from _best_runs(done, measured, list(rows[0]))
     for name, without in _without_value(study, done).items():
         yield f"no value of {name} in {without} of {len(done)} done: {study.columns[name]}"
     yield Unbroken(f"rows: {study.path}")
@@ -191,43 +198,58 @@ def _without_value(study: Study, done: list[Entries]) -> dict[str, int]:
     return {name: count for name, count in counts.items() if count}
 
 
-def _best_runs(done: Sequence[Data], measured: list[str], keys: list[str]) -> Table:
-    """Return the done rows by the first measured error, as a table of cases and pairs or as a ranking."""
+def _best_runs(done: Sequence[Data], measured: list[str], keys: list[str]) -> Iterator[Table]:
+    """Yield the done rows by the first measured error: as a table of cases and pairs, or as a ranking of each case."""
     error = next(iter(ranking(measured)), "")
     varied = keys[3 : keys.index("status")]
-    several = len({row["case"] for row in done}) > 1
-    if error and several and not varied:
-        return _cases(done, error)
+    cases = list(dict.fromkeys(row["case"] for row in done))
+    if error and len(cases) > 1 and not varied:
+        yield _cases(done, error)
+        return
     usual = [name for name in STUDY_TABLE if name in measured] or measured[:6]
     shown = list(dict.fromkeys([*([error] if error and error not in usual else []), *usual, "seconds"]))
-    # A run without a number for the error cannot be ranked by it.
-    ranked = sorted((row for row in done if is_number(row[error])), key=lambda row: row[error]) if error else done
-    best = ranked[:BEST]
-    columns = [
-        words(head, (number_text(row[head]) for row in best))
-        for head in (*(["case"] if several else []), "integrator", "contact")
-    ]
-    columns += [
-        Column(head, [number_text(row[head], 5) for row in best])
-        for head in varied
-        if len({str(row[head]) for row in done}) > 1
-    ]
-    columns += [
-        Column(head, [of_column(head).text(row[head]) for row in best], drop=None if head == error else rank)
-        for rank, head in enumerate(shown)
-    ]
-    return Table(columns, f"smallest {error}" if error else "first runs")
+    for case in cases:
+        rows = [row for row in done if row["case"] == case]
+        # A run without a number for the error cannot be ranked by it.
+        ranked = sorted((row for row in rows if is_number(row[error])), key=lambda row: row[error]) if error else rows
+        best = ranked[: max(FEWEST_BEST, BEST // len(cases))]
+        columns = [words(head, (number_text(row[head]) for row in best)) for head in ("integrator", "contact")]
+        columns += [
+            Column(head, [number_text(row[head], 5) for row in best])
+            for head in varied
+            if len({str(row[head]) for row in rows}) > 1
+        ]
+        if apart := apart_of(rows, error):
+            columns.append(Column("rank", _ranks([row[error] for row in best], apart)))
+        columns += [
+            Column(head, [_cell(row, head) for row in best], drop=None if head == error else rank)
+            for rank, head in enumerate(shown)
+        ]
+        title = f"smallest {error}" if error else "first runs"
+        yield Table(columns, f"{case}: {title}" if len(cases) > 1 else title)
+
+
+def _ranks(errors: Sequence[float], apart: float) -> list[str]:
+    """Return the ranks of rising errors: those that are less than `apart` above the first of a rank share it."""
+    ranks: list[int] = []
+    for k, error in enumerate(errors):
+        ranks.append(ranks[-1] if ranks and error - errors[ranks[-1] - 1] < apart else k + 1)
+    return [str(rank) for rank in ranks]
+
+
+def _cell(row: Data, name: str) -> str:
+    """Return a number of a row as text; of an error by two finer runs both."""
+    both = [row[path] for path in by_two(name)[:2] if path in row] if name in TRUE_ERRORS else []
+    return error_text(None, both) if any(map(is_number, both)) else of_column(name).text(row[name])
 
 
 def _cases(done: Sequence[Data], error: str) -> Table:
     """Return one measure as a table with one line per case and one column per pair of methods."""
-    value_of = {(row["case"], row["integrator"], row["contact"]): row[error] for row in done}
+    value_of = {(row["case"], row["integrator"], row["contact"]): _cell(row, error) for row in done}
     cases = list(dict.fromkeys(case for case, *_ in value_of))
-    columns = [words("case", cases)]
-    for pair in dict.fromkeys((integrator, contact) for _, integrator, contact in value_of):
-        cells = [of_column(error).text(value_of.get((case, *pair))) for case in cases]
-        columns.append(Column(" ".join(pair), cells))
-    return Table(columns, error, continued=1)
+    pairs = dict.fromkeys((integrator, contact) for _, integrator, contact in value_of)
+    columns = [Column(" ".join(pair), [value_of.get((case, *pair), "-") for case in cases]) for pair in pairs]
+    return Table([words("case", cases), *columns], error, continued=1)
 
 
 def stability_lines(title: str, rows: list[Entries], *, whole: bool = False) -> Iterator[Piece]:

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.quantities import JUDGED_BY, METRICS, of_column, percent, ranking
+from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two, of_column, percent, ranking
 from percuss.certificate.cures import capitalised
 from percuss.jsonable import Data
 from percuss.results.ledger import open_accounts
 from percuss.results.true_error import errors_of, errors_of_contacts, judge_of, largest_error
-from percuss.studies.columns import metric
+from percuss.studies.columns import estimates, metric
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import label_of
 from percuss.studies.tasks import TIED
@@ -139,6 +139,7 @@ def comparison_verdict(title: str, runs: Sequence[Run]) -> Iterator[str]:
         | {"status": run.status, "reason": run.reason, "said_by": run.said_by, "fragile": None}
         | dict.fromkeys(METRICS)
         | metrics(run)
+        | {path: value for name in TRUE_ERRORS if run.result for path, value in estimates(run.result, name).items()}
         | {JUDGED_BY: run.result is not None and judge_of(run.result.summary)}
         for run in runs
     ]
@@ -194,16 +195,43 @@ def best_words(case: str, rows: Sequence[Data], error: str) -> str:
         Name of the error.
     """
     least, quantity = min(row[error] for row in rows), of_column(error)
+    apart = apart_of(rows, error)
+    shared = [row for row in rows if row[error] - least < apart]
+    if len(shared) > 1:
+        names = [run_words(row) for row in shared[:MOST_NAMED]]
+        more = f" and {len(shared) - MOST_NAMED} more" if len(shared) > MOST_NAMED else ""
+        why = f"their errors ({quantity.label}) differ by less than the two finer runs that judge them"
+        share = f"{len(shared)} of {len(rows)} runs share the first rank ({', '.join(names)}{more})"
+        return f"{case}: {share}: {why} ({quantity.text(apart)})."
     best = [row for row in rows if is_same(error, row[error], least)]
     first_of_pair = {(row["integrator"], row["contact"]): row for row in reversed(best)}
     names = [run_words(row) for row in reversed(first_of_pair.values())]
     pairs = f"{', '.join(names[:-1])} and {names[-1]} have" if names[1:] else f"{names[0]} has"
     median = quantity.text(statistics.median(row[error] for row in rows))
     estimated = "estimated " if any(row.get(JUDGED_BY) for row in rows) else ""
-    kept = best[0].get("energy_kept")
-    grown = f"; its energy grew by {percent(kept - 1.0, 2)}" if is_number(kept) and kept > 1.0 + GROWN else ""
+    kept = best[0].get("energy_kept") or 1.0
+    grown = f"; its energy grew by {percent(kept - 1.0, 2)}" if kept > 1.0 + GROWN else ""
     among = f"; the median of {len(rows):,} runs is {median}" if len(rows) > 1 else ""
     return f"{case}: {pairs} the smallest {estimated}{quantity.label} ({quantity.text(best[0][error])}){grown}{among}."
+
+
+def apart_of(rows: Iterable[Data], error: str) -> float:
+    """Return how far apart the two finer runs are that judge runs, in their error; 0 where there are none.
+
+    Parameters
+    ----------
+    rows
+        The runs, with the keys of the table of a study.
+    error
+        Name of the error.
+    """
+    path = by_two(error)[2] if error in TRUE_ERRORS else ""
+    return max((row[path] for row in rows if is_number(row.get(path))), default=0.0)
+
+
+def error_text(error: float | None, both: Sequence[float | None]) -> str:
+    """Return an error in per cent; of two finer runs the errors against both, the first one's first."""
+    return " / ".join(percent(one) for one in both) if both else percent(error)
 
 
 def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:

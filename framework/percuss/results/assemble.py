@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -175,35 +176,74 @@ def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact
     try:
         solution, name, reason = exact_solution(model, end)
         if reason and model.case.reference is not None:
-            from percuss.results.reference import finer_run
+            from percuss.results.reference import finer_runs
 
-            finer = finer_run(model)
+            finer = finer_runs(model)
             if isinstance(finer, str):
                 reason = f"{reason}; {finer}"
             else:
                 solution = None  # one that ends before the run does would judge another part of it
-                estimated = _errors(finer, finer.name, "finer", march, outcome, arrays)
+                estimated = _estimates(finer, march, outcome, arrays)
     except KeyboardInterrupt:
         outcome.status = "interrupted"
         return None, true_error.summary_entries(None, "Ctrl-C ended it")
-    errors = _errors(solution, name, "exact", march, outcome, arrays) if solution is not None else None
+    errors = None
+    if solution is not None:
+        ran = _Histories.of(march, outcome, arrays)
+        errors, force, gap = _errors(solution, name, march, outcome, ran)
+        arrays |= {"contact_force_exact": force, "gap_exact": gap}
     return solution, true_error.summary_entries(errors, reason, estimated)
 
 
+class _Histories(NamedTuple):
+    """What is compared with a judge: times and middles of the steps, contact forces, and the displacement at the end.
+
+    The impulse lambda dt acts over the step around t_n, in a multi-stage scheme over that from t_n to t_n+1.
+    """
+
+    time: Floats
+    middle: Floats
+    force: Floats
+    moved: Floats | None
+
+    @classmethod
+    def of(cls, march: March, outcome: Outcome, arrays: Entries) -> _Histories:
+        """Return those of a run."""
+        middle = arrays["time"] + march.stepper.force_at * march.model.dt
+        moved = outcome.final_displacement.reshape(-1, march.dim)
+        return cls(arrays["time"], middle, arrays["contact_force"], moved)
+
+
+def _estimates(finer: Sequence[FinerRun], march: March, outcome: Outcome, arrays: Entries) -> ExactErrors:
+    """Return the errors of a run against one or two finer runs; add the histories of the first to `arrays`.
+
+    Of two, ``apart`` has the errors of the second against the first, on the steps and nodes of the run: runs whose
+    errors differ by less are not told apart.
+    """
+    ran = _Histories.of(march, outcome, arrays)
+    first, *others = finer
+    name = " and ".join(judge.name for judge in finer)
+    estimated, force, gap = _errors(first, name, march, outcome, ran)
+    arrays |= {"contact_force_finer": force, "gap_finer": gap}
+    for second in others:
+        estimated["second"], force, _ = _errors(second, second.name, march, outcome, ran)
+        there = second.displacement_of(march.model, outcome.done * march.model.dt)
+        as_run = ran._replace(force=np.nan_to_num(force), moved=there)
+        estimated["apart"] = _errors(first, first.name, march, outcome, as_run)[0]
+    return estimated
+
+
 def _errors(
-    judge: Exact | FinerRun, name: str, kind: str, march: March, outcome: Outcome, arrays: Entries
-) -> ExactErrors:
-    """Return the errors of a run against its judge; add the histories of the judge to `arrays`."""
+    judge: Exact | FinerRun, name: str, march: March, outcome: Outcome, ran: _Histories
+) -> tuple[ExactErrors, Floats, Floats]:
+    """Return the errors of histories against their judge, and the forces and gaps of the judge on their steps."""
     model, contact_names = march.model, list(march.model.case.contacts)
-    # The impulse lambda dt acts over the step around t_n, in a multi-stage scheme over that from t_n to t_n+1.
-    middle = arrays["time"] + march.stepper.force_at * model.dt
-    force, gap = sampled(judge, contact_names, arrays["time"], middle, model.dt)
-    arrays |= {f"contact_force_{kind}": force, f"gap_{kind}": gap}
+    force, gap = sampled(judge, contact_names, ran.time, ran.middle, model.dt)
     contacts = {
         name: true_error.contact_errors(
             judge.contacts[name],
-            middle,
-            arrays["contact_force"][:, k],
+            ran.middle,
+            ran.force[:, k],
             force[:, k],
             model.dt,
             judge.reached,
@@ -212,18 +252,19 @@ def _errors(
         )
         for k, name in enumerate(contact_names)
     }
-    moved, time = outcome.final_displacement.reshape(-1, march.dim), outcome.done * model.dt
-    if isinstance(judge, Exact):
-        displacement_error = true_error.displacement_error(model, judge, moved, time)
-    else:
-        displacement_error = judge.displacement_error(model, moved, time)
-    return {
+    time, displacement_error = outcome.done * model.dt, None
+    if ran.moved is not None and isinstance(judge, Exact):
+        displacement_error = true_error.displacement_error(model, judge, ran.moved, time)
+    elif ran.moved is not None and not isinstance(judge, Exact):
+        displacement_error = judge.displacement_error(model, ran.moved, time)
+    errors: ExactErrors = {
         "solution": name,
         "reached": judge.reached,
         "fronts": judge.fronts,
         "contacts": contacts,
         "displacement_error": displacement_error,
     }
+    return errors, force, gap
 
 
 def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:

@@ -28,7 +28,7 @@ from percuss.results.true_error import relative_l2
 
 # Keys that say how a case is computed, not what it is; the finer run says its own.
 COMPUTED_BY = ("time", "method", "refine", "reference", "record", "expect")
-MOST_KEPT = 4  # finer runs that are kept for other runs of the same case: those of a study differ in methods alone
+MOST_KEPT = 8  # finer runs that are kept for other runs of the same case: those of a study differ in methods alone
 
 
 class FinerContact(ExactContact):
@@ -102,22 +102,28 @@ class FinerRun:
     fronts: int = 0
 
     def displacement_error(self, model: Model, displacement: Floats, time: float) -> float | None:
-        """Return the relative difference of displacements at `time` from this run's, in L2 over all bodies, or None.
+        """Return the relative difference of displacements at `time` from this run's, in L2 over all bodies, or None."""
+        there = self.displacement_of(model, time)
+        if there is None:
+            return None
+        mass = model.bodies.mass
+        error, size = (float(mass @ (field**2).sum(axis=1)) for field in (displacement - there, there))
+        return relative_l2(error, size)
+
+    def displacement_of(self, model: Model, time: float) -> Floats | None:
+        """Return the displacement of this run at `time` at the nodes of a coarser model; None where they end apart.
 
         Between the end of this run and `time`, which lie less than a step apart, its nodes move with their velocity.
         """
         if abs(time - self.end) > model.dt * (1.0 + ROUND_OFF):
             return None
         fine = self.displacement + (time - self.end) * self.velocity
-        there = np.concatenate(
+        return np.concatenate(
             [
                 _at_nodes(body.mesh.nodes, finer, fine[finer.start : finer.stop])
                 for body, finer in ((body, self.bodies[name]) for name, body in model.bodies.items())
             ]
         )
-        mass = model.bodies.mass
-        error, size = (float(mass @ (field**2).sum(axis=1)) for field in (displacement - there, there))
-        return relative_l2(error, size)
 
 
 def _at_nodes(nodes: Floats, finer: Body, displacement: Floats) -> Floats:
@@ -133,10 +139,11 @@ def _at_nodes(nodes: Floats, finer: Body, displacement: Floats) -> Floats:
     return found
 
 
-def case_of(case: Case, end: float) -> Case:
-    """Return the case of the finer run, which lasts until `end`."""
+def case_of(case: Case, end: float, *, second: bool = False) -> Case:
+    """Return the case of the finer run, or of the second one, which lasts until `end`."""
     chosen: Any = case.reference
     given = case.data["reference"]
+    given = {**given, **{key: value for key, value in given["second"].items() if value}} if second else given
     source = replace(case.origin, data={key: value for key, value in case.data.items() if key not in COMPUTED_BY})
     contacts = case.data.get("contacts", {})
     own = {name: {key: value for key, value in one.items() if key != "pairing"} for name, one in contacts.items()}
@@ -161,24 +168,30 @@ _kept: dict[object, FinerRun] = {}
 _lock = threading.Lock()
 
 
-def finer_run(model: Model) -> FinerRun | str:
-    """Return the finer run that judges a run of a model, or why there is none."""
-    case = model.case
-    if case.reference is not None and case.refine >= case.reference.refine:
-        return f"the finer run (refine {case.reference.refine:g}) is not finer than this run (refine {case.refine:g})"
+def finer_runs(model: Model) -> list[FinerRun] | str:
+    """Return the finer run that judges a run of a model, and the second if its case has one; or why there is none."""
+    case, chosen = model.case, model.case.reference
+    if chosen is not None and case.refine >= chosen.refine:
+        return f"the finer run (refine {chosen.refine:g}) is not finer than this run (refine {case.refine:g})"
+    end = case.time.known_end or model.steps * model.dt
+    seconds = (False, True) if chosen is not None and chosen.second is not None else (False,)
     try:
-        finer = case_of(case, case.time.known_end or model.steps * model.dt)
-        key = flow(as_lists(finer.data)), tuple(finer.data_files.items()), id(finer.registry)
-        with _lock:
-            found = _kept.get(key)
-        if found is None:
-            found = _march(finer)
-            with _lock:
-                _kept[key] = found
-                while len(_kept) > MOST_KEPT:
-                    del _kept[next(iter(_kept))]
+        return [_kept_or_made(case_of(case, end, second=second)) for second in seconds]
     except PercussError as error:
         return f"the finer run that would judge it was not made: {error}"
+
+
+def _kept_or_made(finer: Case) -> FinerRun:
+    """Return the finer run of its case, which is kept for other runs of the case that it judges."""
+    key = flow(as_lists(finer.data)), tuple(finer.data_files.items()), id(finer.registry)
+    with _lock:
+        found = _kept.get(key)
+    if found is None:
+        found = _march(finer)
+        with _lock:
+            _kept[key] = found
+            while len(_kept) > MOST_KEPT:
+                del _kept[next(iter(_kept))]
     return found
 
 
@@ -213,7 +226,8 @@ def _march(case: Case) -> FinerRun:
         field.reshape(-1, march.dim).copy() for field in (outcome.final_displacement, outcome.final_velocity)
     )
     methods = [case.method.integrator.name, *dict.fromkeys(contact.law.name for contact in case.contacts.values())]
-    name = f"refine {case.refine:g} with {' and '.join(methods)}"
+    pairings = dict.fromkeys(contact.pairing.name for contact in case.contacts.values() if contact.pairing is not None)
+    name = f"refine {case.refine:g} with {', '.join([' and '.join(methods), *pairings])}"
     return FinerRun(
         name, dict(model.bodies.items()), contacts, moved, velocity, outcome.done * model.dt, float(edges[-1])
     )

@@ -156,10 +156,18 @@ class ErrorsOfContacts(TypedDict):
 
 
 class ExactErrors(ErrorsOfContacts):
-    """True errors of a run, by contact and of the displacement, up to the time reached by the exact solution."""
+    """True errors of a run, by contact and of the displacement, up to the time reached by the exact solution.
+
+    Attributes
+    ----------
+    second, apart
+        Of estimates by two finer runs: the errors against the second, and those of the second against the first.
+    """
 
     reached: float
     displacement_error: NotRequired[float | None]
+    second: NotRequired[ExactErrors]
+    apart: NotRequired[ExactErrors]
 
 
 class CoveredErrors(ErrorsOfContacts):

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
+from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, by_two, values_at
 from percuss.case.specs import MeasureSection
 from percuss.errors import nearest, suggestion
-from percuss.jsonable import Data
+from percuss.jsonable import Data, Entries
 from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
 from percuss.results.exact import ROUND_OFF
@@ -169,12 +169,15 @@ def metric(result: Result, name: str) -> Any:
     summary, quantity = result.summary, METRICS[name]
     if not quantity.path:
         return _computed(summary, name)
-    path = quantity.path
+    paths = [quantity.path]
     if quantity.against_exact and summary.get("estimated"):
-        path = path.replace("exact", "estimated", 1)
-    values = [value for value in values_at(summary, path) if value is not None]
-    if quantity.against_exact and "*" in path and (errors := summary["exact"] or summary.get("estimated")):
-        values = list(errors_of_contacts(summary, errors, name).values())
+        # Of two finer runs that against which the error is larger: it does not favour the methods of either.
+        paths = list(by_two(name)[: 2 if quantity.is_error else 1])
+    values = [value for path in paths for value in values_at(summary, path) if value is not None]
+    errors: Any = summary["exact"] or summary.get("estimated")
+    if quantity.against_exact and "*" in quantity.path and errors:
+        judges = (errors, errors.get("second") if quantity.is_error else None)
+        values = [value for one in judges if one for value in errors_of_contacts(summary, one, name).values()]
     if name == "penetration":
         moved = float(np.abs(result.arrays["displacement"]).max(initial=0.0))
         values = [value if value > ROUND_OFF * moved else 0.0 for value in values]
@@ -182,6 +185,15 @@ def metric(result: Result, name: str) -> Any:
         return sum(values)
     # The force and the overlap of a run without contacts are zero; an error that no contact has is not known.
     return max(values, default=0.0 if name in CONTACT_NUMBERS else None)
+
+
+def estimates(result: Result, name: str) -> Entries:
+    """Return an error against each of two finer runs, and that of the second against the first, by path; or nothing."""
+    estimated = result.summary.get("estimated")
+    if not estimated or "second" not in estimated:
+        return {}
+    known = {path: [value for value in values_at(result.summary, path) if value is not None] for path in by_two(name)}
+    return {path: max(values, default=None) for path, values in known.items()}
 
 
 def _computed(summary: Summary, name: str) -> float | None:

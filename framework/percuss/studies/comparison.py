@@ -19,6 +19,7 @@ from percuss.studies.columns import metric
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import Run, perform
 from percuss.studies.tasks import Task, tasks
+from percuss.studies.two_references import two_references
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,6 +88,7 @@ def compare(
     methods = {name: name for name in integrators}, {name: name for name in contacts}
     axes = vary or {}
     points = combinations(axes)
+    case = two_references(case, methods[1], points)
     planned = list(tasks("", case, *methods, points, tied=tied))
     used = {path for task in planned for path in task.varied}
     if any(path not in used for point in points for path in point):  # no pair has such an option: let the runs say so

@@ -23,7 +23,7 @@ import numpy as np
 
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, load
-from percuss.case.quantities import JUDGED_BY, METRICS
+from percuss.case.quantities import JUDGED_BY, METRICS, by_two
 from percuss.certificate.closed_contacts import NEVER_GROWS
 from percuss.errors import (
     InputError,
@@ -56,6 +56,7 @@ from percuss.studies.pareto import front_of
 from percuss.studies.search import Search
 from percuss.studies.study import study
 from percuss.studies.study_table import Study
+from percuss.studies.two_references import second_reference
 
 FEWEST_RUNS = 10
 SHARE_OF_FIRST_RUNS = 1 / 3  # of all runs; of more pairs than that some are drawn, and the others wait
@@ -113,6 +114,8 @@ class Tried:
         The largest ratio of a number to its bound: at most 1 where all bounds are met, infinite where one is not known.
     key
         Key of its row in the study.
+    both
+        Its errors against the first and against the second of two finer runs, of which `error` is the larger.
     """
 
     candidate: Candidate
@@ -125,6 +128,7 @@ class Tried:
     evaluations: float
     excess: float
     key: str
+    both: tuple[float | None, ...] = ()
 
     @property
     def cost(self) -> float:
@@ -138,8 +142,9 @@ class Tried:
 
     def as_dict(self) -> Entries:
         """Return the run as plain data for JSON."""
-        names = ("status", "reason", "stable", "error", "energy", "seconds", "evaluations", "cost", "excess", "key")
-        return {**self.candidate.changes, **{name: getattr(self, name) for name in names}, "meets": self.meets}
+        names = ("status", "reason", "stable", "error", "both", "energy", "seconds", "evaluations", "cost", "excess")
+        own = {name: getattr(self, name) for name in (*names, "key")}
+        return {**self.candidate.changes, **own, "meets": self.meets}
 
 
 @dataclass(frozen=True)
@@ -283,11 +288,14 @@ def recommend(
         advice = "recommend searches laws of contact; name those that may take its place with --contact."
         raise InputError([case.problem(("contacts", case.bonds[0]), message, advice)])
     methods = _methods(case.registry, integrators, contacts)
+    pairings = case.registry.names("pairings") if case.method.pairing is not None else ()
+    changes = {**(changes or {}), **second_reference(case, methods[1], pairings)}
+    case = load(Path(path), changes, plugins=plugins)
     file = Path(out) if out is not None else Path(f"{Path(path).stem}-recommend.sqlite")
     expect_no_input(file, case.inputs)
     for output in outputs:
         expect_writable(output, [*case.inputs, ("file of runs", file)])
-    bench = _Bench(case, Path(path), bounds, runs, file, workers, plugins, progress, changes or {})
+    bench = _Bench(case, Path(path), bounds, runs, file, workers, plugins, progress, changes)
     return _answer(bench, methods, np.random.default_rng(seed))
 
 
@@ -520,7 +528,8 @@ class _Bench:
         count = float(row["node_steps"] * stages) if ran else math.inf
         stable = row[STABLE] if row["status"] == "done" else None
         numbers = error, energy, seconds, count, excess
-        return Tried(candidate, row["status"], row["reason"] or doubt, stable, *numbers, row["key"])
+        both = tuple(row[path] for path in by_two(self.bounds.measure)[:2] if path in row)
+        return Tried(candidate, row["status"], row["reason"] or doubt, stable, *numbers, row["key"], both)
 
 
 def why_never(row: Data) -> str:

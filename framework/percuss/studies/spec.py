@@ -10,7 +10,7 @@ from pathlib import Path
 from percuss.case.case import Case, load
 from percuss.case.cross_checks import after_the_end, misfits
 from percuss.case.hints import name_advice
-from percuss.case.quantities import JUDGED_BY, METRICS
+from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two, ranking
 from percuss.case.source import Source
 from percuss.case.specs import MeasureSection
 from percuss.case.type_words import found
@@ -24,6 +24,7 @@ from percuss.studies import parameters
 from percuss.studies.columns import Column, RowSettings, column, column_by_name
 from percuss.studies.layout import Condition, SampleSection, StudySection
 from percuss.studies.tasks import method_name
+from percuss.studies.two_references import two_references
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 COST = "node_steps"
@@ -161,6 +162,8 @@ class _StudyReader:
             message = f"expected at most {parameters.MOST} combinations of values, found {count}"
             self.reader.wrong(("vary",), message, "Vary fewer values, or draw a sample of them.", key=True)
         paths = [*varied, *(path for point in paired for path in point), *(sample.of if sample else ())]
+        points = [{path: value} for path, values in varied.items() for value in values]
+        cases = {label: two_references(case, contacts, [*points, *paired]) for label, case in cases.items()}
         columns, where = self.columns(cases, paths), self.where([*NAMES, *dict.fromkeys(paths)])
         reader.finish()
         if section is None:
@@ -315,9 +318,12 @@ class _StudyReader:
                 self.reader.wrong(("measure", i), f"the name '{name}' is taken by another measure", "Rename it.")
             else:
                 out[name] = column_of_measure
-        # Every row has the cost that does not depend on the machine, and the finer run by which it may be judged.
-        always = [COST, *([JUDGED_BY] if any(case.reference is not None for case in cases.values()) else [])]
-        names = [*([] if out else METRICS), *always]
+        # Every row has the cost that does not depend on the machine, and the finer runs by which it may be judged.
+        names, judges = [*([] if out else METRICS), COST], [case.reference for case in cases.values()]
+        names += [JUDGED_BY] if any(judge is not None for judge in judges) else []
+        errors = [name for name in ranking([*out, *names]) if name in TRUE_ERRORS][:1]
+        two = any(judge is not None and judge.second is not None for judge in judges)
+        names += [path for error in errors for path in by_two(error)] if two else []
         return tuple({**out, **{name: column_by_name(name) for name in names}}.values())
 
     def refuse_after_all_ends(self, at: KeyPath, cases: dict[str, Case], varied: Sequence[str]) -> None:

@@ -75,8 +75,8 @@ def tasks(
     for (integrator_label, integrator), (law_label, law), points_of_pair, is_tied in pairs:
         changes = {**_method_change("method.integrator", integrator), **_method_change("method.contact", law)}
         for point in points_of_pair if strict else _applicable(case, points_of_pair, integrator, law):
-            shown_integrator = _method_of_point(point, "method.integrator") or integrator_label
-            shown_law = _method_of_point(point, "method.contact") or law_label
+            shown_integrator = method_of_point(point, "method.integrator") or integrator_label
+            shown_law = method_of_point(point, "method.contact") or law_label
             yield Task(label, shown_integrator, shown_law, point, {**changes, **point}, is_tied)
 
 
@@ -93,7 +93,7 @@ def _applicable(case: Case, points: Sequence[Data], integrator: object, law: obj
                 ("method.integrator", "integrators", integrator, case.method.integrator.name),
                 ("method.contact", "contacts", law, case.method.contact.name),
             )
-            if (name := _method_of_point(point, path) or method_name(listed) or default) in case.registry.names(family)
+            if (name := method_of_point(point, path) or method_name(listed) or default) in case.registry.names(family)
         }
         lacking = {
             path
@@ -129,6 +129,6 @@ def _method_change(path: str, value: object) -> Entries:
     return {f"{path}.name": value} if isinstance(value, str) else {path: value}
 
 
-def _method_of_point(point: Data, path: str) -> str:
+def method_of_point(point: Data, path: str) -> str:
     """Return the name of the method that a point sets because methods are varied by their path, or an empty text."""
     return method_name(point.get(path, point.get(f"{path}.name")))
