@@ -30,9 +30,18 @@ from percuss.cli.main import app
 from percuss.methods.registry import Registry
 from percuss.studies.layout import study_schema
 
-FAMILIES = ("integrators", "contacts", "masses", "materials", "elements", "shapes", "loads", "solutions", "measures")
-
-
+FAMILIES = (
+    "integrators",
+    "contacts",
+    "masses",
+    "pairings",
+    "materials",
+    "elements",
+    "shapes",
+    "loads",
+    "solutions",
+    "measures",
+)
 MOST_SHOWN = 10  # values that a table lists; of more it says what they are
 
 

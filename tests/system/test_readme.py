@@ -323,6 +323,17 @@ def test_a_table_says_what_the_code_says(name: str) -> None:
     assert shown == pages.TABLES[name](Registry.load())
 
 
+def test_no_part_that_a_program_writes_is_empty() -> None:
+    """Marks without a program, or a program without lines, leave a hole that a page does not show."""
+    parts = [
+        (f"{name}: {mark}", part)
+        for name, page in PAGES.items()
+        for mark, part in re.findall(r"^<!-- (.+?) -->\n(.*?)^<!-- end of \1 -->", page, re.MULTILINE | re.DOTALL)
+    ]
+    assert len(parts) >= len(pages.TABLES)
+    assert [mark for mark, part in parts if len(part.split()) < 5] == []
+
+
 def address(heading: str) -> str:
     """Return a heading as GitHub names it: small letters, hyphens for spaces, no other punctuation."""
     return re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-"))

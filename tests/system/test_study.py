@@ -890,7 +890,9 @@ def test_of_a_large_study_a_dry_run_examines_runs_at_equal_distances(tmp_path, m
     assert found["node_steps"] == 3 * sum(row["node_steps"] for row in found["rows"])
     said = percuss_command("study", path, "--dry-run", "--workers", "1").stdout.splitlines()
     assert said[1] == "examined: 3 runs at equal distances, of which 3 can run"
-    assert said[2].startswith(f"all runs, estimated from these: {found['node_steps']:.3g} steps times nodes, roughly ")
+    assert said[2].startswith(
+        f"all runs, estimated from these: {found['node_steps']:.3g} steps times stages times nodes, roughly "
+    )
     assert " with 1 worker by the time of the cheapest run" in said[2]
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -164,6 +165,22 @@ def run(folder, **environment):
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
+
+
+@pytest.mark.slow
+def test_an_installed_plug_in_is_in_the_provenance(tmp_path):
+    editable(tmp_path)
+    run(tmp_path)
+    there = percuss.open_study(tmp_path / "a.sqlite").provenance["plugins"]
+    assert list(there) == ["theirs"]
+    assert there["theirs"]["version"] == "1.0"
+    digests = there["theirs"]["components"]
+    assert set(digests) == {"contacts/mine", "loads/push", "shapes/rod"}
+    assert all(re.fullmatch("[0-9a-f]{32,}", digest) for digest in digests.values())
+    (tmp_path / "src" / "theirs_elsewhere.py").write_text(UTIL.format(soft=0.5))
+    run(tmp_path)
+    later = percuss.open_study(tmp_path / "a.sqlite").provenance["plugins"]["theirs"]["components"]
+    assert {name for name in digests if later[name] != digests[name]} >= {"contacts/mine"}
 
 
 @pytest.mark.deep

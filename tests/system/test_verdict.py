@@ -9,7 +9,8 @@ import pytest
 import percuss
 import places
 from command_line import percuss_command
-from percuss.reporting.verdict import best_words, error_words, failures, run_verdict
+from percuss.reporting.terminal import _best_runs
+from percuss.reporting.verdict import best_words, error_words, failures, rows_verdict, run_verdict
 from percuss.results.true_error import largest_error
 from percuss.studies import alternatives as module
 from percuss.studies.columns import metric
@@ -193,6 +194,62 @@ def test_a_run_whose_energy_grew_is_not_called_good_by_its_force() -> None:
     assert re.match(r"But contacts, scheme and materials added \S+ % of the energy put in, which no real contact", last)
     row = {"integrator": "a", "contact": "b", "case": "c", "status": "done", "force_error_l1": 0.0, "energy_kept": 3.0}
     assert "; its energy grew by 200 %" in best_words("c", [row], "force_error_l1")
+
+
+def row(case, integrator, contact, refine, error, kept=0.5):
+    measured = {"force_error_l1": error, "energy_kept": kept, "steps": 10, "seconds": error}
+    names = {"case": case, "integrator": integrator, "contact": contact, "refine": refine}
+    return names | {"status": "done", "reason": "", "said_by": "", "fragile": None} | measured
+
+
+ROWS = [
+    row("one", "a", "x", 1, 0.05),
+    row("one", "b", "x", 1, 0.05),
+    row("one", "a", "y", 1, 0.03),
+    row("one", "a", "x", 2, 0.02),
+    row("one", "b", "x", 2, 0.02),
+    row("one", "a", "y", 2, 0.04),
+    row("two", "a", "x", 1, 0.2),
+    row("two", "b", "x", 1, 0.2),
+    row("two", "a", "y", 1, 0.1),
+]
+
+
+def test_ties_and_the_best_at_equal_mesh_are_told_before_the_best() -> None:
+    """The best of all runs may owe its place to its mesh; pairs with the same bits hide each other in every chart."""
+    told = list(rows_verdict(ROWS, ["force_error_l1", "energy_kept", "steps", "seconds"]))
+    smallest, both = (f"{verb} the smallest force error, L1" for verb in ("has", "have"))
+    assert told == [
+        "a + x and b + x tie: their numbers are the same to the last bit.",
+        f"At equal mesh a + y {smallest} on 2 of 3 pairs of case and mesh, a + x on 1, b + x on 1.",
+        f"one: a + x refine=2 and b + x refine=2 {both} (2 %); the median of 6 runs is 3.5 %.",
+        f"two: a + y refine=1 {smallest} (10 %); the median of 3 runs is 20 %.",
+    ]
+    last_bit = [{**one, "energy_kept": 0.5 + 1e-16 * (one["integrator"] == "b")} for one in ROWS]
+    assert last_bit[1]["energy_kept"] != 0.5
+    assert not any(" tie: " in line for line in rows_verdict(last_bit, ["force_error_l1", "energy_kept"]))
+    assert next(rows_verdict(ROWS[:3], ["steps"]), "") == ""
+
+
+def test_a_table_of_the_best_rows_has_one_case() -> None:
+    """Errors of unlike cases are no ranking."""
+    tables = list(_best_runs(ROWS, ["force_error_l1", "steps"], list(ROWS[0])))
+    assert [table.title for table in tables] == ["one: smallest force_error_l1", "two: smallest force_error_l1"]
+    errors = [next(column.cells for column in table.columns if column.head == "force_error_l1") for table in tables]
+    assert errors == [["2 %", "2 %", "3 %", "4 %", "5 %", "5 %"], ["10 %", "20 %", "20 %"]]
+
+
+@pytest.mark.parametrize(
+    "command", ["study study.yaml --dry-run", "study study.yaml", "recommend case.yaml --error 1%"]
+)
+@pytest.mark.parametrize("number", ["-3", "0"])
+def test_a_number_of_workers_below_one_is_refused(command: str, number: str, coarse: Path) -> None:
+    coarse.rename(coarse.parent / "case.yaml")
+    (coarse.parent / "study.yaml").write_text("percuss-study: 1\ncases: [case.yaml]\n")
+    done = percuss_command(*command.split(), "--workers", number, cwd=coarse.parent)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"--workers: expected a number of at least 1, found {number}" in done.stderr
+    assert not list(coarse.parent.glob("*.sqlite"))
 
 
 def test_an_unknown_error_has_a_reason() -> None:

@@ -163,6 +163,7 @@ SUMMARY = (
     "momentum",
     "nodes",
     "seconds",
+    "stages",
     "steps",
 )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -42,6 +41,7 @@ def study(
     with common.reporting(as_json) as answer:
         from percuss.reporting.terminal import study_lines
         from percuss.reporting.verdict import rows_verdict
+        from percuss.studies.dispatch import number_of_workers
         from percuss.studies.forecast import forecast
         from percuss.studies.study import study as make_study
         from percuss.studies.study_table import exportable
@@ -51,7 +51,7 @@ def study(
             message, advice = "expected --dry-run or {}, found both", "A dry run makes no rows."
             given = [name for name, value in of_rows.items() if value]
             refuse_if_any([Problem("percuss study", "", message.format(name), advice) for name in given])
-            workers = workers or os.cpu_count() or 1
+            workers = number_of_workers(workers)
             with common.progress_bar("runs") as progress:
                 found = forecast(file, plugin or [], progress, workers=workers, changes=common.reference_of(reference))
             answer.show(found, _forecast_lines(found, workers))
@@ -100,7 +100,7 @@ def _forecast_lines(found: Data, workers: int) -> Iterator[str]:
         cores = f"{workers} worker{'s' if workers != 1 else ''}"
         time = f"roughly {duration(found['seconds'])} with {cores} by the time of the cheapest run"
         whose = "all runs, estimated from these" if part else can_run
-        yield f"{whose}: {found['node_steps']:.3g} steps times nodes, {time}"
+        yield f"{whose}: {found['node_steps']:.3g} steps times stages times nodes, {time}"
 
 
 class _ResumeNotice:

@@ -1,4 +1,4 @@
-"""The answer of a study in two to four sentences, made from its rows."""
+"""The answer of a study in a few sentences, made from its rows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from percuss.case.quantities import TRUE_ERRORS, by_two, ranking
 from percuss.reporting.figures import number
 from percuss.reporting.study_data import WAITING, ColumnRoles, groups, methods, numbers, references, texts
-from percuss.reporting.verdict import best_words, is_same
+from percuss.reporting.verdict import best_words, equal_mesh_words, is_same, tie_words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,7 +20,7 @@ MOST_CASES = 2  # Of more cases only the wins are counted; the first chart has e
 
 
 def answer(table: pd.DataFrame, roles: ColumnRoles) -> list[str]:
-    """Return which pair of methods is best in each case, how many runs failed, and what the result depends on.
+    """Return which pairs tie, which is best at equal mesh and in each case, how many runs failed, and what matters.
 
     Parameters
     ----------
@@ -31,6 +31,9 @@ def answer(table: pd.DataFrame, roles: ColumnRoles) -> list[str]:
     """
     ranked = ranking(roles.measures)
     best = _best_sentences(table, roles, ranked[0]) if ranked else ["The study measured no error to rank its runs by."]
+    keys = list(dict.fromkeys(["case", "integrator", "contact", *roles.varied, "status", *roles.measures]))
+    rows = table[keys].astype(object).where(table[keys].notna(), None).to_dict("records")
+    best = [*tie_words(rows, roles.measures), *(equal_mesh_words(rows, ranked[0]) if ranked else ()), *best]
     return [*best, _failed_sentence(table), *(_dependence_sentence(table, roles, ranked[0]) if ranked else [])]
 
 

@@ -31,7 +31,10 @@ LINES = {
     "best": "a line joins the best runs of a pair",
     "median": f"a line joins the medians of a pair; a band, drawn for at most {MOST_BANDS} pairs, holds 8 of 10 runs",
 }
-MARKED = "a ring marks a value at which runs failed; a level line is a pair without this option"
+MARKED = (
+    "a ring marks a value at which runs failed, on the lower edge where all did; a level line is a pair without this "
+    "option"
+)
 CAPTIONS = {
     "best": "each pair of methods in each case: the mark is its best run, the bar its median run; best pair first",
     "work": (

@@ -234,7 +234,7 @@ class _Drawn(NamedTuple):
         """Draw one measure over one varied value, which is a number or a word; return the legend's entries."""
         across, up = self.charts.axes[path], self.charts.axes[name]
         row = 1 if self.statistic == "best" and name in self.charts.ranked else 3
-        bands = {pair: band for pair, band in study_data.bands(made, name, path).items() if band[5].any()}
+        bands = study_data.bands(made, name, path)
         seen = [pair for pair in self.charts.styles if pair in bands]
         pairs, places = np.array(study_data.methods(made)), _places(made[path], across)
         measured = np.maximum(study_data.numbers(made[name].where(made["status"] == "done")), up.edge)
@@ -242,18 +242,24 @@ class _Drawn(NamedTuple):
         entries: Entries = {}
         for turn, pair in enumerate(seen):
             style, band = self.charts.styles[pair], bands[pair][:, bands[pair][5] > 0]
+            aside = study_charts.place_aside(turn, len(seen)) if across.words else 0.0
+            ring: Entries = {"color": style.colour, "fillstyle": "none", "markersize": 10, "zorder": 4}
+            # Where all runs failed there is no height: the ring stands on the lower edge.
+            gone, edge = bands[pair][0, bands[pair][5] == 0] + aside, axes.get_xaxis_transform()
+            axes.plot(gone, np.zeros_like(gone), "o", transform=edge, clip_on=False, in_layout=False, **ring)
+            if not band.size:
+                (entries[pair],) = axes.plot([], [], markersize=5, **marked_line(style))
+                continue
             low, high, line = (np.maximum(band[k], up.edge) for k in (2, 4, row))
             if np.isnan(band[0]).all():
                 entries[pair] = axes.axhline(line[0], **{**marked_line(style), "marker": ""})
                 continue
-            aside = study_charts.place_aside(turn, len(seen)) if across.words else 0.0
             _draw_points(axes, places[pairs == pair] + aside, measured[pairs == pair], style)
             if filled and (high > low).any():
                 axes.fill_between(band[0], low, high, color=style.colour, alpha=0.14, lw=0)
             marked = marked_line(style) | ({"linestyle": "none"} if across.words else {})
             (entries[pair],) = axes.plot(band[0] + aside, line, markersize=5, **marked)
             partly = band[5] < band[6]
-            ring: Entries = {"color": style.colour, "fillstyle": "none", "markersize": 10, "zorder": 4}
             axes.plot(band[0, partly] + aside, line[partly], "o", **ring)
         _set_axis(axes, "x", across)
         _set_axis(axes, "y", up)

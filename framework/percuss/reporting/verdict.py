@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import statistics
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
@@ -147,7 +148,7 @@ def comparison_verdict(title: str, runs: Sequence[Run]) -> Iterator[str]:
 
 
 def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
-    """Yield the best run of each case, and how many runs failed and why.
+    """Yield which pairs tie, the best on equal meshes, the best run of each case, and how many runs failed and why.
 
     Parameters
     ----------
@@ -157,6 +158,8 @@ def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
         The measured columns; runs are ranked by the first error among them.
     """
     error = next(iter(ranking(name for name in columns if any(is_number(row[name]) for row in rows))), "")
+    yield from tie_words(rows, columns)
+    yield from equal_mesh_words(rows, error) if error else ()
     for case, group in groupby(rows, key=lambda row: row["case"]) if error else ():
         all_done = [row for row in group if row["status"] == "done" and row["contact"] != TIED]
         done = [row for row in all_done if is_number(row[error])]
@@ -175,6 +178,66 @@ def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
         (row["status"], row["reason"] and f"{source}{row['reason']}", run_words(row))
         for row, source in zip(rows, sources, strict=True)
     )
+
+
+def tie_words(rows: Iterable[Data], columns: Iterable[str]) -> Iterator[str]:
+    """Yield a sentence for each group of pairs whose runs have the same numbers to the last bit.
+
+    Parameters
+    ----------
+    rows
+        The runs, with the keys of the table of a study.
+    columns
+        The measured columns.
+    """
+    measured = [name for name in columns if not name.startswith("seconds")]
+    numbers: dict[tuple[str, str], set[object]] = {}
+    for row in rows:
+        found = tuple(row[name] for name in measured if is_number(row[name]))
+        if row["status"] == "done" and any(isinstance(value, float) and not value.is_integer() for value in found):
+            numbers.setdefault((row["integrator"], row["contact"]), set()).add((row["case"], varied_of(row), found))
+    alike: dict[frozenset[object], list[str]] = {}
+    for pair, of_pair in numbers.items():
+        alike.setdefault(frozenset(of_pair), []).append(" + ".join(pair))
+    for names in alike.values():
+        if len(names) > 1:
+            yield f"{', '.join(names[:-1])} and {names[-1]} tie: their numbers are the same to the last bit."
+
+
+def equal_mesh_words(rows: Iterable[Data], error: str) -> Iterator[str]:
+    """Yield the sentence on the smallest errors on equal meshes, where runs differ in mesh and in methods.
+
+    Parameters
+    ----------
+    rows
+        The runs, with the keys of the table of a study.
+    error
+        Name of the error.
+    """
+    problems: dict[tuple[str, tuple[Any, ...]], list[Data]] = {}
+    for row in rows:
+        mesh = tuple(value for path, value in varied_of(row) if path == "refine" or path.endswith(".elements"))
+        if mesh and row["status"] == "done" and row["contact"] != TIED and is_number(row[error]):
+            problems.setdefault((row["case"], mesh), []).append(row)
+    pairs = [[(row["integrator"], row["contact"]) for row in of_problem] for of_problem in problems.values()]
+    if len(problems) < 2 or not any(len(set(of_problem)) > 1 for of_problem in pairs):
+        return
+    wins: Counter[str] = Counter()
+    for of_problem in problems.values():
+        least, apart = min(row[error] for row in of_problem), apart_of(of_problem, error)
+        best = (row for row in of_problem if is_same(error, row[error], least) or row[error] - least < apart)
+        wins.update(list(dict.fromkeys(f"{row['integrator']} + {row['contact']}" for row in best)))
+    (first, most), *others = wins.most_common(MOST_NAMED)
+    several = len({case for case, _ in problems}) > 1
+    where = f"{len(problems)} {'pairs of case and mesh' if several else 'meshes'}"
+    more = "".join(f", {pair} on {count}" for pair, count in others)
+    yield f"At equal mesh {first} has the smallest {of_column(error).label} on {most} of {where}{more}."
+
+
+def varied_of(row: Data) -> tuple[tuple[str, Any], ...]:
+    """Return path and value of each varied value of a row."""
+    keys = list(row)
+    return tuple((path, row[path]) for path in keys[3 : keys.index("status")])
 
 
 def is_same(name: str, error: Any, least: float) -> Any:
@@ -258,9 +321,7 @@ def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:
 
 def run_words(row: Data) -> str:
     """Return the methods and the varied values of a run of a study in one line."""
-    keys = list(row)
-    varied = {path: row[path] for path in keys[3 : keys.index("status")]}
-    return label_of(row["integrator"], row["contact"], varied)
+    return label_of(row["integrator"], row["contact"], dict(varied_of(row)))
 
 
 def is_number(value: object) -> bool:

@@ -100,6 +100,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "status": outcome.status,
         "stop": _stop_entry(model, outcome.stop, certificate),
         "steps": outcome.done,
+        "stages": len(model.tables),
         "nodes": model.bodies.n_nodes,
         "dt": model.dt,
         "end": outcome.done * model.dt,

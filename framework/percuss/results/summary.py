@@ -211,6 +211,7 @@ class Summary(ExactEntries, Accounts):
     status: str
     stop: StopSummary | None
     steps: int
+    stages: int
     nodes: int
     dt: float
     end: float

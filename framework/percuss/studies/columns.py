@@ -199,7 +199,7 @@ def estimates(result: Result, name: str) -> Entries:
 def _computed(summary: Summary, name: str) -> float | None:
     """Return a metric that is computed from several entries of a summary, or None if it is not known."""
     if name == "node_steps":
-        return int(summary["steps"] * summary["nodes"])
+        return int(summary["steps"] * summary.get("stages", 1) * summary["nodes"])
     energy = summary["energy"]
     if energy.get("ledger_closed") is False:
         return None  # with an open ledger the difference of energies is no loss

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 
 from percuss.compiling import announced
-from percuss.errors import InputError
+from percuss.errors import InputError, wrong_input
 from percuss.interrupt import interruptible
 from percuss.jsonable import Data
 from percuss.studies.job_package import Bench, Job, Record
@@ -88,7 +88,7 @@ def local_workers(
 
     if workers == 1 and scheduler is None:
         return nullcontext()
-    number = 1 if scheduler is not None else min(workers or _cores(), count)
+    number = 1 if scheduler is not None else min(number_of_workers(workers), count)
     return LocalWorkers(bench, number, stalled_after)
 
 
@@ -121,8 +121,18 @@ def _record_to_store(record: Record, task: Task, spec: StudySpec) -> Record:
     return dataclasses.replace(record, status=LOST, reason=reason)
 
 
-def _cores() -> int:
-    """Return the number of cores that this process may use."""
+def number_of_workers(given: int | None) -> int:
+    """Return the number of worker processes: the given one, or the number of cores that this process may use.
+
+    Raises
+    ------
+    InputError
+        If it is less than 1.
+    """
+    if given is not None:
+        if given < 1:
+            raise wrong_input("--workers", f"expected a number of at least 1, found {given}")
+        return given
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

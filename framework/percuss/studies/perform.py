@@ -116,7 +116,7 @@ def perform_timed(case: Case, task: Task, *, nudge: bool = False, repeats: int |
 
 
 def foreseen(case: Case, task: Task) -> tuple[Run, int]:
-    """Return a run as far as it is known before its first step, and its steps times nodes; 0 if it cannot be made.
+    """Return a run as far as it is known before its first step, and its ``node_steps``; 0 if it cannot be made.
 
     Its status is `WAITING` if nothing speaks against it.
     """
@@ -129,7 +129,7 @@ def foreseen(case: Case, task: Task) -> tuple[Run, int]:
         found = verdict_alone(recordable(model), criterion)
         if found["stable"] == "no" and changed.time.on_unstable == "stop":
             raise RunError(f"the certificate says unstable\n  {found['why']}")
-        node_steps.append(model.steps * len(model.bodies.nodes))
+        node_steps.append(model.steps * len(model.tables) * len(model.bodies.nodes))
 
     return _perform(case, task, examined)[0], node_steps[-1]
 

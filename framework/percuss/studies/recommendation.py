@@ -524,8 +524,7 @@ class _Bench:
         )
         ratios = [math.nan if value is None else value / bound for value, bound in bounds if bound is not None]
         excess = max(ratios) if ran and not doubt and all(map(math.isfinite, ratios)) else math.inf
-        stages = self.stages(candidate.integrator, json.dumps(candidate.integrator_options))
-        count = float(row["node_steps"] * stages) if ran else math.inf
+        count = float(row["node_steps"]) if ran else math.inf
         stable = row[STABLE] if row["status"] == "done" else None
         numbers = error, energy, seconds, count, excess
         both = tuple(row[path] for path in by_two(self.bounds.measure)[:2] if path in row)

@@ -20,9 +20,10 @@ from percuss.errors import InputError, shortened, wrong_input
 from percuss.filelock import BusyError, NotWritableError, locked
 from percuss.files import expect_no_input, expect_place, expect_writable
 from percuss.jsonable import Data, Entries
+from percuss.methods.blame import OWN_PACKAGES
 from percuss.methods.source_digest import content_digest
 from percuss.results.provenance import machine
-from percuss.studies.dispatch import Progress, local_workers, make, row_counter, summaries_of
+from percuss.studies.dispatch import Progress, local_workers, make, number_of_workers, row_counter, summaries_of
 from percuss.studies.job_package import Bench, Job
 from percuss.studies.row_command import RowCommands
 from percuss.studies.spec import StudySpec
@@ -88,8 +89,7 @@ def study(
 
     expect_mapping_or_path("percuss.study", path)
     expect_files("percuss.study", plugins)
-    if workers is not None and workers < 1:
-        raise wrong_input("--workers", f"expected a number of at least 1, found {workers}")
+    number_of_workers(workers)
     unknown = [status for status in again if status not in AGAIN]
     if unknown:
         message = f"expected one of {', '.join(AGAIN)}, found '{unknown[0]}'"
@@ -188,13 +188,6 @@ def _begin(
 ) -> None:
     """Store the facts, the files, the provenance and the plan of a study, which has plug-ins `given` beside it."""
     commands = RowCommands(spec.data.get("set", {}), given, nudge=spec.rows.nudge)
-    plugins = {
-        str(path): source.version
-        for case in spec.cases.values()
-        for path in case.registry.files
-        for source in case.registry.sources.values()
-        if source.file == str(path)
-    }
     plan = []
     for key, task in jobs:
         names = {"case": task.case, "integrator": task.integrator, "contact": task.contact}
@@ -207,8 +200,26 @@ def _begin(
         "commands": commands.templates,
         "units": _common_units([case.data.get("units") or {} for case in spec.cases.values()]),
     }
-    provenance = {**machine(), "cores": os.cpu_count(), "plugins": plugins, "command": command}
+    provenance = {**machine(), "cores": os.cpu_count(), "plugins": _plugins(spec, bench), "command": command}
     store.begin(facts, provenance, plan, files_of(spec, bench))
+
+
+def _plugins(spec: StudySpec, bench: Bench) -> Entries:
+    """Return the plug-ins of a study: of single files the version, by path, and the installed distributions by name.
+
+    Each of these has its version, and the digest of the sources of each component that runs use, by family and name.
+    """
+    files: Entries = {}
+    installed: Entries = {}
+    for label, case in spec.cases.items():
+        for (family, name), source in case.registry.sources.items():
+            component, used = f"{family}/{name}", bench.components.get(label, {})
+            if not source.distribution:
+                files[source.file] = source.version
+            elif component in used and source.module.partition(".")[0] not in OWN_PACKAGES:
+                entry = installed.setdefault(source.distribution, {"version": source.version, "components": {}})
+                entry["components"][component] = used[component]
+    return files | installed
 
 
 def _common_units(of_cases: Sequence[Mapping[str, str]]) -> dict[str, str]:

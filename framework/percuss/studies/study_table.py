@@ -110,7 +110,7 @@ class Study:
         Columns are ``case``, ``integrator``, ``contact``, the varied paths (nothing where the methods have no such
         option), ``status`` (done, unstable, refused, failed; lost where the machine or percuss itself failed; waiting
         where the run is still to be made), ``reason``, ``said_by``, ``fragile``, the measures, ``node_steps``
-        (steps times nodes), ``seconds`` (of the march alone, the smallest of its repeats) and ``key``.
+        (steps times stages times nodes), ``seconds`` (of the march alone, the smallest of its repeats) and ``key``.
         """
         import pandas as pd
 

@@ -475,16 +475,21 @@ function variedPanel(made, x, y, words, present) {
   const levels = bands.map((band) => band.filter((item) => item[5] > 0 && !Number.isFinite(item[0])).map((item) => putOn(x, y, item, statistic))[0]);
   const leveled = present.filter((k) => levels[k]);
   const filled = statistic === "median" && !words && present.length <= page.most_bands;
-  const spread = words ? [0, x.levels.length - 1] : extentOf([...data.flat().map(([at]) => at), ...lines.flat().map(({ at }) => at), ...x.ticks.map((tick) => onAxisOf(tick, x))]);
+  const ends = [...lines.flat(), ...levels.filter(Boolean)].flatMap(({ height, low, high }) => (filled ? [height, low, high] : [height]));
+  const heights = [...data.flat().map((at) => at[1]), ...ends];
+  // where all runs failed there is no height: the ring stands below all others
+  const height = Math.min(...heights);
+  const gone = bands.map((band) => band.filter((item) => item[6] && !hasLine(item) && Number.isFinite(item[0])).map((item) => ({ ...putOn(x, y, item, statistic), height })));
+  const spread = words ? [0, x.levels.length - 1] : extentOf([...data.flat().map(([at]) => at), ...[...lines, ...gone].flat().map(({ at }) => at), ...x.ticks.map((tick) => onAxisOf(tick, x))]);
   const counts = ({ have, of }) => (have < of ? `${statistic} of ${have} of ${of} runs, the others failed` : `${statistic} of ${counted(of, "run")}`);
   const tipOf = (k, item, where) => [page.methods[k], where, `${y.label}: ${numberText(item.value)}`, counts(item)].map(escaped).join("<br>");
   const series = page.methods.flatMap((method, k) => [
     points(k, data[k], method), ...bandSeries(k, lines[k], words, filled),
+    ...rings(k, heights.length ? gone[k] : [], ({ of }) => [method, `none of ${counted(of, "run")} has a number`].map(escaped).join("<br>")),
     ...rings(k, lines[k].filter(({ have, of }) => have < of), (item) => tipOf(k, item, words ? "" : `${x.label}: ${numberText(x.log ? 10 ** item.at : item.at)}`)),
     ...(levels[k] ? levelSeries(k, levels[k], spread, spread[0] + ((leveled.indexOf(k) + 1) / (leveled.length + 1)) * (spread[1] - spread[0]), `no ${shortName(x)}`, tipOf(k, levels[k], `no ${shortName(x)}: the same at each value`)) : []),
   ]);
-  const ends = [...lines.flat(), ...levels.filter(Boolean)].flatMap(({ height, low, high }) => (filled ? [height, low, high] : [height]));
-  return { series, bands, spread, heights: [...data.flat().map((at) => at[1]), ...ends] };
+  return { series, bands, spread, heights };
 }
 
 /** How many of the runs behind some lines have no part in them. */
