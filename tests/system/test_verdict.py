@@ -82,6 +82,18 @@ def test_a_law_that_loses_energy_is_not_advised(monkeypatch: pytest.MonkeyPatch)
     assert "lagrange" not in [*made.laws, *made.untried]
 
 
+def test_a_law_that_adds_energy_is_not_advised(coarse: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A law that takes a twentieth of the energy may still be named."""
+    kept = {"lagrange": 1.05, "moreau-jean": 0.95}
+    law_of = lambda result: result.provenance["resolved"]["contact"]  # noqa: E731
+    monkeypatch.setattr(module, "metric", lambda result, name: kept.get(law_of(result), 1.0))
+    case = percuss.load(coarse)
+    made = module.alternatives(case, percuss.run(case))
+    assert made is not None
+    assert "moreau-jean" in made.laws
+    assert "lagrange" not in made.laws
+
+
 def test_ctrl_c_ends_the_other_runs_alone(coarse: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made, perform = [], module.perform
 

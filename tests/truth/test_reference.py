@@ -188,6 +188,9 @@ def test_the_two_finer_runs_are_those_of_two_of_the_laws_and_pairings_that_work_
     assert chosen(["penalty", "lagrange"]) == [["lagrange", None], ["penalty", "mortar"]]
     assert chosen(["penalty", "bipenalty"]) == [["penalty", None], ["bipenalty", "mortar"]]
     assert chosen(pairing=PAIRINGS[::-1]) == [[None, "mortar"], ["lagrange", "node-to-segment"]]
+    assert chosen(pairing=["gauss-points", *PAIRINGS]) == [[None, "mortar"], ["lagrange", "node-to-segment"]]
+    case = case.with_overrides({"contacts.seam.pairing": "mortar"})
+    assert chosen(pairing=["gauss-points", *PAIRINGS]) == [[None, "mortar"], ["lagrange", "node-to-segment"]]
     # lagrange refuses Gauss points: the law of the case stands in for it
     case = case.with_overrides({"method.contact": "penalty"})
     assert chosen(pairing=["mortar", "gauss-points"]) == [[None, "mortar"], ["penalty", "gauss-points"]]

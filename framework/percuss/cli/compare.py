@@ -30,7 +30,7 @@ def compare(
         from percuss.reporting.comparison_figure import comparison_figure, convergence_figure
         from percuss.reporting.terminal import comparison_lines, order_lines
         from percuss.reporting.verdict import comparison_verdict
-        from percuss.results.true_error import judge_of
+        from percuss.results.true_error import judge_words
         from percuss.studies import comparison
         from percuss.studies.parameters import varied
 
@@ -45,8 +45,8 @@ def compare(
         for note in comparison.notes_of_swaps(loaded, common.names_in(integrator), contacts, axes):
             common.tell(f"note: {note}")
         orders = comparison.orders(rows)
-        judges = (judge_of(row.result.summary) for row in rows if row.result is not None)
-        judge = next((f"a finer run: {judge}" for judge in judges if judge), "the exact solution")
+        judges = (judge_words(row.result.summary) for row in rows if row.result is not None)
+        judge = next(filter(None, judges), "the exact solution")
         if orders:
             answer.draw(plot, convergence_figure, orders, loaded.title, judge)
         else:

@@ -79,7 +79,8 @@ def bounds_in_words(bounds: Bounds) -> str:
 def error_in_words(found: Recommendation) -> str:
     """Return how the errors are known, in words."""
     judges = dict.fromkeys(str(row[JUDGED_BY]) for row in found.study.as_records() if row.get(JUDGED_BY))
-    judge = f"an estimate, against a finer run ({'; '.join(judges)})" if judges else "true, against the exact solution"
+    runs = "the larger one against two finer runs" if any(one.both for one in found.tried) else "against a finer run"
+    judge = f"an estimate, {runs} ({'; '.join(judges)})" if judges else "true, against the exact solution"
     return f"{judge}: {METRICS[found.bounds.measure].metric}"
 
 

@@ -24,7 +24,7 @@ from percuss.jsonable import Data, Entries
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
 from percuss.reporting.verdict import apart_of, error_text, is_number
 from percuss.results.ledger import ledger_words
-from percuss.results.true_error import judge_of
+from percuss.results.true_error import judge_words
 from percuss.studies.columns import estimates
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import Run
@@ -124,7 +124,7 @@ def _error_lines(summary: Data) -> Iterator[str]:
     """
     covered, estimated = summary.get("exact_covered"), summary.get("estimated")
     if estimated:
-        yield f"the errors are estimates, by a finer run: {estimated['solution']}"
+        yield f"the errors are estimates, by {judge_words(summary)}"
     kind = "estimated " if estimated else "" if covered else "true "
     until = f" up to {number_text(covered['until'])}, where the exact solution ends" if covered is not None else ""
     second = estimated.get("second") if estimated else None
@@ -158,8 +158,8 @@ def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
             cells = [error_text(None, two) if two else cell for two, cell in zip(both, cells, strict=True)]
         columns.append(Column(head, cells, drop=1 + rank))
     yield Table(columns, title)
-    judges = dict.fromkeys(filter(None, (judge_of(row.result.summary) for row in rows if row.result is not None)))
-    kind = f"errors estimated by a finer run: {'; '.join(judges)}" if judges else "true errors"
+    judges = dict.fromkeys(filter(None, (judge_words(row.result.summary) for row in rows if row.result is not None)))
+    kind = f"errors estimated by {'; '.join(judges)}" if judges else "true errors"
     yield f"force, impulse, displ.: {kind}"
 
 

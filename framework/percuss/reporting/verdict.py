@@ -13,7 +13,7 @@ from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two, of_
 from percuss.certificate.cures import capitalised
 from percuss.jsonable import Data
 from percuss.results.ledger import open_accounts
-from percuss.results.true_error import errors_of, errors_of_contacts, judge_of, largest_error
+from percuss.results.true_error import errors_of, errors_of_contacts, judge_of, judge_words, largest_error
 from percuss.studies.columns import estimates, metric
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import label_of
@@ -110,7 +110,7 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
         yield f"{words}: {sparse if every > 1 else 'there is no force and no displacement to compare'}."
         return
     estimated = summary.get("estimated")
-    known = f"an estimate, by a finer run: {estimated['solution']}" if estimated else "exact solution known"
+    known = f"an estimate, by {judge_words(summary)}" if estimated else "exact solution known"
     if others is None:
         yield f"{words} ({known})."
         return

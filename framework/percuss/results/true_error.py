@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from percuss.jsonable import Data
 from percuss.march.model import Model
 from percuss.methods.interfaces import Exact, ExactContact, Floats, Integers
 from percuss.results.exact import ROUND_OFF, displacement_at
@@ -82,6 +83,15 @@ def judge_of(summary: ExactEntries) -> str:
     """Return the finer run by which the errors of a run are estimated, in words; nothing where they are true errors."""
     estimated = summary.get("estimated")
     return estimated["solution"] if estimated else ""
+
+
+def judge_words(summary: Data) -> str:
+    """Return one or two finer runs by which the errors of a run are estimated, as the end of a sentence; or nothing."""
+    estimated = summary.get("estimated")
+    if not estimated:
+        return ""
+    runs = "two finer runs, of which the larger error counts" if "second" in estimated else "a finer run"
+    return f"{runs}: {estimated['solution']}"
 
 
 def contact_errors(

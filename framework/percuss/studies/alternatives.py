@@ -20,7 +20,8 @@ from percuss.studies.perform import perform
 from percuss.studies.tasks import Task
 
 LARGE_ERROR = 0.05  # a run with a smaller true error needs no other run
-CHANGE_OF_ENERGY = 0.1  # a law that takes or adds a larger share, and more than the run does, is no better law
+# A law that takes or adds a larger share of the energy, and more than the run does, is no better law.
+MOST_TAKEN, MOST_ADDED = 0.1, 0.01
 LEAST_SECONDS = 2.0  # for all runs together, if the run itself took less
 COMPILE_SECONDS = 4.0  # a law whose kernel must be compiled first is tried only if so much time is left
 
@@ -79,7 +80,7 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
     }
     found: dict[str, float] = {}
     count, untried = 0, []
-    most_change = max(CHANGE_OF_ENERGY, _change_of_energy(result))
+    own_change = _change_of_energy(result)
     seconds = result.summary["seconds"]
     deadline = time.monotonic() + max(LEAST_SECONDS, seconds["total"] - seconds["compile"])
     longest = 4.0 * seconds["march"]  # twice as many elements and steps
@@ -102,15 +103,17 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
             if run.result is not None and run.status == "done":
                 other = largest_error(run.result.summary)
                 count += bool(name)
-                if other is not None and _change_of_energy(run.result) <= most_change:
+                change = _change_of_energy(run.result)
+                allowed = max(MOST_ADDED if change > 0.0 else MOST_TAKEN, abs(own_change))
+                if other is not None and abs(change) <= allowed:
                     found[name] = other
     return Alternatives(found.pop("", None), found, count, [name for name in untried if name])
 
 
 def _change_of_energy(result: Result) -> float:
-    """Return the share of the energy put in that contacts, scheme and materials take or add; 0 without energy."""
+    """Return the share of the energy put in that contacts, scheme and materials add, below 0 where they take some."""
     kept = metric(result, "energy_kept")
-    return abs(kept - 1.0) if kept is not None else 0.0
+    return float(kept - 1.0) if kept is not None else 0.0
 
 
 def _promise(law: tuple[str, Any]) -> tuple[bool, bool]:

@@ -58,8 +58,11 @@ def second_reference(case: Case, laws: Sequence[str], pairings: Sequence[str]) -
             others[kind] = [usual, case.method.contact.name] if kind == "contact" else [usual]
     for values in itertools.product(*others.values()) if first else ():
         second = dict(zip(others, values, strict=True))
+        changes = {f"method.{kind}": name for kind, name in second.items()}
+        given = case.data.get("contacts", {})
+        own = {f"contacts.{name}.pairing": None for name, contact in given.items() if "pairing" in contact}
         try:
-            Model(case.with_overrides({f"method.{kind}": name for kind, name in second.items()}))
+            Model(case.with_overrides(changes | own))  # whose contacts have no pairing of their own, as in a finer run
         except PercussError:
             continue
         kept = {f"reference.{kind}": name for kind, name in first.items() if getattr(chosen, kind) is None}
