@@ -29,7 +29,8 @@ class Penalty(ContactLaw):
     ``stiffness: from-step`` is the stiffness that LS-DYNA's SOFT = 1 derives from the step: k = SOFSCL m / (2 dt^2), m
     the smaller nodal mass. Between equal nodes 1/s = m/2, so that `scale` is SOFSCL; the default of both is 0.1.
     LS-DYNA uses this stiffness only where it exceeds its stiffness from the material; this law has no such condition.
-    With Wu's predictor-corrector theta is `scale`.
+    Of points that share nodes s is the sum of the absolute entries of a point's row of S, as for ``auto``. With Wu's
+    predictor-corrector theta is `scale`, or less where S has negative entries or other laws share the nodes.
 
     With central difference a closed contact lowers the critical step; on a rigid wall to the Courant number
     ``sqrt(2 / (1 + sqrt(1 + beta_s^2)))``. With Wu's predictor-corrector theta must stay below 1.
@@ -62,7 +63,7 @@ class Penalty(ContactLaw):
     def epsilon(self, points: ContactPoints, dt: float) -> Any:
         """Return eps_s at each contact point, (P,) [force/length]."""
         if self.stiffness is not None:
-            return (self.scale or SCALE) / (points.delassus * dt**2)
+            return (self.scale or SCALE) / (points.delassus * points.coupling * dt**2)
         return _auto.limited_stiffness(self, points, dt)
 
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw:
@@ -77,5 +78,5 @@ class Penalty(ContactLaw):
         """Return the automatic beta_s with the reason for it, or the stiffness from the step, in words."""
         if self.stiffness is not None:
             scale = self.scale or SCALE
-            return {"stiffness": f"from-step: {scale:g} / (s dt^2), theta = {scale:g}"}
+            return {"stiffness": f"from-step: {scale:g} / (s dt^2), theta <= {scale:g}"}
         return _auto.limited_stiffness_described(self, points, dt)

@@ -79,9 +79,10 @@ class Uzawa(ContactLaw):
                     multiplier[p] = max(multiplier[p] - bound.stiffness[p] * gap[p], 0.0)
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:
-        """Return the stiffness in both forms, and theta."""
+        """Return the stiffness in both forms, and theta; of contacts that share an end a bound of it."""
         stiffness = _auto.limited_stiffness(self, points, dt)
-        return {**_auto.both_forms(stiffness, points), "theta": dt**2 * stiffness * points.delassus}
+        theta = dt**2 * stiffness * points.delassus * points.coupling
+        return {**_auto.both_forms(stiffness, points), "theta": theta}
 
     def chosen(self, points: ContactPoints, dt: float) -> Mapping[str, str]:
         """Return the automatic beta_s with the reason for it, in words."""
