@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, PairedPoints
 
 
+ROUND_OFF_SHARE = 1e-12  # of the largest share of a node in a gap; a smaller one is round-off and left out
+
+
 def points_of_surfaces(
     case: Case, number: int, spec: ContactSpec, bodies: Mapping[str, Body]
 ) -> Iterator[ContactPoint | Problem]:
@@ -68,6 +71,9 @@ def points_of_surfaces(
         for k in range(found.start[p], found.start[p + 1]):
             node = int(found.node[k])
             gradient[node] = gradient.get(node, 0.0) + found.value[k]
+        # A share of round-off couples points that share no node, or not, as the units have it.
+        least = ROUND_OFF_SHARE * max((np.abs(value).max() for value in gradient.values()), default=0.0)
+        gradient = {node: value for node, value in gradient.items() if np.abs(value).max() >= least}
         weight, gap = float(found.weight[p]), float(found.gap[p])
         stiffness, frequency, equal = _scales(sides, surfaces, found.facets[p])
         yield ContactPoint(
