@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 import percuss
 from amplification import CD, NOH_BATHE, WU, Bodies, largest_radius, radius
-from percuss.certificate.operator_criterion import NOT_EXCLUDED
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 
@@ -93,8 +92,6 @@ def test_a_yes_holds_for_every_subset_and_every_stretch(integrator, case, couran
     event(found["stable"])
     if found["stable"] in {"yes", "marginal"}:
         assert largest <= 1.0 + GROWS, (found["why"], when, closed)
-    elif found["stable"] == "no" and NOT_EXCLUDED in found["why"]:
-        assert integrator == WU
     elif found["stable"] == "no" and (found["margin"] is None or found["margin"] > 1.05):
         assert largest > 1.0 + 1e-9, found["why"]
     else:
@@ -125,10 +122,10 @@ def test_the_critical_step_is_tight_and_its_contacts_limit_it(integrator, case):
     if integrator == WU and len(worst) > 1:
         case["time"] = {"end": 10.0, "step": above}
         just_above = certificate(loaded(case))
-        assert just_above["stable"] == "no"
-        if NOT_EXCLUDED in just_above["why"]:  # it says itself that it is cautious there
+        if just_above["stable"] == "unknown":
             assert just_above["theta"] > 1.0
             return
+        assert just_above["stable"] == "no"
     grown = max(radius(bodies, integrator, above, bodies.held(time), worst) for time in times)
     assert grown > 1.0 + 1e-9, found["why"]
     if len(worst) > 1:  # none of them can be spared

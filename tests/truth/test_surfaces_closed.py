@@ -5,6 +5,7 @@ height of a cell over the surface, in whose unit the figures are.
 """
 
 import math
+from itertools import chain, combinations
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scipy.linalg import block_diag, eigh
 import percuss
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_step import ClosedStep, Motions
+from percuss.certificate.step_itself import examine
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 from solid_figures import CENTRAL, FOUR, GAUSS, MORTAR, NODES, RESPONSES, WU
@@ -30,6 +32,7 @@ def blocks(pairing, across, along=20, width=0.2, length=1.0, poisson=0.0, cells=
         }
         for name, at, count in zip(("left", "right"), (0.0, length), across, strict=False)
     }  # fmt: skip
+    bodies["left"]["fixed"] = method.pop("fixed", [])
     pair = {"between": ["left.right", "right.left"]} if len(across) == 2 else {"body": "left.right", "wall": length}
     step = method.pop("step", None)
     time = {"courant": 0.5} if step is None else {"step": step}
@@ -74,6 +77,52 @@ def test_the_determinant_of_a_step_is_the_product_over_theta(pairing, law):
     assert 0.1 < thetas.max() < 1.0
     assert found == pytest.approx(np.prod(1.0 - thetas), rel=1e-9)
     assert certificate(model)["theta"] == pytest.approx(thetas.max(), rel=1e-9)
+
+
+@pytest.mark.parametrize("pairing", [NODES, MORTAR])
+def test_points_share_the_same_nodes_in_all_units(pairing):
+    """A node that lies on another up to round-off does not see the neighbours of that one."""
+    for across in ((2, 3), (3, 6), (6, 9), (5, 7)):
+        seen = {
+            tuple(
+                point.nodes
+                for point in blocks(pairing, across, along=1, width=width, length=5.0 * width).contact_points
+            )
+            for width in (0.1, 0.2, 0.3, 0.7, 7.0, 200.0, 0.2e-3)
+        }
+        assert len(seen) == 1
+
+
+@pytest.mark.parametrize("pairing", [NODES, GAUSS])
+def test_theta_of_a_stiffness_from_the_step_is_its_scale(pairing):
+    """Also of points that share nodes, as nodes of a fine surface do that see the same node of a coarse one."""
+    for across in ((9, 3), (3, 9), (4,)):
+        contact = {"name": "penalty", "stiffness": "from-step", "scale": 0.8}
+        found = certificate(blocks(pairing, across, along=4, contact=contact))
+        assert found["theta"] == pytest.approx(0.8, rel=1e-12)
+        assert found["stable"] == "yes"
+
+
+@pytest.mark.parametrize(
+    ("count", "answers"), [(1, ("yes", "yes", "yes", "no")), (3, ("yes", "unknown", "unknown", "no"))]
+)
+def test_above_theta_of_one_growth_is_told_where_it_is_known(count, answers):
+    """Gauss points of a cell at a wall share nodes; all motion of a single cell may be damped at theta above 1.
+
+    The step itself, made in plain Python, with every set of closed points, is the truth of the single cell.
+    """
+    for theta, answer in zip((0.98, 1.02, 1.2, 3.0), answers, strict=True):
+        size = {"along": count, "width": 1.0, "length": 1.0, "fixed": ["left"]}
+        step = 1.0 / count / math.sqrt(2.0)
+        model = blocks(GAUSS, (count,), **size, step=step, contact={"name": "penalty", "beta_s": theta})
+        found = certificate(model)
+        assert found["theta"] == pytest.approx(theta, rel=1e-9)
+        assert found["stable"] == answer
+        points = range(len(model.contact_points))
+        sets = chain(combinations(points, 1), [points]) if count == 1 else [points]
+        grows = not all(examine(Motions(model), model.dt, list(closed)).stable for closed in sets)
+        assert not grows or answer != "yes"
+        assert grows or answer != "no"
 
 
 @pytest.mark.parametrize(("cells", "across"), RESPONSES)

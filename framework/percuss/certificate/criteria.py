@@ -1,7 +1,7 @@
 """The criteria of a run: one for each of its stretches, from the sparse operator or from the step itself.
 
 The step itself uses no property of the laws and `percuss.certificate.closed_form` no mesh, so each of them is an
-independent check of the operator, which asks the step itself only about bars of one or two elements above theta = 1.
+independent check of the operator, which asks the step itself only about bodies of one or two elements above theta = 1.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
     from percuss.march.model import Model
 
-# Number of elements below which contact can damp all of a bar, so that a step above theta = 1 may be stable.
-SHORT_BAR_ELEMENTS = 3
+# Number of elements below which contact can damp all of a body, so that a step above theta = 1 may be stable.
+SHORT_BODY_ELEMENTS = 3
 
 
 def operator_criterion(model: Model) -> OperatorCriterion:
     """Return the criterion of the sparse operator of a stretch of a run, `percuss.march.model.Model.stretches`."""
-    # Contact can damp all of a short bar, so a step above theta = 1 may be stable: the step itself tells. The state of
+    # Contact can damp all of a short body, so a step above theta = 1 may be stable: the step itself tells. The state of
     # ends without mass is not one of displacement and velocity alone, and states are weighted with diagonal masses.
-    short = model.bodies.of_lines and any(body.count < SHORT_BAR_ELEMENTS for body in model.bodies.values())
+    short = any(body.count < SHORT_BODY_ELEMENTS for body in model.bodies.values())
     covered = not model.facts.by_pencil_alone
-    asked = short and covered and 2 * model.bodies.mass.size <= LARGEST_DENSE_STATE
+    asked = short and covered and 2 * model.dim * model.bodies.mass.size <= LARGEST_DENSE_STATE
     return OperatorCriterion(
         operator_of(model),
         model.rows.at(0.5 * model.dt)[1:],

@@ -180,7 +180,25 @@ class OperatorCriterion:
             return dataclasses.replace(self.beyond.assess_step(dt), theta=theta)
         if definite and self.why_open:
             return Assessment("unknown", group, theta, self.why_open)
-        return Assessment("grows", group, theta, NOT_EXCLUDED if len(group) > 1 else "")
+        if definite and len(group) > 1 and not self._flips(dt, laws, np.array(group)):
+            return Assessment("unknown", group, theta, NOT_EXCLUDED)
+        return Assessment("grows", group, theta)
+
+    def _flips(self, dt: float, laws: ClosedContacts, group: Integers) -> bool:
+        """Return whether a motion that changes its sign in each step is known to grow while a group is closed.
+
+        The closed step is ``P(z) u = z^2 (M + B) u - z (2 M - dt^2 K) u + M u = 0`` with ``B = dt^2 N F^-1 N^T``. P is
+        symmetric and has as many negative eigenvalues at z = -inf as F; where it has fewer at z = -1, z is real and
+        below -1 for some motion. By the inertia of a block matrix that is where ``F + N^T (4/dt^2 M - K)^-1 N`` has a
+        negative eigenvalue.
+        """
+        surplus = laws.surplus[group]
+        factor = self.operator.factor(4.0 / dt**2)
+        if factor is None or np.ptp(surplus) > ROUND_OFF * (np.abs(surplus).max() + dt * dt):
+            return False
+        seen = surplus.mean() * submatrix(self._delassus, group).toarray() + self.operator.compliance(factor, group)
+        least = np.linalg.eigvalsh(np.diag(laws.compliance[group]) + seen)[0]
+        return bool(least < -ROUND_OFF * np.abs(seen).max())
 
     def excess(self, dt: float) -> float:
         """Return the signed distance of a step from the critical one: -1 to 1, continuous, 0 at the critical step.

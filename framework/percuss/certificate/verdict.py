@@ -258,8 +258,10 @@ def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_cr
     if assessment.conclusive and 0.0 < critical < free * (1.0 - MARGINAL_DISTANCE):
         # The contacts that limit the step are those with which a step just above the critical one is unstable.
         limiting = criterion.assess_step(critical * (1.0 + DISTANCE_ABOVE_CRITICAL))
-        if not limiting.stable and limiting.conclusive:
+        if not limiting.stable:
             assessment = dataclasses.replace(assessment, worst=limiting.worst, stretch=limiting.stretch)
+            if not limiting.conclusive:
+                assessment = dataclasses.replace(assessment, doubt=limiting.doubt)
     if not assessment.conclusive or (not assessment.stable and critical > model.dt * (1.0 + MARGINAL_DISTANCE)):
         critical = np.nan  # A longer step may be stable where this one is not, so the limit is not known.
     found = _judged(criterion, assessment, critical) | {"dt_critical_free": free}
