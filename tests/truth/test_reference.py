@@ -12,7 +12,7 @@ from percuss.errors import InputError
 from percuss.march.model import Model
 from percuss.reporting.study_answer import answer
 from percuss.reporting.study_data import columns
-from percuss.reporting.terminal import _ranks, comparison_lines
+from percuss.reporting.terminal import _error_lines, _ranks, comparison_lines
 from percuss.reporting.verdict import comparison_verdict, run_verdict
 from percuss.results import reference
 from percuss.results.reference import _at_nodes, case_of
@@ -51,6 +51,10 @@ def test_an_estimate_is_the_true_error_but_for_the_error_of_the_finer_run(name, 
     assert own < 0.9 * error
     assert abs(estimate - error) < 1.1 * own  # their norms are on unlike meshes
     assert judged.summary["exact"] is None
+    (contact,) = judged.summary["estimated"]["contacts"].values()
+    assert contact["overshoot"] is None  # that of the finer run is in it too
+    assert not any("overshoot" in str(line) for line in _error_lines(judged.summary))
+    assert any("overshoot" in str(line) for line in _error_lines(true.summary))
 
 
 def test_one_finer_run_judges_all_methods_steps_and_meshes(monkeypatch):

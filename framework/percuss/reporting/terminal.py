@@ -133,7 +133,7 @@ def _error_lines(summary: Data) -> Iterator[str]:
             measures = ", ".join(
                 f"{quantity.head} {quantity.text(error[key])}{quantity.exact and f' (exact: {quantity.exact})'}"
                 for key, quantity in METRICS.items()
-                if quantity.against_exact and key in error
+                if quantity.against_exact and key in error and (error[key] is not None or not estimated)
             )
             whose = ", by the second finer run" if comparison is second else ""
             yield f"{kind}error of {name}{until}{whose}: {measures}"

@@ -127,7 +127,7 @@ class ContactErrors(TypedDict):
     noise
         Total variation of the force over that of the exact force: 1 is exact.
     overshoot
-        Largest force over the largest exact one, less 1.
+        Largest force over the largest exact one, less 1. None against a finer run, whose peak is off too.
     closing_error, opening_error
         Delay of the middle of the first and of the last step with a contact force, known to half a step.
     exact_impulse
