@@ -315,6 +315,35 @@ def test_uniform_pressure_on_a_cylinder_is_hydrostatic():
     assert np.abs((inner - force)[:, 1]).max() < 1e-12 * np.abs(force).max()
 
 
+def about_the_axis(cells="quad4", at=0.0, **case):
+    """Return a case of one cylinder, or of one ring, of 4 by 4 cells."""
+    body = {
+        "block": {"size": [1.0, 1.0], "elements": [4, 4], "cells": cells}, "at": [at, 0.0], "plane": "axisymmetric",
+        "material": {"young": 1.0, "density": 1.0, "poisson": 0.0}, "velocity": [0.0, -1.0],
+    }  # fmt: skip
+    return percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "end": 0.5}, **case})
+
+
+def test_the_axis_of_revolution_moves_with_its_body_and_takes_a_force():
+    run = percuss.run(about_the_axis(record={"probes": ["a.left", "a.right"]}))
+    fallen = run.arrays["displacement"][-1, :, 1]
+    assert np.abs(fallen + run.arrays["time"][-1]).max() < 1e-12
+    model = Model(about_the_axis(loads={"push": {"constant": 1.0, "on": "a.left", "direction": [0.0, 1.0]}}))
+    assert sum(one.force for one in model.loads.nodal_forces) == pytest.approx([0.0, 1.0], rel=1e-14)
+    assert {model.bodies["a"].mesh.nodes[one.node, 0] for one in model.loads.nodal_forces} == {0.0}
+
+
+@pytest.mark.parametrize("cells", ["quad4", "tri3"])
+@pytest.mark.parametrize("at", [0.0, 2.0])
+def test_the_height_of_a_ring_is_that_of_its_section(cells, at):
+    """M w/h, whichever side of the ring is in contact, and however near the axis it is."""
+    for side, wall in [("right", {"point": [at + 1.0, 0.0], "normal": [-1, 0]}),
+                       ("bottom", {"point": [0.0, 0.0], "normal": [0, 1]}),
+                       ("left", {"point": [at, 0.0], "normal": [1, 0]})][: 3 if at else 2]:  # fmt: skip
+        points = Model(about_the_axis(cells, at, contacts={"c": {"body": f"a.{side}", "wall": wall}})).contact_points
+        assert [point.stiffness / point.weight for point in points] == pytest.approx([4.0] * 5, rel=1e-12)
+
+
 SHAPE = """
 import numpy as np
 from dataclasses import dataclass
@@ -477,6 +506,21 @@ AXIS = {
         "found quad4-axisymmetric, which is for quad cells about an axis",
     ),
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        (
+            {"contacts": {"c": {"body": "a.left", "wall": {"point": [0, 0], "normal": [1, 0]}}}},
+            "a surface with an area",
+        ),
+        ({"loads": {"p": {"constant": 1.0, "on": "a.left", "as": "pressure"}}}, "a region with an area"),
+    ],
+)
+def test_the_axis_of_revolution_has_no_area_for_contact_or_pressure(keys, said):
+    with pytest.raises(percuss.InputError, match=f"expected {said}, found '?a.left'? on the axis of revolution"):
+        Model(about_the_axis(**keys))
 
 
 @pytest.mark.parametrize("name", AXIS)

@@ -40,6 +40,11 @@ def points_of_surfaces(
         return
     surfaces = [body.surface(side.region) for body, side in zip(sides, spec.sides, strict=True)]
     first = surfaces[0].surface
+    for side, surface in zip(spec.sides, surfaces, strict=True):
+        if not surface.surface.areas.any():
+            message = f"expected a surface with an area, found {side} on the axis of revolution"
+            yield case.problem(path, message, "Nothing meets a body there.")
+            return
     if isinstance(spec.wall, tuple) and _is_closed(first):
         advice = "Write `wall: {point: ..., normal: ...}`."
         message = f"expected a wall with a normal, as {spec.sides[0]} looks to all sides, found a point"

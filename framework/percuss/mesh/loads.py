@@ -155,6 +155,9 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
                 problems.append(case.problem(("loads", spec.name), message, advice))
             elif isinstance(spec.load, FollowingLoad):
                 continue
+            elif spec.acts_as in {"pressure", "traction"} and region and not body.area_of(region):
+                message = f"expected a region with an area, found '{body.name}.{region}' on the axis of revolution"
+                problems.append(case.problem(("loads", spec.name), message, "Give a force."))
             elif region:
                 nodal_forces += [
                     NodalForce(node, vector, spec, column) for node, vector in _on_region(spec, body, region, direction)

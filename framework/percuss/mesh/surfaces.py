@@ -25,9 +25,6 @@ FACETS = {
 KIND_OF_FACET = {"triangle": "line", "quad": "line", "tetra": "triangle", "hexahedron": "quad"}
 
 
-TINY = float(np.finfo(float).tiny)
-
-
 class BodySurface(NamedTuple):
     """The surface of a body at a region, with what lies behind it.
 
@@ -88,13 +85,24 @@ def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> Body
     surface = surface._replace(normals=out / size[:, None], areas=areas)
     of_nodes = surface.of_nodes()
     areas = of_nodes.sum(axis=1)
-    shares = np.bincount(places.ravel(), of_nodes.ravel(), nodes.size) / max(areas.sum(), TINY)
+    # On the axis of revolution rings have no area: there their lengths count.
+    means = of_nodes if areas.any() else surface._replace(areas=size, around=None).of_nodes()
+    shares = np.bincount(places.ravel(), means.ravel(), nodes.size) / means.sum()
     ((kind, cells),) = mesh.cells.items()
-    behind = volumes[_cells_behind(cells, facets, len(mesh.nodes))]
-    heights = PARTS_OF_HEIGHT.get(kind, 1.0) * behind / np.maximum(areas, TINY)  # a facet on an axis has no area
+    behind = _cells_behind(cells, facets, len(mesh.nodes))
+    # The height of a ring is that of its section.
+    over = volumes[behind] / areas if around is None else _sections(mesh.nodes[cells[behind]]) / size
+    heights = PARTS_OF_HEIGHT.get(kind, 1.0) * over
     outward = np.zeros((nodes.size, out.shape[1]))
     np.add.at(outward, places, of_nodes[..., None] * surface.normals[:, None])
     return BodySurface(surface._replace(areas=areas), heights, shares, outward)
+
+
+def _sections(corners: Floats) -> Floats:
+    """Return the areas of plane cells by their corners, (n, corners, 2)."""
+    x, y = np.moveaxis(corners, 2, 0)
+    sections: Floats = 0.5 * (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
+    return sections
 
 
 def _cells_behind(cells: Integers, facets: Integers, nodes: int) -> Integers:
