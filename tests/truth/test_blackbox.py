@@ -629,3 +629,19 @@ def test_the_steps_that_are_examined_are_signs_of_life():
     before = heartbeat._BEATS[0]
     assert certificate(model_of(hunek(4, 0.5, CD, {"name": "damped-penalty"})))["by"] == "black-box"
     assert heartbeat._BEATS[0] > before + 10
+
+
+def test_a_run_searches_no_critical_step_that_only_the_step_itself_can_tell(monkeypatch):
+    """`check` does, and `courant: auto` needs it."""
+    law = {"name": "energy-conserving-penalty", "beta_s": 0.5}
+    case, auto = (percuss.load(hunek(10, courant, CD, law)) for courant in (0.4, "auto"))
+    checked, chosen = percuss.check(case).data["certificate"], percuss.run(auto).summary["certificate"]
+    assert checked["by"] == chosen["by"] == "black-box"
+    assert (checked["dt_critical_why"], chosen["dt_critical_why"]) == ("", "")
+    assert chosen["dt_critical"] == pytest.approx(checked["dt_critical"], rel=2e-6)
+    monkeypatch.setattr(StepCriterion, "critical_step", property(lambda _: pytest.fail("it was searched")))
+    found = percuss.run(case).summary["certificate"]
+    assert (found["stable"], found["dt_critical"]) == ("yes", None)
+    assert "`percuss check`" in found["dt_critical_why"]
+    with pytest.raises(percuss.RunError, match="lower the step: `percuss check` searches how far"):
+        percuss.run(case, {"time.courant": 1.2})

@@ -17,21 +17,23 @@ if TYPE_CHECKING:
 CURE_TOLERANCE = 1e-10
 
 
-def no_step(model: Model, free: float, critical: float) -> str:
+def no_step(model: Model, free: float, critical: float, *, searched: bool = True) -> str:
     """Return the cure where no step is known to be stable.
 
-    It is another integrator if that holds without contact, a shorter step if the critical one is not known (nan), else
-    another law.
+    It is another integrator if that holds without contact, a shorter step if the critical one is not known (nan), as it
+    was searched in vain or not at all, else another law.
     """
     name = model.case.method.integrator.name
     if free == 0.0:
         return f"take another integrator: {name} is unstable at any step, without contact too"
+    if not searched:
+        return "lower the step: `percuss check` searches how far"
     if np.isnan(critical):
         return "lower the step; how far is not known, as its critical value was not found"
     return "take another law: with this one no step is stable"
 
 
-def cure_of(criterion: RunCriterion, critical: float) -> str:
+def cure_of(criterion: RunCriterion, critical: float, *, searched: bool = True) -> str:
     """Return the cheapest cures of an unstable step, with their numbers."""
     model = criterion.model
     cures = []
@@ -48,7 +50,7 @@ def cure_of(criterion: RunCriterion, critical: float) -> str:
     if np.isnan(critical) and model.facts.cure:
         cures.append(model.facts.cure)
     elif np.isnan(critical) or not cures:
-        cures.append(no_step(model, criterion.free, critical))
+        cures.append(no_step(model, criterion.free, critical, searched=searched))
     return ", or ".join(cures)
 
 

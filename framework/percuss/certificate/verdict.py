@@ -34,6 +34,8 @@ SMALLEST_SHARE_OF_FREE_STEP = 1e-4
 DISTANCE_ABOVE_CRITICAL = 1e-6
 # Share of the critical step that is chosen where the case leaves the step open.
 SHARE_OF_CRITICAL_STEP = 0.9
+NOT_SEARCHED = "only the step itself can tell it, and a run does not search it; `percuss check` does"
+LONGER = "longer steps may be stable where this one is not, or nothing is known of them"
 
 
 class Certificate(TypedDict):
@@ -48,6 +50,8 @@ class Certificate(TypedDict):
     dt_critical, dt_critical_free
         Critical step, and that with no contact closed but those that are tied throughout. None where it is not known;
         with bodies that are not linear it never is, because it changes with the strain.
+    dt_critical_why
+        Why the critical step is None; empty where it is known.
     courant_critical
         Courant number of the critical step.
     margin
@@ -71,6 +75,7 @@ class Certificate(TypedDict):
     energy_why: str
     dt_critical: float | None
     dt_critical_free: float | None
+    dt_critical_why: str
     courant_critical: float | None
     margin: float | None
     worst: list[str]
@@ -192,8 +197,8 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
     criterion
         The criterion of this run, if `settled` has searched the critical step already.
     with_critical_step
-        Whether to search the critical step too where only the step itself can tell it, which takes many times as long
-        as to examine the step of the run; without it that is not known.
+        Whether to search the critical step too where only the step itself can tell it and `criterion` is None, which
+        takes many times as long as to examine the step of the run; without it that is not known.
     """
     if model.facts.verdict is not None:
         stable, why = model.facts.verdict()
@@ -206,16 +211,18 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
     elif large:
         found = _certificate_by_bounds(criterion or criterion_of(model))
     else:
-        found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), with_critical_step)
+        known = with_critical_step or criterion is not None
+        found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), known)
     if why := model.facts.effect_unknown():
         why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found['why']}"
         found = found | {"stable": "unknown", "why": why, "cure": "", "worst": []}
         found = found | {"dt_critical": None, "dt_critical_free": None, "courant_critical": None, "margin": None}
+        found["dt_critical_why"] = why
     return found
 
 
 def verdict_alone(model: Model, criterion: RunCriterion | None = None) -> Certificate:
-    """Return the certificate of a run without a critical step that only the step itself can tell."""
+    """Return the certificate of a run, which searches no critical step that only the step itself can tell."""
     return certificate(model, criterion, with_critical_step=False)
 
 
@@ -247,7 +254,9 @@ def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_cr
     free, assessment = criterion.free, criterion.assess_step(model.dt)
     # Where nothing is certain about the step itself nothing is about longer ones, and a search takes long.
     searched = assessment.conclusive and (with_critical_step or criterion.kind is not step_criterion)
-    critical = criterion.critical_step if searched else np.nan
+    critical, critical_why = (criterion.critical_step, LONGER) if searched else (np.nan, NOT_SEARCHED)
+    if assessment.conclusive and not searched and assessment.stable and model.dt > free * (1.0 - MARGINAL_DISTANCE):
+        critical = free
     if searched and np.isnan(critical) and criterion.kind is step_criterion and model.period == 1:
         unsure: Answer = "no growth found" if assessment.stable else "unknown"
         assessment = dataclasses.replace(
@@ -265,6 +274,7 @@ def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_cr
     if not assessment.conclusive or (not assessment.stable and critical > model.dt * (1.0 + MARGINAL_DISTANCE)):
         critical = np.nan  # A longer step may be stable where this one is not, so the limit is not known.
     found = _judged(criterion, assessment, critical) | {"dt_critical_free": free}
+    found["dt_critical_why"] = "" if not np.isnan(critical) else assessment.doubt or critical_why
     found["energy"], found["energy_why"] = _energy_guarantee(model, assessment, found["stable"])
     if not np.isnan(critical):
         margin = model.dt / critical if critical > 0 else np.inf
@@ -273,7 +283,7 @@ def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_cr
         stretch = criterion.stretches[assessment.stretch]
         found["stretch"] = [stretch.start, stretch.stop]
     if found["stable"] == "no":
-        found["cure"] = assessment.cure or cure_of(criterion, critical)
+        found["cure"] = assessment.cure or cure_of(criterion, critical, searched=searched)
     return found
 
 
@@ -305,6 +315,7 @@ def _unknown_certificate(model: Model, why: str) -> Certificate:
         "energy_why": laws.why,
         "dt_critical": None,
         "dt_critical_free": None,
+        "dt_critical_why": why,
         "courant_critical": None,
         "margin": None,
         "worst": [],
@@ -334,6 +345,7 @@ def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
     if found["stable"] != "no":
         return _unknown_certificate(model, f"{why}; {about_rest}")
     lower = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"
+    found |= {"dt_critical_why": why}
     return found | {"why": about_rest, "cure": lower if critical > 0 else no_step(model, criterion.free, critical)}
 
 
