@@ -213,6 +213,14 @@ def test_a_cell_in_two_groups_is_one_cell_or_the_file_is_refused(form):
     assert (volume(low), volume(whole)) == pytest.approx((1.0, 2.0), rel=1e-14)
 
 
+def test_a_facet_that_a_group_has_twice_counts_once():
+    """Also where it is written the other way round; a pressure on the group is that of one edge."""
+    twice = TWO_TRIANGLES.replace("4\n1 1 2 2 1 4 1", "6\n5 1 2 2 1 1 4\n6 1 2 2 1 4 1\n1 1 2 2 1 4 1")
+    once, again = (body(text).mesh(np.zeros(2), 2).regions["left"] for text in (TWO_TRIANGLES, twice))
+    assert once.facets["line"].tolist() == again.facets["line"].tolist()
+    assert once.nodes.tolist() == again.nodes.tolist()
+
+
 @pytest.mark.parametrize(("corner", "folds"), [(0.9, False), (0.5, True), (0.2, True)])
 def test_a_quadrilateral_is_convex_or_refused(corner, folds):
     square = TWO_TRIANGLES.replace("4\n1 1 2", "3\n1 1 2").replace("3 2 1 0", f"3 {2 * corner} {corner} 0")

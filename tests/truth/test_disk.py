@@ -409,6 +409,7 @@ CELL, EDGE = "np.array([[0, 1, 2, 3]])", "np.array([[3, 0]])"
         ('{"quad"', '{"square"', "cells of the kind square, expected one of triangle, quad"),
         ('cell = "quad"', 'cell = "triangle"', "quad cells, and `cell` says triangle"),
         (EDGE, "np.array([[0, 3]])", "in the region 'left' the facet [0, 3], an edge with the body on its right"),
+        (EDGE, "np.array([[3, 0], [3, 0]])", "in the region 'left' the facet of the nodes [0, 3] twice"),
         (EDGE, "np.array([[1, 3]])", "in the region 'left' the facet [1, 3], an edge of no cell"),
         (EDGE, "np.array([[3, 9]])", "as facets of the region 'left' the node 9, expected one from 0 to 3"),
         ('{"line": np.array([[3, 0]])}', "{}", "the region 'left' with facets of the kind none, expected line"),

@@ -291,6 +291,11 @@ def _mesh_of_cells(mesh: Mesh, dim: int) -> None:
     if dim == 2:
         _anticlockwise(np.asarray(mesh.nodes)[cells])
         _edges(mesh, cells, count)
+    for name, region in mesh.regions.items():
+        for facets in map(np.asarray, region.facets.values()):
+            once, times = np.unique(np.sort(facets), axis=0, return_counts=True)
+            for facet in once[times > 1]:
+                raise _Wrong(f"returned in the region '{name}' the facet of the nodes {facet.tolist()} twice")
 
 
 def _edges(mesh: Mesh, cells: Any, count: int) -> None:

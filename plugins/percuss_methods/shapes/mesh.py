@@ -116,7 +116,8 @@ class MeshFromFile(Shape):
                 facets = np.sort(self.file.cells[kind][parts[kind]], axis=1)
                 facets = facets[own[facets].all(axis=1)] if self.part else facets  # others are of other parts
                 if len(facets):
-                    found[name] = np.array([known.get(tuple(row), -1) for row in facets.tolist()])
+                    once = dict.fromkeys(map(tuple, facets.tolist()))  # gmsh may write a facet of a group twice
+                    found[name] = np.array([known.get(row, -1) for row in once])
         return found
 
     @property
