@@ -156,6 +156,40 @@ def test_a_saved_result_holds_the_state_variables(tmp_path):
     assert opened.arrays["contact_state"][-1, 0, 2] == opened.arrays["contact_dissipation"][-1] > 0.0
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(
+    "law",
+    [
+        "hunt-crossley",
+        "walton-braun",
+        {"name": "softened-penalty", "clearance": 0.01, "pressure": 0.02},
+        {"name": "cohesive", "strength": 0.04, "length": 0.2},
+    ],
+    ids=lambda law: law if isinstance(law, str) else law["name"],
+)
+def test_the_state_of_surfaces_is_that_of_their_points_saved_read_and_drawn(law, dim, tmp_path):
+    size, cells, zero = [1.0, 0.5, 0.5][:dim], [2, 2, 1][:dim], [0.0] * (dim - 1)
+    bodies = {
+        name: {
+            "block": {"size": size, "elements": cells}, "at": [at, *zero], "velocity": [-speed, *zero],
+            "material": {"young": 1.0, "density": 1.0, "poisson": 0.0},
+        }
+        for name, at, speed in (("a", 0.0, -0.1), ("b", 1.0, 0.1))
+    }  # fmt: skip
+    result = percuss.run(percuss.load({
+        "percuss": 1, "bodies": bodies, "contacts": {"ab": {"between": ["a.right", "b.left"]}},
+        "method": {"integrator": "central-difference", "contact": law, "pairing": "mortar"},
+        "time": {"steps": 4, "courant": 0.4}, "record": {"fields": 2},
+    }))  # fmt: skip
+    result.save(tmp_path / "a.nc")
+    opened = percuss.open_result(tmp_path / "a.nc")
+    state = opened.histories["contact_state"]
+    assert state.dims == ("time", "point", "state_variable")
+    assert state["point_contact"].values.tolist() == opened.field_arrays["point_contact"]
+    assert np.array_equal(state, result.arrays["contact_state"], equal_nan=True)
+    opened.plot(tmp_path / "a.png")
+
+
 def law(kernel, **facts):
     """Return a class of laws with one state variable and the given kernel."""
     body = {

@@ -120,6 +120,8 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     components = components_used(model.case, solution=errors["solution"] if errors else None)
     provenance = provenance_of(model, components, resolved=resolved_methods(model))
     coordinates = {"contact": list(model.case.contacts), "probe": probe_names}
+    if "contact_state" in arrays and not model.bodies.of_lines:
+        coordinates["point"] = [contact_point.name for contact_point in model.contact_points]
     return Result(arrays, coordinates, fields_of(march, outcome), plain(summary), provenance, solution)
 
 
@@ -277,7 +279,7 @@ def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:
     Returns
     -------
     dict
-        ``contact_state``, (records, contacts, state variables), nan where a contact has fewer than another, and
+        ``contact_state``, (records, points, state variables), nan where a point has fewer than another, and
         ``contact_dissipation``, (records,), if a law knows it; empty if no law has state variables.
     """
     laws = [bound_law for bound_law in march.arrays.kernel_laws if bound_law.law.state > 0]

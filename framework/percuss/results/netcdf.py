@@ -34,6 +34,7 @@ _AXES = {
     "run": (),
 }
 Source = Literal["leap-frog", "multistage", "implicit", "exact"]  # kind of scheme, or none
+_POINTS = "point_contact"  # contact of each contact point
 _TIMES = ("time", "time_half")  # a result without steps has no second one
 
 
@@ -75,7 +76,8 @@ def histories_dataset(
     arrays
         Histories by name, among them ``time`` and, if energies belong to other times, ``time_half``.
     coordinates
-        Names along the axes ``contact`` and ``probe``.
+        Names along the axes ``contact`` and ``probe``; of surfaces whose laws have state variables the contact of each
+        ``point`` too.
     described
         Attributes of each history (`definition_attributes`); a history without them is left out.
     attributes
@@ -83,12 +85,15 @@ def histories_dataset(
     """
     import xarray as xr
 
+    of_axes, axes = dict(_AXES), {axis: np.array(coordinates[axis], dtype=object) for axis in ("contact", "probe")}
+    if "point" in coordinates:
+        of_axes["contact state"] = ("point", "state_variable")
+        axes[_POINTS] = ("point", np.array(coordinates["point"], dtype=object))  # type: ignore[assignment]
     data = {
-        name: (("time", *_AXES[QUANTITIES[name].of]), values, described[name])
+        name: (("time", *of_axes[QUANTITIES[name].of]), values, described[name])
         for name, values in arrays.items()
         if name in described
     }
-    axes = {axis: np.array(coordinates[axis], dtype=object) for axis in ("contact", "probe")}
     component = list(range(arrays["displacement"].shape[2]))
     times = {name: ("time", arrays[name]) for name in _TIMES if name in arrays}
     return xr.Dataset(data, coords={**times, **axes, "component": component}, attrs=dict(attributes))
@@ -108,7 +113,7 @@ _FIELD_COORDINATES = {
     "cell_nodes": (("element", "corner"), "nodes of the element, -1 where it has fewer corners than others", ""),
     "node_body": (("node",), "body of the node", ""),
     "node_position": (("node", "component"), "position of the node at the start", "length"),
-    "point_contact": (("point",), "contact of the contact point", ""),
+    _POINTS: (("point",), "contact of the contact point", ""),
     "point_area": (("point",), "area of the contact point", "length^2"),
     "point_normal": (("point", "component"), "normal from the first side to the second, or to the wall", "1"),
     "point_position": (("time", "point", "component"), "position of the contact point on the first side", "length"),
@@ -228,6 +233,8 @@ def read(path: str | os.PathLike[str]) -> tuple[Entries, dict[str, list[str]], E
     arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
     arrays |= {name: histories[name].to_numpy() for name in _TIMES if name in histories.coords}
     coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in ("contact", "probe")}
+    if _POINTS in histories.coords:
+        coordinates["point"] = [str(name) for name in histories[_POINTS].to_numpy()]
     field_arrays: Entries = {}
     if fields is not None:
         for name in map(str, fields.variables):
