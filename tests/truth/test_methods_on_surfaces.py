@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import percuss
+from percuss.march.model import Model
+from percuss.reporting.component import component_text
 from strategies import REGISTRY, is_refused
 
 WU, CENTRAL = "wu-predictor-corrector", "central-difference"
@@ -199,3 +201,44 @@ def test_tied_prisms_of_unlike_meshes_are_one_bar(across):
     assert line.arrays["contact_force"].min() < -0.05  # it pulls, too
     assert np.abs(u[..., 0] - along).max() < 1e-10 * np.abs(along).max()
     assert np.abs(u[..., 1]).max() < 1e-10 * np.abs(along).max()
+
+
+@pytest.mark.parametrize(
+    ("law", "per_area", "totals"),
+    [
+        ({"name": "cohesive", "strength": 0.04, "length": 0.2}, ("strength",), ("energy_to_break",)),
+        ({"name": "damped-penalty", "damping": 0.1}, (), ("coefficient",)),
+        ({"name": "walton-braun", "restitution": 0.5}, (), ()),
+        ({"name": "softened-penalty", "clearance": 0.01, "pressure": 0.02}, ("pressure",), ()),
+    ],
+    ids=lambda value: value["name"] if isinstance(value, dict) else "",
+)
+def test_the_parameters_of_a_contact_of_surfaces_are_those_of_bars_of_its_area(law, per_area, totals):
+    """What is per area is times the area that of bars; a total is that of the contact, not of its first point."""
+    area = 0.4
+    strip = {"poisson": 0.0, "elements": (10, 4)}
+    blocks = case(
+        {"a": block([0.0, 0.0], [0.1, 0.0], **strip), "b": block([1.0, 0.0], [0.0, 0.0], **strip)},
+        {"c": {"between": ["a.right", "b.left"]}}, CENTRAL, law, NODES,
+    )  # fmt: skip
+    of_bars = law | {name: area * law[name] for name in per_area}
+    bars = case({"a": bar(0.0, 0.1, area), "b": bar(1.0, 0.0, area)}, {"c": {"between": ["a.right", "b.left"]}},
+                CENTRAL, of_bars, None)  # fmt: skip
+    of_blocks, of_bars = ({**Model(one).parameters()["c"]} for one in (blocks, bars))
+    assert of_blocks.keys() == of_bars.keys()
+    assert of_blocks.pop("law") == of_bars.pop("law")
+    for name, value in of_blocks.items():
+        times = 1.0 if name in {*totals, "beta_s"} else area
+        assert times * value == pytest.approx(of_bars[name], rel=1e-12), name
+
+
+def test_check_and_the_page_of_a_law_say_what_is_per_area_between_surfaces():
+    told = percuss.check(case(
+        {"a": block([0.0, 0.0], [0.1, 0.0], (4, 4), poisson=0), "b": block([1.0, 0.0], [0.0, 0.0], (4, 4), poisson=0)},
+        {"c": {"between": ["a.right", "b.left"]}}, CENTRAL, {"name": "cohesive", "strength": 0.04, "length": 0.2},
+    )).text  # fmt: skip
+    assert "given: strength = 0.04 per area, length = 0.2" in told
+    assert "epsilon_s = 1 per area, energy_to_break = 0.0016" in told
+    page = component_text(REGISTRY, "contacts", "cohesive")
+    assert "strength [force]: largest pull; per area between surfaces" in page
+    assert page.count("per area between surfaces") == 2

@@ -19,6 +19,9 @@ from percuss.methods.interfaces import Doc, Unit
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-100, 1e100
 UNITS = "Choose units in which lengths, masses and times are nearer to 1."
 
+# Units of the options of contact laws that are per area of contact, where contact points have areas.
+PER_AREA = {"force", "force/length", "mass"}
+
 
 @dataclasses.dataclass(frozen=True)
 class Key:

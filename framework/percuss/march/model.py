@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.case.options import options_of
+from percuss.case.options import PER_AREA, options_of
 from percuss.contact.binding import Binding
 from percuss.contact.bound_law import BoundLaw
 from percuss.contact.contact_points import contact_points_of
@@ -32,10 +32,6 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.contact.features import Feature
     from percuss.methods.interfaces import ContactProblem
-
-
-# Units of the options of contact laws that are per area of contact, where contact points have areas.
-PER_AREA = {"force", "force/length", "mass"}
 
 
 class Stretch(NamedTuple):
@@ -297,7 +293,8 @@ class Model(ModelArrays):
     def parameters(self) -> dict[str, dict[str, float]]:
         """Return, for each contact, the name of its law and its resolved parameters, those of its first point.
 
-        Where an option of a law is per area, as in a case with bodies that are no bars, so is its parameter.
+        Where an option of a law is per area, as in a case with bodies that are no bars, so is its parameter. What the
+        law calls a total is summed over the points.
         """
         parameters: dict[str, dict[str, Any]] = {
             contact_point.name: {"law": contact_point.law.name} for contact_point in self.contact_points
@@ -309,5 +306,8 @@ class Model(ModelArrays):
                     per_area = name in options and options[name].unit in PER_AREA
                     for point, number in zip(where, np.broadcast_to(value, (len(where),)), strict=True):
                         area = self.contact_points[point].weight if per_area else 1.0
-                        parameters[self.contact_points[point].name].setdefault(name, float(number) / area)
+                        of_contact = parameters[self.contact_points[point].name]
+                        if name in bound_law.law.totals:
+                            of_contact[name] = of_contact.get(name, 0.0) + float(number)
+                        of_contact.setdefault(name, float(number) / area)
         return parameters

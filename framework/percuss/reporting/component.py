@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from percuss import version
 from percuss.case.json_schema import schema_of
-from percuss.case.options import Option, options_of
+from percuss.case.options import PER_AREA, Option, options_of
 from percuss.case.type_words import describe, fact
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, printable, suggestion
@@ -107,7 +107,7 @@ def component_data(registry: Registry, family: str, name: str) -> Entries:
             "about": about.first,
             "formula": about.formula,
             "details": about.rest,
-            "options": [_option(option) for option in options_of(component).values()],
+            "options": [_option(family, option) for option in options_of(component).values()],
             "schema": schema_of(component),
             "facts": _facts(component),
             "references": list(component.references),
@@ -132,12 +132,13 @@ def _origin(registry: Registry, family: str, name: str) -> Entries:
     }
 
 
-def _option(option: Option) -> Entries:
+def _option(family: str, option: Option) -> Entries:
     """Return an option in the types of JSON, with the expected values in words."""
+    between = "; per area between surfaces" if family == "contacts" and option.unit in PER_AREA else ""
     infinite = ", may be .inf" if fact(option.annotation, AllowInf) is not None else ""
     return {
         "key": option.key,
-        "what": option.doc,
+        "what": f"{option.doc}{between}",
         "unit": option.unit or "1",
         "expects": describe(option.annotation) + infinite,
         "required": option.required,

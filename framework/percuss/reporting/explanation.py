@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.case.options import options_of
+from percuss.case.options import PER_AREA, options_of
 from percuss.case.quantities import in_unit
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
@@ -18,7 +18,7 @@ from percuss.march.estimate import bytes_of_run, seconds_of_steps
 from percuss.march.recording import recordable
 from percuss.mesh.cells import cells_of
 from percuss.mesh.size_limits import bytes_in_words
-from percuss.methods.interfaces import Component
+from percuss.methods.interfaces import Component, ContactLaw
 from percuss.reporting.component import Explanation, docs
 from percuss.reporting.tables import duration
 from percuss.reporting.verdict import check_verdict
@@ -130,6 +130,15 @@ def _short_text(value: Any) -> str:
 
 def _assignments(values: Data) -> str:
     return ", ".join(f"{key} = {value}" for key, value in values.items())
+
+
+def _per_area(model: Model, law: ContactLaw, values: Data) -> Data:
+    """Return values of a law by name, with the word that those of surfaces which are per area need."""
+    known = {} if model.bodies.of_lines else options_of(type(law))
+    return {
+        key: f"{value} per area" if key in known and known[key].unit in PER_AREA else value
+        for key, value in values.items()
+    }
 
 
 def _numbers_as_text(values: Mapping[str, float]) -> dict[str, str]:
@@ -260,7 +269,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     words = f"{contact_point.name}: {' and '.join(value['sides'])}, {gap}; {law.name}: {law.summary}"
     details = [] if law.name in explained else docs(type(law)).formula.splitlines()
     explained.add(law.name)
-    details.append(f"given: {_assignments(value['given']) or 'nothing, all by default'}")
+    details.append(f"given: {_assignments(_per_area(model, law, value['given'])) or 'nothing, all by default'}")
     details += [f"{option} {chosen}" for option, chosen in value["chosen"].items()]
     point = _numbers_as_text(value["point"])
     details.append(
@@ -275,7 +284,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
         gaps = f"gaps from {value['gap']:.6g} to {max(p.gap for p in points):.6g}"
         details.append(f"{len(points)} points on {covered:.6g} of the area {area:.6g} of {spec.sides[0]}, {gaps}")
         value |= {"points": len(points), "area": area, "covered": covered}
-    details += filter(None, [_assignments(_numbers_as_text(value["resolved"]))])
+    details += filter(None, [_assignments(_per_area(model, law, _numbers_as_text(value["resolved"])))])
     if solved := model.facts.solves_contact:
         details.append(solved)
     elif value["row"] is None:

@@ -34,10 +34,10 @@ class Cohesive(ContactLaw):
     Formula: ``lambda = -K g``; ``K = k`` for g < 0, ``K = T(d) / d`` for g > 0, with the greatest opening d so far and
     ``T(d) = k d`` up to ``strength``, then ``strength (l - d) / (l - strength / k)`` up to the length l, then 0.
 
-    The bond unloads towards the origin. The energy ``strength l / 2`` breaks it, whatever k is. Contacts that begin
-    with an opening of more than l are broken from the start, and touching ones are whole. One that begins with an
-    opening below l pulls from the start, as if it had been stretched so far before. In the paper the bond is rigid up
-    to its strength; here it has the stiffness k.
+    The bond unloads towards the origin. The energy ``strength l / 2`` breaks it, between surfaces times the area,
+    whatever k is. Contacts that begin with an opening of more than l are broken from the start, and touching ones are
+    whole. One that begins with an opening below l pulls from the start, as if it had been stretched so far before. In
+    the paper the bond is rigid up to its strength; here it has the stiffness k.
 
     With central difference a closed contact and a whole bond lower the critical step as a penalty does.
     """
@@ -60,6 +60,7 @@ class Cohesive(ContactLaw):
     }
     stiffening = ("beta_s", "epsilon_s")
     bond = True
+    totals = ("energy_to_break",)
     # greatest opening, energy stored and energy dissipated; 1 after the first step, and what it had lost before that
     state = 5
     stored_in = 1
@@ -92,7 +93,7 @@ class Cohesive(ContactLaw):
         return Bond(stiffness, strength, onset, np.full(stiffness.size, self.length))
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:  # noqa: ARG002
-        """Return the stiffness k and the energy that breaks the bond."""
+        """Return the stiffness k and the energy that breaks the bond, of each point."""
         return {
             "epsilon_s": quarter_stiffness(self, points),
             "energy_to_break": 0.5 * self.strength * self.length * points.weight,

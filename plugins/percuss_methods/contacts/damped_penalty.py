@@ -40,6 +40,7 @@ class DampedPenalty(ContactLaw):
     guarantees = ("never pulls",)
     stiffening = ("beta_s", "epsilon_s")
     headline = ("beta_s", "damping")
+    totals = ("coefficient",)
 
     beta_s: _auto.BetaS = None
     epsilon_s: _auto.EpsilonS = None

@@ -63,9 +63,9 @@ class WaltonBraun(ContactLaw):
         return Springs(loading, loading / self.restitution**2)
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:  # noqa: ARG002
-        """Return the stiffnesses k_1 and k_2."""
+        """Return the stiffnesses k_1, and k_2 per area where points have one."""
         loading = quarter_stiffness(self, points)
-        return {"epsilon_s": loading, "unloading": loading / self.restitution**2}
+        return {"epsilon_s": loading, "unloading": loading / self.restitution**2 / points.weight}
 
     @staticmethod
     def multipliers(bound: Springs, trial: Trial, multiplier: Floats) -> None:

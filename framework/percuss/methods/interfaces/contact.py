@@ -289,6 +289,9 @@ class ContactLaw(Component, contract="contacts"):
         comparison uses such a law for tied twins: runs with the contacts tied while the exact contact is closed.
     headline
         Resolved parameters that a table of results shows beside the name of the law.
+    totals
+        Resolved parameters that add up over the points of a contact, as an energy does. Of others the value of the
+        first point stands for the contact.
     needs_only_response_of
         Reasons, by quantity of the linear law, why the law remains valid with an integrator that does not supply the
         bulk value of that quantity. So far only ``"acceleration"`` can be missing (`ContactState.acceleration` is
@@ -309,6 +312,7 @@ class ContactLaw(Component, contract="contacts"):
     stiffening: ClassVar[tuple[str, ...]] = ()
     headline: ClassVar[tuple[str, ...]] = ()
     bond: ClassVar[bool] = False
+    totals: ClassVar[tuple[str, ...]] = ()
     tied_during: ClassVar[str] = ""
     needs_only_response_of: ClassVar[Mapping[str, str]] = {}
 
