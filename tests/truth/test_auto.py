@@ -292,3 +292,42 @@ def test_an_end_that_is_driven_all_the_time_is_as_stiff_to_contact_as_a_wall():
     limits = [float(Model(case).binding.points([0], 3e-3).stiffness_limit[0]) for case in cases]
     assert limits[0] == pytest.approx(limits[1], rel=1e-12)
     assert limits[2] < 0.9 * limits[1]
+
+
+def wall_of_one_element(bars, moved, drives):
+    """Return a case of bars or blocks: a body of 20 elements beside a soft, light one of a single element."""
+    size = ({"bar": {"length": 1.0, "elements": n}, "area": 0.5} if bars else
+            {"block": {"size": [1.0, 0.5], "elements": [n, min(n, 4)]}} for n in (20, 1))  # fmt: skip
+    soft, stiff = ({"young": value, "density": value, **({} if bars else {"poisson": 0.0})} for value in (0.01, 1.0))
+    work, wall = (
+        {**one, "at": at if bars else [at, 0.0], "material": material}
+        for one, at, material in zip(size, (1.0, 0.0), (stiff, soft), strict=True)
+    )
+    return {
+        "percuss": 1, "bodies": {"work": work, "wall": {**wall, **moved}},
+        "contacts": {"c": {"between": ["work.left", "wall.right"]}},
+        "loads": {"drive": {"prescribed-velocity": 0.01, "on": ["wall.left", "wall.right"]} | drives} if drives else {},
+        "method": {"integrator": CD, "contact": "penalty", **({} if bars else {"pairing": "node-to-segment"})},
+        "time": {"step": 0.045, "steps": 1},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("bars", [True, False])
+def test_a_side_that_is_driven_or_held_throughout_is_rigid(bars, held):
+    """It has the numbers of a wall, whatever its own are; a side that is let go has its own."""
+    drive = {"direction": [1.0] if bars else [1.0, 0.0]}
+    case = wall_of_one_element(bars, {"fixed": ["left", "right"]} if held else {}, {} if held else drive)
+    still = {"body": "work.left", "wall": 1.0 if bars else {"point": [1.0, 0.0], "normal": [1.0, 0.0]}}
+    wall = {**case, "bodies": {"work": case["bodies"]["work"]}, "loads": {}, "contacts": {"c": still}}
+
+    def numbers(one, **changes):
+        model = Model(percuss.load(one, changes))
+        scales = [[point.stiffness, point.frequency, point.mass, point.equal_sides] for point in model.contact_points]
+        return np.array([[*of_point, model.parameters()["c"]["epsilon_s"]] for of_point in scales], dtype=float)
+
+    np.testing.assert_allclose(numbers(case), numbers(wall), rtol=1e-12)
+    if not held:
+        let_go = numbers(case, **{"loads.drive.until": 10.0})
+        np.testing.assert_allclose(let_go[:, 0], 0.01 / 20.0 * numbers(wall)[:, 0], rtol=1e-12)
+        assert not let_go[:, 3].any()

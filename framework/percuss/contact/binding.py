@@ -141,7 +141,7 @@ class Binding:
 
     @cached_property
     def _surface_limits(self) -> SurfaceLimits:
-        return SurfaceLimits(self.model.bodies.values(), self.contact_points)
+        return SurfaceLimits(self.model.bodies.values(), self.contact_points, self._moved_nodes)
 
     @cached_property
     def _moved_nodes(self) -> list[list[int]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,20 +22,24 @@ if TYPE_CHECKING:
     from percuss.case.specs import ContactSpec
     from percuss.errors import Problem
     from percuss.mesh.body import Body
+    from percuss.mesh.loads import Held
     from percuss.methods.interfaces import Floats
 
 
 def contact_points_of(
-    case: Case, number: int, spec: ContactSpec, bodies: Mapping[str, Body], problems: list[Problem]
+    case: Case, number: int, spec: ContactSpec, bodies: Mapping[str, Body], held: Held, problems: list[Problem]
 ) -> list[ContactPoint]:
-    """Return the points of contact `number` of a case; none if its geometry is wrong, with the reason in `problems`."""
+    """Return the points of contact `number` of a case; none if its geometry is wrong, with the reason in `problems`.
+
+    A side whose nodes are `held` throughout is rigid: stiffness, mass and frequency are those of the other.
+    """
     sides = [bodies.get(side.body) for side in spec.sides]
     bars = [body for body in sides if isinstance(body, Bar)]
     if len(bars) == len(sides):
-        point = _ends_that_meet(case, number, spec, bars, problems)
+        point = _ends_that_meet(case, number, spec, bars, held, problems)
         return [point] if point is not None else []
     points = []
-    for made in points_of_surfaces(case, number, spec, bodies):
+    for made in points_of_surfaces(case, number, spec, bodies, held):
         if isinstance(made, ContactPoint):
             points.append(made)
         else:
@@ -43,7 +48,7 @@ def contact_points_of(
 
 
 def _ends_that_meet(
-    case: Case, number: int, spec: ContactSpec, sides: Sequence[Bar], problems: list[Problem]
+    case: Case, number: int, spec: ContactSpec, sides: Sequence[Bar], held: Held, problems: list[Problem]
 ) -> ContactPoint | None:
     """Return the point at which two ends meet, or an end and a wall; None if they cannot, with a problem."""
     path = ("contacts", spec.name)
@@ -91,8 +96,10 @@ def _ends_that_meet(
         message = f"expected bodies apart or touching, found an overlap of {-gap:.6g}"
         add_problem(path, message, f"Did you mean the ends [{', '.join(facing)}]?" if facing else advice)
         return None
-    stiffness = [body.end_stiffness(node) for body, node in zip(sides, nodes, strict=True)]
-    frequency = [float(body.frequency[element]) for body, element in zip(sides, elements, strict=True)]
+    yielding = [not held.along([node], normal) for node in nodes]
+    yielding = yielding if any(yielding) else [True] * len(sides)
+    stiffness = [body.end_stiffness(node) for body, node in compress(zip(sides, nodes, strict=True), yielding)]
+    frequency = [float(body.frequency[end]) for body, end in compress(zip(sides, elements, strict=True), yielding)]
     softest = min(stiffness)
     alike = [k for k, value in enumerate(stiffness) if value <= softest * (1.0 + ROUND_OFF)]
     return ContactPoint(
@@ -107,7 +114,7 @@ def _ends_that_meet(
         frequency=min(frequency),
         # rho A h / 2 = 2 (EA/h) / omega^2; of two sides of the same stiffness that of the lighter one
         mass=min(2.0 * stiffness[k] / frequency[k] ** 2 for k in alike),
-        equal_sides=len(alike) == len(sides) and bool(np.ptp(frequency) <= ROUND_OFF * max(frequency)),
+        equal_sides=len(alike) == len(stiffness) and bool(np.ptp(frequency) <= ROUND_OFF * max(frequency)),
     )
 
 

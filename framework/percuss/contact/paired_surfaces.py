@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from percuss.case.specs import ContactSpec
     from percuss.errors import Problem
     from percuss.mesh.body import Body
+    from percuss.mesh.loads import Held
     from percuss.mesh.surfaces import BodySurface
     from percuss.methods.interfaces import Floats, PairedPoints
 
@@ -29,7 +31,7 @@ ROUND_OFF_SHARE = 1e-12  # of the largest share of a node in a gap; a smaller on
 
 
 def points_of_surfaces(
-    case: Case, number: int, spec: ContactSpec, bodies: Mapping[str, Body]
+    case: Case, number: int, spec: ContactSpec, bodies: Mapping[str, Body], held: Held
 ) -> Iterator[ContactPoint | Problem]:
     """Yield the contact points of two surfaces, or of a surface and a wall; or what is wrong with them."""
     path = ("contacts", spec.name)
@@ -80,7 +82,12 @@ def points_of_surfaces(
         least = ROUND_OFF_SHARE * max((np.abs(value).max() for value in gradient.values()), default=0.0)
         gradient = {node: value for node, value in gradient.items() if np.abs(value).max() >= least}
         weight, gap = float(found.weight[p]), float(found.gap[p])
-        stiffness, frequency, equal = _scales(sides, surfaces, found.facets[p])
+        yielding = [
+            not held.along(one.surface.nodes[one.surface.facets[facet]], found.normal[p])
+            for one, facet in zip(surfaces, found.facets[p], strict=False)
+        ]
+        which = yielding if any(yielding) else [True] * len(sides)
+        stiffness, frequency, equal = _scales(*(list(compress(of, which)) for of in (sides, surfaces, found.facets[p])))
         yield ContactPoint(
             name=spec.name,
             contact=number,

@@ -11,7 +11,7 @@ from percuss.contact.stiffness_limits import LARGEST_COURANT
 from percuss.mesh.ritz_values import highest_ritz_value
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from percuss.contact.contact_point import ContactPoint
     from percuss.mesh.body import Body
@@ -29,9 +29,13 @@ class SurfaceLimits:
     ----------
     bodies, points
         Bodies and contact points of a model.
+    moved
+        Nodes of each contact point that its force moves at some time of the run; the others are fixed or driven.
     """
 
-    def __init__(self, bodies: Iterable[Body], points: Sequence[ContactPoint]) -> None:
+    def __init__(
+        self, bodies: Iterable[Body], points: Sequence[ContactPoint], moved: Sequence[Collection[int]]
+    ) -> None:
         from scipy.sparse import block_diag, csc_array, diags_array
 
         bodies = list(bodies)
@@ -40,7 +44,8 @@ class SurfaceLimits:
         self._mass = diags_array(np.repeat(np.concatenate([body.mass for body in bodies]), dim))
         highest = highest_ritz_value(self._stiffness, self._mass)
         self._longest_step = LARGEST_COURANT * 2.0 / np.sqrt(highest)
-        self._rows = gap_rows(points, self._stiffness.shape[0], dim)
+        moves = np.isin(np.arange(self._stiffness.shape[0]) // dim, [node for nodes in moved for node in nodes])
+        self._rows = diags_array(moves.astype(float)) @ gap_rows(points, self._stiffness.shape[0], dim)
         self._scale = np.array([point.stiffness for point in points])
 
     def at(self, dt: float) -> Floats:

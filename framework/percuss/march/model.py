@@ -23,7 +23,7 @@ from percuss.march.features import features_of
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
 from percuss.mesh import size_limits, spots
 from percuss.mesh.bodies import bodies_of
-from percuss.mesh.loads import Constraint, acts_at, supports_and_loads
+from percuss.mesh.loads import Constraint, Held, acts_at, supports_and_loads
 from percuss.methods.interfaces import ContactLaw, Floats, LeapFrog
 from percuss.methods.process_guard import process_as_before
 from percuss.step.integrator_check import scheme
@@ -84,13 +84,15 @@ class Model(ModelArrays):
             courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
             self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / bodies.omega)
             problems: list[Problem] = []
+            of_loads: list[Problem] = []
+            loads = supports_and_loads(case, bodies, of_loads)
+            held = Held(loads.constraints)
             points = [
                 point
                 for number, spec in enumerate(case.contacts.values())
-                for point in contact_points_of(case, number, spec, bodies, problems)
+                for point in contact_points_of(case, number, spec, bodies, held, problems)
             ]
-            loads = supports_and_loads(case, bodies, problems)
-            problems += spots.outside(case, bodies)
+            problems += [*of_loads, *spots.outside(case, bodies)]
             refuse_if_any(problems)
             self._set(contact_points=tuple(points), loads=loads)
             self._bind()

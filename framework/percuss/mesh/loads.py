@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 # Relative difference of two numbers that are equal but for round-off. A number changes its last digits with the units:
 # the factor is rounded, and so is each of the operations that made the number, some 2e-16 each.
 ROUND_OFF = 1e-12
+DIRECTION_TOLERANCE = 1e-9  # part of a unit vector beyond the directions of constraints that is round-off
 
 
 def latest(instant: Any) -> Any:
@@ -62,6 +63,25 @@ def directions_at_nodes(constraints: Iterable[Constraint]) -> dict[int, list[Flo
     for constraint in constraints:
         directions.setdefault(constraint.node, []).append(constraint.direction)
     return directions
+
+
+class Held:
+    """The directions in which supports, and drives that never start or end, hold nodes throughout a run."""
+
+    def __init__(self, constraints: Iterable[Constraint]) -> None:
+        always = (
+            one for one in constraints if one.load is None or (one.load.start <= 0.0 and one.load.stop == math.inf)
+        )
+        self._directions = directions_at_nodes(always)
+
+    def along(self, nodes: Iterable[int], direction: Floats) -> bool:
+        """Return whether each of some nodes is held along a direction, so that no force along it moves them."""
+        return all(node in self._directions and self._holds(node, direction) for node in nodes)
+
+    def _holds(self, node: int, direction: Floats) -> bool:
+        held = np.array(self._directions[node])
+        rest = direction - held.T @ np.linalg.lstsq(held.T, direction)[0]
+        return bool(np.linalg.norm(rest) < DIRECTION_TOLERANCE)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ class ContactPoints:
     """The data of its contact points that a contact law can use; arrays are read-only, with one value per point.
 
     EA/h, 2c/h and rho A h / 2 are those of a two-node bar. Of an element of more nodes rho A h / 2 stands for its mass
-    m at the end node, 2c/h for its highest frequency omega, and EA/h for ``m omega^2 / 2``.
+    m at the end node, 2c/h for its highest frequency omega, and EA/h for ``m omega^2 / 2``. A side that is held or
+    driven along the normal throughout the run is rigid: the numbers are those of the other side, as at a wall.
 
     Attributes
     ----------
