@@ -203,6 +203,38 @@ def test_tied_prisms_of_unlike_meshes_are_one_bar(across):
     assert np.abs(u[..., 1]).max() < 1e-10 * np.abs(along).max()
 
 
+@pytest.mark.parametrize("pairing", [NODES, GAUSS, MORTAR])
+@pytest.mark.parametrize("cells", ["quad4", "tri3", "hex8", "tet4", "rings"])
+def test_the_areas_of_two_contacts_side_by_side_add_up_to_the_face(cells, pairing):
+    """Two blocks side by side meet a face of a third one: a node or an edge of it lies at the corner of both."""
+    space, rings = cells in {"hex8", "tet4"}, cells == "rings"
+    kind, depth = "quad4" if rings else cells, [0.7] if space else []
+
+    def body(at, height, elements):
+        size, count = [1.0, height], [2, elements]
+        if rings:  # the face is the right one of a ring, whose radius does not change along it
+            at = [at[0] + 1.0, at[1]]
+        shape = {"size": size + depth, "elements": count + [3] * space, "cells": kind}
+        at = [at[0], at[1] - 0.2, *(0.1 for _ in depth)]
+        return {"block": shape, "at": at, "material": {"young": 1.0, "density": 1.0, "poisson": 0.0},
+                **({"plane": "axisymmetric"} if rings else {})}  # fmt: skip
+
+    bodies = {"a": body([0.0, 0.0], 1.0, 8), "b": body([1.0, 0.0], 0.5, 3), "c": body([1.0, 0.5], 0.5, 4)}
+    contacts = {f"a{name}": {"between": ["a.right", f"{name}.left"]} for name in ("b", "c")}
+    model = Model(case(bodies, contacts, pairing=pairing))
+    whole = model.bodies["a"].area_of("right")
+    for name in contacts:
+        area = sum(point.weight for point in model.contact_points if point.name == name)
+        assert area == pytest.approx(0.5 * whole, rel=1e-9)
+
+
+@pytest.mark.parametrize("pairing", [NODES, MORTAR])
+def test_a_node_at_the_end_of_the_other_face_has_the_area_that_lies_over_it(pairing):
+    bodies = {"a": block([0.0, 0.0], [0.1, 0.0], (4, 8), (1.0, 0.8)), "b": block([1.0, 0.2], [0.0, 0.0], (4, 4))}
+    model = Model(case(bodies, {"c": {"between": ["a.right", "b.left"]}}, pairing=pairing))
+    assert [point.weight for point in model.contact_points] == pytest.approx([0.05, 0.1, 0.1, 0.1, 0.05], rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("law", "per_area", "totals"),
     [

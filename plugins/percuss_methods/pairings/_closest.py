@@ -33,18 +33,52 @@ def paired(first: Surface, second: Surface | Wall, facets: Integers, shares: Flo
     if isinstance(second, Wall):
         gap, normal = (at - second.point) @ second.normal, np.tile(-second.normal, (len(at), 1))
         return _as_rows(gap, weight, normal, np.stack([facets, np.full(len(at), -1)], axis=1), own, shares, None, None)
-    facet, other = second.nearest(at)
-    met = np.einsum("pa,pad->pd", other, second.positions[second.facets[facet]])
-    outward = second.outward(facet, other)
-    outward /= np.linalg.norm(outward, axis=1)[:, None]
-    gap = np.einsum("pd,pd->p", at - met, outward)
-    beside = np.linalg.norm(at - met - gap[:, None] * outward, axis=1)
-    size = np.ptp(second.positions[second.facets[facet]], axis=1).max(axis=1)
-    inside = (beside <= AT_AN_END * size) | ~_at_the_end(second, facet, other)
+    facet, other, gap, outward, _, inside = _met(at, second)
     return _as_rows(
         gap[inside], weight[inside], -outward[inside], np.stack([facets, facet], axis=1)[inside], own[inside],
         shares[inside], second.nodes[second.facets[facet[inside]]], other[inside],
     )  # fmt: skip
+
+
+def _met(at: Floats, surface: Surface) -> tuple[Integers, Floats, Floats, Floats, Any, Any]:
+    """Return what points meet of a surface.
+
+    Returns
+    -------
+    The facet nearest to each, its shape functions there, the gap, the normal, whether the place is on the rim of the
+    surface, and whether the point has a partner there.
+    """
+    facet, other = surface.nearest(at)
+    met = np.einsum("pa,pad->pd", other, surface.positions[surface.facets[facet]])
+    outward = surface.outward(facet, other)
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    gap = np.einsum("pd,pd->p", at - met, outward)
+    beside = np.linalg.norm(at - met - gap[:, None] * outward, axis=1)
+    size = np.ptp(surface.positions[surface.facets[facet]], axis=1).max(axis=1)
+    rim = _at_the_end(surface, facet, other)
+    return facet, other, gap, outward, rim, (beside <= AT_AN_END * size) | ~rim
+
+
+def areas_of_nodes(first: Surface, second: Surface | Wall) -> Floats:
+    """Return the area of the nodes of a surface, (n,), as far as the other surface is there.
+
+    Of a node at the rim of the other surface only those facets count that lie over it, so that the areas of two
+    contacts side by side add up. A node that touches with a corner alone keeps its area.
+    """
+    of_nodes, count = first.of_nodes(), len(first.nodes)
+    whole: Floats = np.bincount(first.facets.ravel(), of_nodes.ravel(), count)
+    if isinstance(second, Wall):
+        return whole
+    *_, rim, inside = _met(first.positions, second)
+    facet, place = np.nonzero((rim & inside)[first.facets])
+    if not facet.size:
+        return whole
+    corners = first.positions[first.facets[facet]]
+    part = 0.5 * (corners[np.arange(facet.size), place] + corners.mean(axis=1))
+    beyond = ~_met(part, second)[-1]
+    of_nodes[facet[beyond], place[beyond]] = 0.0
+    covered = np.bincount(first.facets.ravel(), of_nodes.ravel(), count)
+    return np.where(covered > 0.0, covered, whole)
 
 
 def _at_the_end(surface: Surface, facet: Integers, shares: Floats) -> Any:

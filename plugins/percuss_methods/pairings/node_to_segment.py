@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss import PairedPoints, Pairing
-from percuss_methods.pairings._closest import paired
+from percuss_methods.pairings._closest import areas_of_nodes, paired
 
 if TYPE_CHECKING:
     from percuss import Surface, Wall
@@ -19,7 +19,8 @@ class NodeToSegment(Pairing):
     """The nodes of the first surface against the nearest facet of the second one.
 
     Formula: ``g = n . (x - y)`` with x the node, y the nearest point of the second surface and n its normal out of the
-    facet on which y lies; w is half of the area of each facet of the first surface at the node.
+    facet on which y lies; w is half of the area of each facet of the first surface at the node. At the rim of the
+    second surface only those facets count that lie over it.
 
     A uniform pressure between meshes that do not match is not transmitted: its error stays however fine they are.
     """
@@ -34,8 +35,7 @@ class NodeToSegment(Pairing):
     def points(self, first: Surface, second: Surface | Wall) -> PairedPoints:
         """Return the nodes that have a partner."""
         width = first.facets.shape[1]
-        weight = np.bincount(first.facets.ravel(), first.of_nodes().ravel(), len(first.nodes))
         facets, places = np.zeros((2, len(first.nodes)), dtype=np.int64)
         for place in range(width):  # any facet at a node serves
             facets[first.facets[:, place]], places[first.facets[:, place]] = np.arange(len(first.facets)), place
-        return paired(first, second, facets, np.eye(width)[places], weight)
+        return paired(first, second, facets, np.eye(width)[places], areas_of_nodes(first, second))
