@@ -236,6 +236,26 @@ def test_a_node_at_the_end_of_the_other_face_has_the_area_that_lies_over_it(pair
 
 
 @pytest.mark.parametrize(
+    ("first", "second", "said"),
+    [
+        ({"thickness": 2.0}, {"thickness": 2.0}, ""),
+        ({}, {"plane": "strain", "thickness": 1.0}, ""),
+        ({"thickness": 2.0}, {}, "of unequal thickness, 2 of 'a' and 1 of 'b'"),
+        ({"plane": "stress"}, {}, "of unequal plane, stress of 'a' and strain of 'b'"),
+    ],
+)
+def test_unequal_thickness_or_plane_of_two_bodies_in_contact_is_a_note(first, second, said):
+    bodies = {
+        "a": block([0.0, 0.0], [0.1, 0.0], (2, 2), **first), "b": block([1.0, 0.0], [0.0, 0.0], (2, 2), **second),
+    }  # fmt: skip
+    one = case(bodies, {"c": {"between": ["a.right", "b.left"]}}, end=0.1)
+    for notes in (percuss.check(one).data["notes"], percuss.run(one).summary["notes"]):
+        found = [note for note in notes if "unequal" in note]
+        assert len(found) == bool(said)
+        assert all(said in note for note in found)
+
+
+@pytest.mark.parametrize(
     ("law", "per_area", "totals"),
     [
         ({"name": "cohesive", "strength": 0.04, "length": 0.2}, ("strength",), ("energy_to_break",)),

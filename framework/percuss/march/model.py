@@ -263,6 +263,28 @@ class Model(ModelArrays):
         seen = self.facts.sides(midpoint)
         return [seen.get(point, sides) for point, sides in enumerate(self.rows.at(midpoint).sides)]
 
+    def unlike_sides(self) -> list[str]:
+        """Return a note on each contact of two plane bodies that differ in thickness or plane."""
+        notes = []
+        for name, spec in self.case.contacts.items():
+            sides = [self.bodies[side.body] for side in spec.sides]
+            planes = [body.view.plane for body in sides]
+            if len(sides) < 2 or not {"strain", "stress"}.issuperset(planes):
+                continue
+            sections = [f"{body.spec.section:.6g}" for body in sides]
+            for what, (one, other), why in (
+                (
+                    "thickness",
+                    sections,
+                    "its area is that of the first, and no body in the plane has an edge across it",
+                ),
+                ("plane", planes, "one widens across the plane and the other does not"),
+            ):
+                if one != other:
+                    pair = f"{one} of '{sides[0].name}' and {other} of '{sides[1].name}'"
+                    notes.append(f"contact '{name}' is between bodies of unequal {what}, {pair}: {why}")
+        return notes
+
     def ignored_couplings(self) -> list[str]:
         """Return one sentence for contacts at each end, or coupled by the mass, if the kernel of a law ignores that."""
         at_node: dict[int, list[int]] = {}

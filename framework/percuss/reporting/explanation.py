@@ -103,7 +103,7 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     yield Fact("exact", {"name": name, "why": why_not_exact})
     used = _components(model) + ([engine] if engine else [])
     yield _group("methods", "Methods", (_method(model, component) for component in used))
-    notes = [*case.notes, *verdict["ignores"], *expected_meetings(model)]
+    notes = [*case.notes, *model.unlike_sides(), *verdict["ignores"], *expected_meetings(model)]
     yield Fact("notes", notes, [f"note: {note}" for note in notes])
 
 

@@ -90,6 +90,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         growth["kept"] = None
     notes = [
         *model.case.notes,
+        *model.unlike_sides(),
         *_warnings(march, outcome, certificate, accounts["energy"]),
         *encounters(march, outcome, arrays),
         *ledger.growth_notes(march, outcome, growth),
