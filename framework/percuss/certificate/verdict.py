@@ -49,7 +49,8 @@ class Certificate(TypedDict):
         Energy guarantee of the pair of methods while contacts open and close, and the reason for it.
     dt_critical, dt_critical_free
         Critical step, and that with no contact closed but those that are tied throughout. None where it is not known;
-        with bodies that are not linear it never is, because it changes with the strain.
+        with bodies that are not linear it never is, because it changes with the strain. Where theta of contacts that
+        share nodes limits it, longer steps may be stable, and `why` says so.
     dt_critical_why
         Why the critical step is None; empty where it is known.
     courant_critical
