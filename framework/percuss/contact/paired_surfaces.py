@@ -79,8 +79,9 @@ def points_of_surfaces(
             node = int(found.node[k])
             gradient[node] = gradient.get(node, 0.0) + found.value[k]
         # A share of round-off couples points that share no node, or not, as the units have it.
-        least = ROUND_OFF_SHARE * max((np.abs(value).max() for value in gradient.values()), default=0.0)
-        gradient = {node: value for node, value in gradient.items() if np.abs(value).max() >= least}
+        sizes = [max(map(abs, value.tolist())) for value in gradient.values()]
+        least = ROUND_OFF_SHARE * max(sizes, default=0.0)
+        gradient = {node: value for (node, value), own in zip(gradient.items(), sizes, strict=True) if own >= least}
         weight, gap = float(found.weight[p]), float(found.gap[p])
         yielding = [
             not held.along(one.surface.nodes[one.surface.facets[facet]], found.normal[p])

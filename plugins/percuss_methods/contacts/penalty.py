@@ -78,5 +78,6 @@ class Penalty(ContactLaw):
         """Return the automatic beta_s with the reason for it, or the stiffness from the step, in words."""
         if self.stiffness is not None:
             scale = self.scale or SCALE
-            return {"stiffness": f"from-step: {scale:g} / (s dt^2), theta <= {scale:g}"}
+            row = " with s summed over the row of S" if (points.coupling > 1.0 + 1e-12).any() else ""
+            return {"stiffness": f"from-step: {scale:g} / (s dt^2){row}, theta <= {scale:g}"}
         return _auto.limited_stiffness_described(self, points, dt)
