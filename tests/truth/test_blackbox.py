@@ -23,7 +23,9 @@ from percuss.certificate.step_itself import MOST_ALONE, ClosedStepStability, Ste
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 from percuss.methods.interfaces import Trial
+from percuss.results.runner import timed_run
 from percuss.step import loop as leapfrog_loop
+from percuss.studies.columns import RowSettings, column_by_name
 from percuss.testing import Subject
 from percuss.testing.checks.pairs import impact
 from strategies import INVISCID, LAWS, LEAPFROG, PAIRS, PLAIN_PAIRS, REGISTRY, each_pair, hunek, rows, with_pair
@@ -645,3 +647,12 @@ def test_a_run_searches_no_critical_step_that_only_the_step_itself_can_tell(monk
     assert "`percuss check`" in found["dt_critical_why"]
     with pytest.raises(percuss.RunError, match="lower the step: `percuss check` searches how far"):
         percuss.run(case, {"time.courant": 1.2})
+
+
+@pytest.mark.parametrize(("measured", "searched"), [("courant_critical", True), ("theta", False)])
+def test_a_study_searches_the_critical_step_where_it_measures_it(measured, searched):
+    rows = RowSettings((column_by_name(f"certificate.{measured}"),), nudge=False, histories=0, repeats=1)
+    assert rows.critical_step == searched
+    case = percuss.load(hunek(10, 0.4, CD, {"name": "energy-conserving-penalty", "beta_s": 0.5}))
+    found = timed_run(case, repeats=1, critical_step=rows.critical_step).summary["certificate"]
+    assert (found["dt_critical"] is not None) == searched

@@ -87,7 +87,7 @@ def run(
     return _run(case, watch, compiled=compiled, nudge=nudge, progress=progress, keeper=keeper)
 
 
-def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None) -> Result:
+def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None, critical_step: bool = False) -> Result:
     """Run a case for a study: its march is repeated, and the smallest of the times counts.
 
     No other thread of this process marches meanwhile, as that would lengthen the time.
@@ -102,8 +102,11 @@ def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None) ->
         Number of marches; None: until the two shortest agree within `SAME_TIME`, or the shortest agrees so with
         that of an earlier run of the same methods with as many nodes and steps, or `REPEATS` marches are made, or
         `REPEAT_SECONDS` have passed.
+    critical_step
+        Whether to search a critical step that only the step itself can tell.
     """
-    return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, timed=True)
+    certify = verdict.certificate if critical_step else verdict.verdict_alone
+    return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, timed=True, certify=certify)
 
 
 def examined_run(case: Case, *, compiled: bool = True, certify: verdict.Certify = verdict.verdict_alone) -> Result:

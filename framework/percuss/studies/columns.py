@@ -81,6 +81,10 @@ class Column:
         return ("", "Name a number in it.") if isinstance(entry, Mapping | list) else None
 
 
+# Entries of the summary that need the critical step.
+OF_CRITICAL_STEP = {f"certificate.{name}" for name in ("dt_critical", "courant_critical", "margin")}
+
+
 @dataclass(frozen=True)
 class RowSettings:
     """Settings of a study on which each of its rows depends.
@@ -101,6 +105,11 @@ class RowSettings:
     nudge: bool
     histories: int
     repeats: int | None
+
+    @property
+    def critical_step(self) -> bool:
+        """Whether a column asks for the critical step, which runs do not search where only the step can tell it."""
+        return any(column.path in OF_CRITICAL_STEP for column in self.columns)
 
 
 def column_by_name(name: str, registries: Iterable[Registry] = ()) -> Column:

@@ -199,7 +199,8 @@ class Bench:
                 reason = f"the worker process cannot read the case: {error}"
                 records.append(Record(key, LOST, reason, "worker", misfit=True))
                 continue
-            run = perform_timed(case, task, nudge=self.settings.nudge, repeats=self.settings.repeats)
+            asked = self.settings
+            run = perform_timed(case, task, nudge=asked.nudge, repeats=asked.repeats, critical_step=asked.critical_step)
             if run.status == "interrupted":
                 break
             wall = time.perf_counter() - began

@@ -110,9 +110,15 @@ def perform(
     return _perform(case, task, lambda changed: run(changed, nudge=nudge, progress=progress))
 
 
-def perform_timed(case: Case, task: Task, *, nudge: bool = False, repeats: int | None = None) -> Run:
+def perform_timed(
+    case: Case, task: Task, *, nudge: bool = False, repeats: int | None = None, critical_step: bool = False
+) -> Run:
     """Make the run of a task of a study, with a repeated march to measure its cost; parameters as in `perform`."""
-    return _perform(case, task, lambda changed: timed_run(changed, nudge=nudge, repeats=repeats))[0]
+
+    def make(changed: Case) -> Result:
+        return timed_run(changed, nudge=nudge, repeats=repeats, critical_step=critical_step)
+
+    return _perform(case, task, make)[0]
 
 
 def foreseen(case: Case, task: Task) -> tuple[Run, int]:
