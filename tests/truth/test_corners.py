@@ -7,43 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import corners
 import percuss
+from corners import GAP, ORDERS, SPEED, STEEL, falling
+from pages import shown
 from percuss.march.model import Model
 from percuss.reporting.explanation import explanation
 from percuss_methods.pairings.mortar import Mortar
 
-GAP, SPEED = 0.05, 0.01
-STEEL = {"young": 1.0, "density": 1.0, "poisson": 0.3}
-CORNER_FIRST, FACE_FIRST = ["block.bottom", "anvil.top"], ["anvil.top", "block.bottom"]
-
-
-def falling(tilt, between, pairing="mortar", *, dim=2, refine=1, **changes):
-    """Return a case in which a turned block falls on a larger one, which its lowest corner meets at `GAP / SPEED`.
-
-    In space the block is turned about y alone, so that an edge falls on the face.
-    """
-    turn, (length, height) = math.radians(tilt), (5.0, 2.0)
-    lowest = 0.5 * (length * math.sin(turn) + height * math.cos(turn))  # below the middle of the block
-    size = {2: ([10, 3], [length, height]), 3: ([10, 3, 3], [length, 1.7, height])}[dim]
-    cells = {2: ([10, 3], [7, 2]), 3: ([7, 3, 3], [5, 2, 2])}[dim]
-    across = [0.6] * (dim - 2)
-    block = {
-        "block": {"size": size[1], "elements": cells[1]}, "material": STEEL, "angle": tilt,
-        "at": [2.537, *across, 3.0 + GAP + lowest - 0.5 * height], "velocity": [*[0.0] * (dim - 1), -SPEED],
-    }  # fmt: skip
-    anvil = {"block": {"size": size[0], "elements": cells[0]}, "at": [0.0] * dim, "material": STEEL}
-    return {
-        "percuss": 1,
-        "bodies": {
-            "anvil": {**anvil, "fixed": ["bottom"]},
-            "block": block | ({"axis": [0, -1, 0]} if dim == 3 else {}),
-        },
-        "contacts": {"hit": {"between": between}},
-        "refine": refine,
-        "method": {"contact": "lagrange", "pairing": pairing},
-        "time": {"courant": 0.5, "end": 1.2 * GAP / SPEED},
-        **changes,
-    }
+CORNER_FIRST, FACE_FIRST = ORDERS["corner"], ORDERS["face"]
 
 
 def times_of_touch(case):
@@ -123,6 +95,22 @@ def plane(start, size, cells):
     return percuss.Surface(
         np.arange(len(positions)), positions, facets, np.tile([0.0, 0.0, 1.0], (count, 1)), np.full(count, area)
     )
+
+
+@pytest.mark.parametrize("name", corners.PARTS)
+def test_a_table_of_the_page_is_that_of_the_rows(name):
+    assert shown(name) == corners.PARTS[name]()
+
+
+SAMPLE = [(2, "mortar", "corner", 10, 2), (2, "node-to-segment", "face", 5, 1), (3, "mortar", "face", 30, 1)]
+
+
+@pytest.mark.parametrize("which", SAMPLE, ids=str)
+def test_a_row_is_what_a_run_gives(which):
+    (kept,) = [line for line in corners.lines() if [line[name] for name in corners.HEAD[:5]] == list(map(str, which))]
+    made = dict(zip(corners.HEAD, corners.row(*which), strict=True))
+    assert float(made["touch"]) == pytest.approx(float(kept["touch"]), abs=1e-3)
+    assert float(made["impulse"]) == pytest.approx(float(kept["impulse"]), rel=1e-2)
 
 
 # -- what is told ----------------------------------------------------------------------------------------------

@@ -72,16 +72,16 @@ def points_of_surfaces(
         yield case.problem(path, message, f"Move them apart by {-deepest:.12g}, or drop the contact.")
         return
     facets = surfaces[-1].surface.positions[surfaces[-1].surface.facets]
-    sizes = np.ptp(facets, axis=1).max(axis=1)[found.facets[:, len(surfaces) - 1]]
+    facet_sizes = np.ptp(facets, axis=1).max(axis=1)[found.facets[:, len(surfaces) - 1]]
     for p in range(found.gap.size):
         gradient: dict[int, Floats] = {}
         for k in range(found.start[p], found.start[p + 1]):
             node = int(found.node[k])
             gradient[node] = gradient.get(node, 0.0) + found.value[k]
         # A share of round-off couples points that share no node, or not, as the units have it.
-        sizes = [max(map(abs, value.tolist())) for value in gradient.values()]
-        least = ROUND_OFF_SHARE * max(sizes, default=0.0)
-        gradient = {node: value for (node, value), own in zip(gradient.items(), sizes, strict=True) if own >= least}
+        shares = [max(map(abs, value.tolist())) for value in gradient.values()]
+        least = ROUND_OFF_SHARE * max(shares, default=0.0)
+        gradient = {node: value for (node, value), own in zip(gradient.items(), shares, strict=True) if own >= least}
         weight, gap = float(found.weight[p]), float(found.gap[p])
         yielding = [
             not held.along(one.surface.nodes[one.surface.facets[facet]], found.normal[p])
@@ -102,7 +102,7 @@ def points_of_surfaces(
             mass=2.0 * stiffness * weight / frequency**2,
             equal_sides=equal,
             weight=weight,
-            facet=float(sizes[p]),
+            facet=float(facet_sizes[p]),
         )
 
 
