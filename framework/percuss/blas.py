@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
 import threading
@@ -17,7 +18,6 @@ ONE_THREAD = {
     "VECLIB_MAXIMUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
 }
-PACKAGES = ("numpy", "scipy.linalg")  # each brings a library of its own
 
 
 class _Limit:
@@ -38,16 +38,13 @@ class _Limit:
         self.lock = threading.Lock()
         self.users = 0
         self.before: list[tuple[Any, int]] = []
-        self._libraries: list[Any] = []
-        self._imported: list[str] = []
 
     def begin(self) -> None:
         with self.lock:
             if self.users == 0:
-                self.before = []
-            for library in self._found()[len(self.before) :]:  # those that came with an import are the last
-                self.before.append((library, library.get_num_threads()))
-                _set_threads(library, 1)
+                self.before = [(library, library.get_num_threads()) for library in _libraries()]
+                for library in _libraries():
+                    _set_threads(library, 1)
             self.users += 1
 
     def end(self) -> None:
@@ -57,17 +54,14 @@ class _Limit:
                 for library, threads in self.before:
                     _set_threads(library, threads)
 
-    def _found(self) -> list[Any]:
-        """Return the libraries of BLAS in this process, which is searched again where it has imported another one."""
-        imported = [package for package in PACKAGES if package in sys.modules]
-        if imported != self._imported:
-            from threadpoolctl import ThreadpoolController
 
-            self._imported = imported
-            known = {library.filepath for library in self._libraries}
-            controllers = ThreadpoolController().select(user_api="blas").lib_controllers
-            self._libraries += [library for library in controllers if library.filepath not in known]
-        return self._libraries
+@functools.cache
+def _libraries() -> list[Any]:
+    """Return the libraries of BLAS in this process: NumPy and SciPy each bring one."""
+    import scipy.linalg  # noqa: F401 - a limit holds for the libraries alone that are loaded before it is set
+    from threadpoolctl import ThreadpoolController
+
+    return list(ThreadpoolController().select(user_api="blas").lib_controllers)
 
 
 _LIMIT = _Limit()
