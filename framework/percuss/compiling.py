@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Any, TypeAlias
 
 from percuss.heartbeat import beat
+from percuss.interrupt import interrupted_afterwards
 
 Kernel: TypeAlias = Callable[..., Any]  # a function of the loop or of a method, compiled or in plain Python
 
@@ -27,11 +28,12 @@ NOTICES: list[Callable[[bool], None]] = []
 
 
 class _Clock(threading.local):
-    """Compile-time clock of each thread: seconds spent so far, and nesting depth of the sections being counted."""
+    """Compile-time clock of each thread: seconds spent so far, nesting depth of the sections being counted, Ctrl-C."""
 
     seconds = 0.0
     depth = 0
     since = 0.0
+    pressed: threading.Event | None = None  # set by Ctrl-C in a section: LLVM calls Python back and loses its errors
 
     def start(self) -> None:
         if self.depth == 0:
@@ -99,8 +101,12 @@ def compiler() -> Iterator[None]:
     numba_inside()  # whose events the clock follows
     _CLOCK.start()
     try:
-        with LOCK:
-            yield
+        with LOCK, interrupted_afterwards() as pressed:
+            before, _CLOCK.pressed = _CLOCK.pressed, _CLOCK.pressed or pressed
+            try:
+                yield
+            finally:
+                _CLOCK.pressed = before
     finally:
         _CLOCK.stop()
 
@@ -129,6 +135,8 @@ def _numba_is_locked(begun: bool) -> None:
     """Run the clock while numba compiles or loads a function in this thread."""
     beat()
     if begun:
+        if _CLOCK.pressed is not None and _CLOCK.pressed.is_set():  # numba does not hold its lock yet
+            raise KeyboardInterrupt
         _CLOCK.start()
     else:
         _CLOCK.stop()

@@ -105,7 +105,7 @@ def test_ctrl_c_ends_the_other_runs_alone(coarse: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(module, "perform", interrupted)
     done = percuss_command("run", str(coarse))
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 130, done.stderr
     assert "refine the mesh (twice as fine: " in done.stdout
     assert len(made) == 2
 

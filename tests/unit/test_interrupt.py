@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import numba
 import pytest
 
 import percuss
@@ -21,10 +22,12 @@ from command_line import percuss_command
 from fake_studies import TWO_BARS
 from percuss.cli import common
 from percuss.cli.main import app
+from percuss.compiling import compiler
 from percuss.errors import InputError
 from percuss.heartbeat import beat, watched
 from percuss.interrupt import interruptible
 from percuss.march import march
+from percuss.results import reference
 from percuss.studies.cluster import _WaitForWorkers
 
 CASE = {**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}
@@ -100,16 +103,64 @@ def test_a_watch_notices_silence_once_and_not_while_there_are_beats():
     assert silences == [1]
 
 
-def test_the_exit_code_of_a_run_that_ctrl_c_ended(tmp_path, monkeypatch):
+@pytest.mark.parametrize("pressed_at", [10, 30])
+def test_the_exit_code_of_a_run_that_ctrl_c_ended(tmp_path, monkeypatch, pressed_at):
+    """After the first steps, and after the last."""
+
     @contextlib.contextmanager
     def pressing(unit="steps"):
-        yield lambda done, total: press() if (done, unit) == (10, "steps") else None
+        yield lambda done, total: press() if (done, unit) == (pressed_at, "steps") else None
 
     monkeypatch.setattr(common, "progress_bar", pressing)
     monkeypatch.setattr(march, "CHUNK_STEPS", 10)
     (tmp_path / "case.yaml").write_text(repr({**CASE, "time": {"steps": 30, "courant": 0.5}}))
     done = percuss_command("run", "case.yaml", "--json", cwd=tmp_path, plain=True)
     assert (json.loads(done.stdout)["status"], done.returncode) == ("interrupted", 130)
+
+
+def test_a_ctrl_c_that_a_callback_of_llvm_loses_ends_the_compilation():
+    """At its end, or where the next function would be compiled."""
+
+    def called_by_llvm():
+        with contextlib.suppress(KeyboardInterrupt):
+            press()
+
+    compiled = numba.njit(lambda: 1)
+    for work in (called_by_llvm, lambda: (called_by_llvm(), compiled())):
+        with pytest.raises(KeyboardInterrupt), compiler():
+            work()
+    assert compiled.signatures == []
+
+
+@pytest.mark.parametrize("part", ["preparation", "last steps"])
+def test_ctrl_c_during_the_finer_run_that_judges_a_run(monkeypatch, part):
+    """The run is kept without the errors that the finer run would give, and those around it know of Ctrl-C."""
+
+    class Pressed(march.March):
+        def run(self, *arguments, **options):
+            outcome = super().run(*arguments, **options)
+            press()
+            return outcome
+
+    monkeypatch.setattr("percuss.results.assemble.exact_solution", lambda *_: (None, "", "hidden"))
+    if part == "preparation":
+        monkeypatch.setattr(reference.verdict, "verdict_alone", lambda *_: press())
+    else:
+        monkeypatch.setattr(reference, "March", Pressed)
+    with interruptible() as around:
+        result = percuss.run(percuss.load({**CASE, "reference": {"refine": 2}, "title": part}))
+    assert (result.status, result.summary["estimated"]) == ("interrupted", None)
+    assert around.is_set()
+
+
+def test_an_interrupted_run_has_no_finer_run_and_its_twin_tells_nothing(monkeypatch):
+    """The finer run takes longer than the run that it judges."""
+    monkeypatch.setattr("percuss.results.assemble.exact_solution", lambda *_: (None, "", "hidden"))
+    monkeypatch.setattr(march, "CHUNK_STEPS", 1)
+    monkeypatch.setattr(reference, "_march", lambda _: pytest.fail("a finer run was made"))
+    case = percuss.load({**CASE, "reference": {"refine": 2}})
+    result = percuss.run(case, nudge=True, progress=lambda done, _: press() if done == 1 else None)
+    assert (result.status, result.summary["steps"], result.summary["fragile"]) == ("interrupted", 1, None)
 
 
 def test_a_plug_in_that_never_returns_is_named(tmp_path, monkeypatch):

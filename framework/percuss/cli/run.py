@@ -83,8 +83,8 @@ def run(
             search = "" if tied or loaded.bonds else _search(case, set_ or [], plugin or [], reference)
             others = _alternatives(loaded, result) if search else None
             answer.conclude(run_verdict(result, others, search))
-        if result.status == "interrupted" and result.marched:
-            answer.exit_code = INTERRUPTED
+            if result.status == "interrupted" or (others is not None and others.interrupted):
+                answer.exit_code = INTERRUPTED
 
 
 # What only some runs need is imported when it is first used.

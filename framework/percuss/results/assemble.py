@@ -13,6 +13,7 @@ from percuss.certificate import cause
 from percuss.certificate.verdict import Certificate
 from percuss.compiling import Stopwatch
 from percuss.garbage import collection_paused
+from percuss.interrupt import interruptible
 from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.march.model import Model
@@ -176,13 +177,17 @@ def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact
     model, end = march.model, (outcome.done + 1) * march.model.dt
     if outcome.done == 0:
         return None, true_error.summary_entries(None, "the run did not get beyond its first step")
+    ended_here = true_error.summary_entries(None, "Ctrl-C ended it")
+    if outcome.status == "interrupted" and outcome.done == model.steps:
+        return None, ended_here
     estimated = None
     try:
         solution, name, reason = exact_solution(model, end)
-        if reason and model.case.reference is not None:
+        if reason and model.case.reference is not None and outcome.status != "interrupted":
             from percuss.results.reference import finer_runs
 
-            finer = finer_runs(model)
+            with interruptible(at_once=True):
+                finer = finer_runs(model)
             if isinstance(finer, str):
                 reason = f"{reason}; {finer}"
             else:
@@ -190,7 +195,7 @@ def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact
                 estimated = _estimates(finer, march, outcome, arrays)
     except KeyboardInterrupt:
         outcome.status = "interrupted"
-        return None, true_error.summary_entries(None, "Ctrl-C ended it")
+        return None, ended_here
     errors = None
     if solution is not None:
         ran = _Histories.of(march, outcome, arrays)

@@ -211,7 +211,7 @@ def _march(case: Case) -> FinerRun:
     march.compile()
     with interruptible() as interrupted:
         outcome = march.run(marginal=certificate["stable"] == "marginal", interrupted=interrupted)
-    if outcome.status == "interrupted":
+    if interrupted.is_set():  # also in its last steps
         raise KeyboardInterrupt
     if outcome.stop is not None:
         raise PercussError(f"it stopped at step {outcome.stop.step}: {outcome.stop.what}")

@@ -172,12 +172,12 @@ def _run(
                 )
                 if timed and outcome.status == "done":
                     _repeat(march, outcome, repeats, interrupted, marginal=marginal)
+                if interrupted.is_set() and outcome.status == "done":  # in the last steps
+                    outcome.status = "interrupted"
         watch.lap()
         with interruptible() as interrupted, heard_by(partial(_end_if, interrupted)):
-            if interrupt_after == model.steps:  # the earlier run was interrupted after its last step
-                interrupted.set()
             result = result_of(march, outcome, certificate)
-        if nudge and outcome.status != "unstable":
+        if nudge and outcome.status == "done":
             try:
                 with (
                     MARCH_LOCK if timed else nullcontext()
@@ -185,8 +185,13 @@ def _run(
                     twin = run(nudged(case, model.courant), compiled=compiled)
             except RunError as error:  # the twin is unstable although the run is not
                 twin = error.result
-            compared = "contact_force" if result.arrays["contact_force"].size else "displacement"
-            result.summary["fragile"] = differs(result.arrays[compared], twin.arrays[compared])
+            if twin.status == "interrupted":
+                interrupted.set()
+            else:
+                compared = "contact_force" if result.arrays["contact_force"].size else "displacement"
+                result.summary["fragile"] = differs(result.arrays[compared], twin.arrays[compared])
+        if interrupted.is_set() and outcome.status == "done":
+            outcome.status = result.summary["status"] = "interrupted"
         result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
         if keeper is not None and outcome.status != "interrupted":
             keeper.forget()

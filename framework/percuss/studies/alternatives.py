@@ -41,12 +41,15 @@ class Alternatives:
         Number of contact laws that were tried.
     untried
         Contact laws for which the time was too short.
+    interrupted
+        Whether Ctrl-C ended them.
     """
 
     finer: float | None
     laws: dict[str, float]
     tried: int
     untried: list[str]
+    interrupted: bool
 
 
 def alternatives(case: Case, result: Result) -> Alternatives | None:
@@ -79,7 +82,7 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
         if {name} != own and not law.tied_during and not needed_quantities(law)
     }
     found: dict[str, float] = {}
-    count, untried = 0, []
+    count, untried, interrupted = 0, [], False
     own_change = _change_of_energy(result)
     seconds = result.summary["seconds"]
     deadline = time.monotonic() + max(LEAST_SECONDS, seconds["total"] - seconds["compile"])
@@ -96,9 +99,11 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
                 untried.append(name)
                 continue
             except KeyboardInterrupt:  # The run itself is done: Ctrl-C ends the others alone.
+                interrupted = True
                 break
             longest = max(longest, time.monotonic() - begun)
             if run.status == "interrupted":
+                interrupted = True
                 break
             if run.result is not None and run.status == "done":
                 other = largest_error(run.result.summary)
@@ -107,7 +112,7 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
                 allowed = max(MOST_ADDED if change > 0.0 else MOST_TAKEN, abs(own_change))
                 if other is not None and abs(change) <= allowed:
                     found[name] = other
-    return Alternatives(found.pop("", None), found, count, [name for name in untried if name])
+    return Alternatives(found.pop("", None), found, count, [name for name in untried if name], interrupted)
 
 
 def _change_of_energy(result: Result) -> float:
