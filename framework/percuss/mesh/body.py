@@ -12,6 +12,7 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.mesh.cell_stiffness import stiffness_of_cells
 from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, modulus_of, modulus_of_bar
+from percuss.mesh.seams import seams
 from percuss.mesh.surfaces import BodySurface, surface_of
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, Mesh
 
@@ -110,6 +111,11 @@ class Body:
             f"{said} slender, and its cells are {long:.2g} times as long as it is thick: if it bends, {element.name} "
             f"locks, and it is too stiff by {percent(share, 2)} or more"
         )
+
+    @cached_property
+    def why_not_joined(self) -> list[str]:
+        """Where its mesh is not joined, as at a crack: one sentence for each kind of place."""
+        return [f"body '{self.name}' {words}" for words in seams(self.mesh)] if is_solid(self.spec.element) else []
 
     @property
     def length_of_cells_over_thickness(self) -> float:

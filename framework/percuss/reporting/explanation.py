@@ -163,6 +163,7 @@ def _body(body: Body, end: float) -> Fact:
     )
     details = [
         f"c = {c:.6g}{waves}",
+        *body.why_not_joined,
         *filter(None, (body.why_too_stiff, body.why_it_must_not_turn(float(np.linalg.norm(spec.spin)) * end))),
     ]
     if body.why_not_linear:

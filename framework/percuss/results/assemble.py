@@ -137,6 +137,7 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of a body may grow with time, with no bound")
     bodies = march.model.bodies.values()
+    warnings += [words for body in bodies for words in body.why_not_joined]
     warnings += filter(None, (body.why_too_stiff for body in bodies))
     moved = outcome.final_displacement.reshape(-1, march.dim)
     for body in filter(lambda body: body.of_small_strains, bodies):
