@@ -191,6 +191,16 @@ def test_a_large_share_of_hourglass_energy_is_told(elements, told):
     assert any("hourglass control holds up to" in note for note in result.summary["notes"]) is told
 
 
+def test_round_off_of_a_body_in_free_flight_is_no_hourglass_energy():
+    """Elastic energy, of which it is part, may then be exactly zero."""
+    shape, element = {"disk": {"radius": 0.5, "elements": 6}}, "quad4-one-point"
+    body = {**shape, "at": [0.5, 0.5], "velocity": [0.03, 0], "element": element,
+            "material": {"young": 100, "density": 1, "poisson": 0.3}}  # fmt: skip
+    case = percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"steps": 1, "courant": 0.5}})
+    for steps in (1, 3, 100):
+        assert percuss.run(case, {"time.steps": steps}).summary["notes"] == []
+
+
 @pytest.mark.deep
 def test_strips_of_one_point_are_within_the_tolerances_of_the_shipped_case():
     source = yaml.safe_load((places.CASES / "strip-impact.yaml").read_text(encoding="utf-8"))

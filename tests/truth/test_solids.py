@@ -245,6 +245,47 @@ def test_a_body_of_small_strains_that_turns_is_warned_of(end, warned):
     assert (said in str(percuss.check(case))) is warned
 
 
+@pytest.mark.parametrize("shape", [{}, {"cells": "tri3"}, {"size": [1, 1, 1], "elements": [1, 1, 1]}])
+def test_cells_that_are_turned_inside_out_are_told(shape):
+    """The first of them at the first snapshot that shows any, or at the end."""
+    dim = len(shape.get("size", [1, 1]))
+    body = {"block": {"size": [1, 1], "elements": [2, 1], **shape}, "at": [0] * dim,
+            "material": {"young": 1, "density": 1, "poisson": 0}, "velocity": [-6, 0, 0][:dim]}  # fmt: skip
+    case = percuss.load({
+        "percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "end": 6},
+        "contacts": {"w": {"body": "a.left", "wall": {"point": [0] * dim, "normal": [1, 0, 0][:dim]}}},
+    })  # fmt: skip
+    said = "body 'a' has cells turned inside out, "
+    slow = percuss.run(case, {"bodies.a.velocity": [-0.1, 0, 0][:dim]}).summary["notes"]
+    assert not any(said in note for note in slow)
+    result = percuss.run(case, {"record.fields": 100})
+    fields = result.fields
+    moved = fields["node_position"].values + fields["displacement"].values
+    corners = moved[:, fields["cell_nodes"].values]
+    if corners.shape[2:] == (8, 3):
+        corners = corners[:, :, :4]  # a cube of one cell moves as its lower face
+    (ax, ay), (bx, by) = (np.moveaxis(corners[..., k, :2] - corners[..., 0, :2], -1, 0) for k in (1, -1))
+    twice_area = ax * by - ay * bx
+    first = int(np.argmax((twice_area <= 0.0).any(axis=1)))
+    assert first > 0
+    (note,) = (note for note in result.summary["notes"] if said in note)
+    assert f"at t = {float(fields['time'][first]):.4g}, the first about (" in note
+    at_end = percuss.run(case, {"time.end": float(fields["time"][first])}).summary["notes"]
+    assert any(said in note for note in at_end)
+
+
+@pytest.mark.parametrize("size", [[1e-200, 1], [1, 1e-308], [1, 1, 1e-200]])
+def test_cells_of_a_size_that_no_element_can_compute_are_one_message_at_the_body(size):
+    body = {**block(0.0, 0.1, 2), "at": [0] * len(size), "velocity": [0] * len(size)}
+    body["block"] = {"size": size, "elements": [2] * len(size)}
+    case = percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}})
+    with pytest.raises(
+        percuss.InputError, match=r"bodies\.a\.block: expected cells of a size between 1e-100 and"
+    ) as said:
+        percuss.run(case)
+    assert len(said.value.problems) == 1
+
+
 @pytest.mark.parametrize(("pairing", "points"), [("mortar", 2), ("node-to-segment", 2), ("gauss-points", 2)])
 def test_a_check_says_how_much_of_a_surface_meets_the_other(pairing, points):
     pair = {"left": block(0.0, 0.5, [10, 4]), "right": {**block(1.0, -0.5, [10, 4]), "at": [1.0, 0.15]}}

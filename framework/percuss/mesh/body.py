@@ -11,8 +11,8 @@ import numpy as np
 
 from percuss.case.quantities import percent
 from percuss.mesh.cell_stiffness import stiffness_of_cells
-from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, modulus_of, modulus_of_bar
-from percuss.mesh.seams import seams
+from percuss.mesh.cells import cells_of, element_masses, has_cells, inside_out, is_solid, modulus_of, modulus_of_bar
+from percuss.mesh.seams import in_brackets, seams
 from percuss.mesh.surfaces import BodySurface, surface_of
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, Mesh
 
@@ -110,6 +110,19 @@ class Body:
         return (
             f"{said} slender, and its cells are {long:.2g} times as long as it is thick: if it bends, {element.name} "
             f"locks, and it is too stiff by {percent(share, 2)} or more"
+        )
+
+    def why_inside_out(self, displacement: Floats, time: float) -> str:
+        """Which of its cells a displacement of its nodes turns inside out; empty if none, and of a bar."""
+        if not is_solid(self.spec.element):
+            return ""
+        corners = (self.mesh.nodes + displacement)[cells_of(self.mesh)]
+        if not (turned := inside_out(corners)).any():
+            return ""
+        return (
+            f"body '{self.name}' has cells turned inside out, {turned.sum()} of {turned.size} at t = {time:.4g}, the "
+            f"first about {in_brackets(corners[turned][0].mean(axis=0))}: no body moves so. Take a lower velocity or "
+            "load, or a stiffer material"
         )
 
     @cached_property

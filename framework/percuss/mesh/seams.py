@@ -30,7 +30,7 @@ def seams(mesh: Mesh) -> Iterator[str]:
         middle = mesh.nodes[cells[of_cells.ravel() == least]].mean(axis=(0, 1))
         yield (
             f"is in {counts.size} pieces without a common node, which move each for itself: the smallest has "
-            f"{counts[least]} of {len(cells)} cells, about {_place(middle)}"
+            f"{counts[least]} of {len(cells)} cells, about {in_brackets(middle)}"
         )
     facets = [np.asarray(of_kind) for region in mesh.regions.values() for of_kind in region.facets.values()]
     doubled, hanging = _on_other_facets(mesh.nodes, np.concatenate(facets)) if facets else (NOWHERE, NOWHERE)
@@ -38,16 +38,17 @@ def seams(mesh: Mesh) -> Iterator[str]:
     if doubled.size:
         yield (
             f"has facets that lie on each other, with nodes ({doubled.size}) at the same places: the first is at "
-            f"{_place(mesh.nodes[doubled[0]])}; {opens}"
+            f"{in_brackets(mesh.nodes[doubled[0]])}; {opens}"
         )
     if hanging.size:
         yield (
             f"has hanging nodes ({hanging.size}), which lie on facets to which they do not belong: the first is at "
-            f"{_place(mesh.nodes[hanging[0]])}; {opens}"
+            f"{in_brackets(mesh.nodes[hanging[0]])}; {opens}"
         )
 
 
-def _place(point: Floats) -> str:
+def in_brackets(point: Floats) -> str:
+    """Return a place in words."""
     return f"({', '.join(f'{value + 0.0:.6g}' for value in point)})"
 
 

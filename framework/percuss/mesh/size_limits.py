@@ -105,6 +105,7 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
             if spec.shape.cell not in mesh.cells:
                 kinds = ", ".join(mesh.cells)
                 raise breach(spec.shape, "mesh", f"mesh returned {kinds} cells, and `cell` says {spec.shape.cell}")
+            _check_cells(case, spec, mesh)
             mesh = mesh_of_element(spec.element, mesh)
             return mesh.turned(math.radians(spec.angle), spec.axis or OUT_OF_PLANE) if spec.angle else mesh
         amount = f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}"
@@ -113,6 +114,17 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
     except MemoryError:
         pass
     raise TooLargeError([case.problem(path, f"expected elements that fit into memory, found {amount}", "Take fewer.")])
+
+
+def _check_cells(case: Case, spec: BodySpec, mesh: Mesh) -> None:
+    """Refuse cells of a solid of which no element can compute the volume: one too small or too large in a direction."""
+    if mesh.line is not None:
+        return
+    extents = np.ptp(mesh.nodes[cells_of(mesh)], axis=1)
+    if (outside := ~within_limits(extents)).any():
+        value = float(extents[outside][0])
+        message = f"expected cells of a size between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}, found {value:.6g}"
+        raise InputError([case.problem(("bodies", spec.name, spec.shape.name), message, UNITS, any_inside=True)])
 
 
 def within_limits(values: Any) -> Any:

@@ -18,6 +18,7 @@ from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.march.model import Model
 from percuss.march.stop import Stop
+from percuss.mesh.body import Body
 from percuss.methods.interfaces import Exact, Floats
 from percuss.results import ledger, true_error
 from percuss.results.encounters import encounters
@@ -95,7 +96,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         *_warnings(march, outcome, certificate, accounts["energy"]),
         *encounters(march, outcome, arrays),
         *ledger.growth_notes(march, outcome, growth),
-        *ledger.hourglass_notes(arrays),
+        *ledger.hourglass_notes(arrays, march.noise),
     ]
     notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]
     summary: Summary = {
@@ -138,6 +139,8 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
         warnings.append("at the critical step the highest frequency of a body may grow with time, with no bound")
     bodies = march.model.bodies.values()
     warnings += [words for body in bodies for words in body.why_not_joined]
+    if outcome.status != "unstable":
+        warnings += filter(None, (_inside_out(body, march, outcome) for body in bodies))
     warnings += filter(None, (body.why_too_stiff for body in bodies))
     moved = outcome.final_displacement.reshape(-1, march.dim)
     for body in filter(lambda body: body.of_small_strains, bodies):
@@ -161,6 +164,18 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
         work = f"{total.contact_work:.6g}"
         warnings.append(f"{NOT_VALID}: contact added an energy of {work}, far above all that was put in")
     return warnings
+
+
+def _inside_out(body: Body, march: March, outcome: Outcome) -> str:
+    """Return a note on the cells of a solid that are inside out at the first snapshot that shows any, or at the end."""
+    model, every = march.model, outcome.record.field_every
+    nodes = slice(body.start, body.stop)
+    if every and not model.bodies.of_lines:
+        for k, field in enumerate(outcome.record.field[: outcome.done // every + 1]):
+            if note := body.why_inside_out(field.reshape(-1, march.dim)[nodes], k * every * model.dt):
+                return note
+    moved = outcome.final_displacement.reshape(-1, march.dim)[nodes]
+    return body.why_inside_out(moved, outcome.done * model.dt)
 
 
 def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact | None, ExactEntries]:

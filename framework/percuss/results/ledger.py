@@ -102,11 +102,11 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
     }
 
 
-def hourglass_notes(histories: Mapping[str, Floats]) -> list[str]:
+def hourglass_notes(histories: Mapping[str, Floats], round_off: float) -> list[str]:
     """Return a note where hourglass energy is more than a small share of the elastic energy, of which it is part."""
     held = float(np.max(histories.get("hourglass_energy", np.zeros(0)), initial=0.0))
-    elastic = float(np.max(histories["elastic_energy"], initial=0.0))
-    if not held > ALLOWED_HOURGLASS * elastic:
+    elastic = float(np.max(histories["elastic_energy"], initial=round_off))
+    if not held > max(ALLOWED_HOURGLASS * elastic, round_off):
         return []
     share = percent(held / elastic)
     return [f"hourglass control holds up to {share} of the largest elastic energy: a finer mesh needs less of it"]
