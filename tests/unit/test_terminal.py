@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from percuss.cli import common
 from percuss.cli.common import FIRST_LINE, progress_bar
 from percuss.reporting import terminal
 from percuss.reporting.tables import Column, Table, show
@@ -202,6 +203,24 @@ def test_progress_is_told_without_a_terminal(capsys, monkeypatch):
     assert now[0] / 60 < len(lines) < now[0] / 20
     assert lines[0] == "3 of 100 runs after 12 s, about 6 min to go"
     assert FIRST_LINE <= 12
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_the_time_to_go_is_that_of_the_last_minute(capsys, monkeypatch, terminal):
+    """200 runs of 1 s, then some of 10 s, and 95 are left; those that were stored before do not count."""
+    now, left = [0.0], []
+    monkeypatch.setattr("percuss.cli.common.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("sys.stderr.isatty", lambda: terminal, raising=False)
+    time_left = common._time_left
+    monkeypatch.setattr(common, "_time_left", lambda *given: left.append(time_left(*given)) or left[-1])
+    with progress_bar("runs") as progress:
+        for done in range(1000, 1306):
+            progress(done, 1400)
+            now[0] += 1.0 if done < 1200 else 10.0
+    said = capsys.readouterr().err
+    assert left[150] == "about 4 min to go"
+    assert left[-1] == "about 16 min to go"  # 95 runs of 10 s
+    assert terminal or said.splitlines()[-1] == "1298 of 1400 runs after 20 min, about 17 min to go"
 
 
 def test_short_work_says_nothing(capsys):

@@ -9,6 +9,7 @@ import socket
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -58,6 +59,7 @@ AsJson = Annotated[bool, option("--json", "Print one JSON object; the rest goes 
 
 
 FIRST_LINE, LINES_EVERY = 10.0, 30.0  # seconds until the first line of progress, and between two lines
+MINUTE = 60.0  # seconds over which the pace of the work is taken
 REACTION = 2.0  # seconds that a command has to end after Ctrl-C
 
 COMPILING = "compiling the time loop, once for this kind of model"
@@ -261,10 +263,11 @@ def progress_bar(unit: str = "steps") -> Iterator[Callable[[int, int], None]]:
     """Yield a callback that shows the progress of work that lasts: as a bar on a terminal, else as lines now and then.
 
     Both go to standard error. A line comes after 10 s, then every half minute, and of work that lasts for hours more
-    rarely.
+    rarely. The time to go is that at the pace of the last minute.
     """
     started = time.monotonic()
     shown: list[Any] = []
+    past: deque[tuple[float, int]] = deque()  # seconds and work done, the first of them a minute ago
     next_line = FIRST_LINE
 
     def show(done: int, total: int) -> None:
@@ -272,23 +275,32 @@ def progress_bar(unit: str = "steps") -> Iterator[Callable[[int, int], None]]:
         beat()
         if done == 0:
             started = time.monotonic()
+            past.clear()
         elapsed = time.monotonic() - started
+        past.append((elapsed, done))
+        while len(past) > 1 and past[1][0] <= elapsed - MINUTE:
+            past.popleft()
+        left = _time_left(past, total)
         if not sys.stderr.isatty():
             if elapsed >= next_line and done < total:
-                print(_progress_line(done, total, unit, elapsed), file=sys.stderr, flush=True)
+                print(_progress_line(done, total, unit, elapsed, left), file=sys.stderr, flush=True)
                 next_line = elapsed + max(LINES_EVERY, 0.1 * elapsed)
             return
         if not shown and elapsed > 1.0 and done < total:
             from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+            from rich.progress import BarColumn, Progress, TextColumn
 
-            columns = (TextColumn(f"{{task.completed}}/{{task.total}} {unit}"), BarColumn(), TimeRemainingColumn())
+            columns = (
+                TextColumn(f"{{task.completed}}/{{task.total}} {unit}"),
+                BarColumn(),
+                TextColumn("{task.fields[left]}"),
+            )
             bar = Progress(*columns, console=Console(stderr=True), transient=True)
             bar.start()
-            shown.extend([bar, bar.add_task("march", total=total)])
+            shown.extend([bar, bar.add_task("march", total=total, left=left)])
             _ON_TERMINAL.append(bar)
         if shown:
-            shown[0].update(shown[1], completed=done)
+            shown[0].update(shown[1], completed=done, left=left)
         if done >= total:
             end()
 
@@ -311,12 +323,19 @@ def exact_solution_shown() -> Iterator[None]:
         yield
 
 
-def _progress_line(done: int, total: int, unit: str, elapsed: float) -> str:
+def _time_left(past: Sequence[tuple[float, int]], total: int) -> str:
+    """Return in words how long the rest of some work takes at its pace from the first to the last of `past`."""
+    from percuss.reporting.tables import duration
+
+    (since, before), (now, done) = past[0], past[-1]
+    return f"about {duration((now - since) * (total - done) / (done - before))} to go" if done > before else ""
+
+
+def _progress_line(done: int, total: int, unit: str, elapsed: float, left: str) -> str:
     """Return the line that tells the progress where there is no terminal."""
     from percuss.reporting.tables import duration
 
-    left = f", about {duration(elapsed * (total - done) / done)} to go" if done else ""
-    return f"{done} of {total} {unit} after {duration(elapsed)}{left}"
+    return f"{done} of {total} {unit} after {duration(elapsed)}{', ' if left else ''}{left}"
 
 
 def tell(text: str) -> None:
