@@ -297,6 +297,34 @@ def test_compare_keeps_a_refused_pair_as_a_row(tmp_path: Path) -> None:
     assert "needs the predicted gap" in told.stdout
 
 
+THEIRS = """import dataclasses, percuss
+
+
+@dataclasses.dataclass(frozen=True)
+class Law(percuss.ContactLaw):
+    "A law."
+    name, summary = "theirs", "A law"
+
+    def bind(self, points, dt):
+        return percuss.LinearLaw("explicit", 1.0)
+"""
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_each_plug_in_file_that_is_loaded_is_named(command: str, tmp_path: Path) -> None:
+    """Also one that the case names and does not use, which may be anything."""
+    (tmp_path / "cases").mkdir()
+    for name in ("own.py", "cases/theirs.py"):
+        text = THEIRS.replace("theirs", Path(name).stem)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    case = Path(HUNEK).read_text(encoding="utf-8") + "plugins: [theirs.py]\n"
+    (tmp_path / "cases" / "case.yaml").write_text(case, encoding="utf-8")
+    done = percuss_command(command, "cases/case.yaml", "--plugin", "own.py", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    named = {line.removeprefix("plug-in: ") for line in done.stderr.splitlines() if line.startswith("plug-in: ")}
+    assert {name.replace(os.sep, "/") for name in named} == {"own.py", "cases/theirs.py"}
+
+
 def test_compare_varies_values() -> None:
     done = percuss_command(
         "compare", HUNEK, "--vary", "refine=1,2", "--vary", "method.contact.beta_s=0.1:1:log:2", "--json"

@@ -615,7 +615,7 @@ class CaseSection(Section):
     plugins: Annotated[
         tuple[str, ...],
         Expects("a list of files, as [my_law.py]"),
-        Doc("single-file plug-ins, relative to this file"),
+        Doc("single-file plug-ins, relative to this file: code that each command executes"),
     ] = ()
     contacts: Annotated[
         dict[Name, Annotated[ContactSpec, Expects("a mapping that says what the contact is")]],
