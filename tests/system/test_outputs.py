@@ -1,6 +1,8 @@
 """What a command writes takes the place of no file that it reads, and of nothing but a file."""
 
+import copy
 import os
+import pickle
 import socket
 import stat
 
@@ -190,3 +192,22 @@ def test_a_link_to_another_file_is_replaced_as_before(bench, tmp_path):
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "old.nc").read_text() == "old"
     assert percuss.open_result(tmp_path / "link.nc").status == "done"
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_result_is_copied_and_pickled(again):
+    """As a pool of processes does with what a function returns."""
+    result = percuss.run(percuss.load(hunek(4, end=0.2)), {"record.fields": 3})
+    other = again(result)
+    assert (other.summary, other.provenance, other.coordinates) == (
+        result.summary,
+        result.provenance,
+        result.coordinates,
+    )
+    assert other.histories.identical(result.histories)
+    assert other.fields.identical(result.fields)
+    time = result.arrays["time"]
+    for exact in (other.exact, again(result.exact)):
+        for quantity in ("force", "gap"):
+            of_both = [getattr(one.contacts["tip"], quantity)(time) for one in (exact, result.exact)]
+            assert of_both[0].tolist() == of_both[1].tolist()

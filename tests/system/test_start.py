@@ -1,6 +1,7 @@
 """What each command imports: nothing that it does not use, and a run whose machine code is stored no compiler."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -116,3 +117,10 @@ def test_a_run_without_the_compiler_gives_the_same_numbers(warm, monkeypatch):
         assert summary["compiled"] is True
         del summary["seconds"]
     assert without == compiled
+
+
+def test_python_without_docstrings_runs_cases():
+    """As packagers and containers do by PYTHONOPTIMIZE=2."""
+    command = [sys.executable, "-OO", "-m", "percuss", "run", CASES / "hunek.yaml", "--set", "time.end=0.001"]
+    done = subprocess.run(command, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr

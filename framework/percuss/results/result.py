@@ -55,6 +55,13 @@ class Result:
     provenance: Entries
     solution: Exact | None = None
 
+    def __getstate__(self) -> Entries:
+        """Return what is copied or sent to another process: all but the exact solution, which may be of a plug-in.
+
+        As for a result read from a file, `exact` is computed again.
+        """
+        return {**vars(self), "solution": None}
+
     @property
     def status(self) -> str:
         """``done``, ``interrupted`` or ``unstable``; an exact solution that ends before its case is interrupted."""

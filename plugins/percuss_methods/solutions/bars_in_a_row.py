@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -202,21 +202,17 @@ class ChainSolution(Exact):
         self._numbers = {body.name: b for b, body in enumerate(chain.bodies)}
         self.contacts = {}
         for j, name in enumerate(chain.contact_names):
-            self.contacts[name] = ChainContact(chain, j, self._gap(j))
+            self.contacts[name] = ChainContact(chain, j, partial(self._gap, j))
 
-    def _gap(self, j: int) -> Any:
-        """Return the gap of a junction as a function of time."""
+    def _gap(self, j: int, time: Any) -> Any:
+        """Return the gap of a junction."""
         chain = self.chain
-
-        def gap(time: Any) -> Any:
-            out = np.full(time.shape, chain.gaps[j])
-            for k, sign in ((0, -1.0), (1, 1.0)):
-                b = chain.bar[j, k]
-                if b >= 0:
-                    out = out + sign * self._line_displacement(b, chain.length[b] if k == 0 else 0.0, time)
-            return out
-
-        return gap
+        out = np.full(time.shape, chain.gaps[j])
+        for k, sign in ((0, -1.0), (1, 1.0)):
+            b = chain.bar[j, k]
+            if b >= 0:
+                out = out + sign * self._line_displacement(b, chain.length[b] if k == 0 else 0.0, time)
+        return out
 
     # -- on the common line, with x measured from the left end of a bar -----------------------------------
 

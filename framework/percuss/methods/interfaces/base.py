@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from abc import ABC
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -267,5 +268,5 @@ class Component(ABC):
             raise TypeError(
                 f"{cls.__name__} has the name {cls.name!r}: start with a letter, then letters, digits, _, -"
             )
-        if not (vars(cls).get("__doc__") or "").strip():
+        if sys.flags.optimize < 2 and not (vars(cls).get("__doc__") or "").strip():  # `python -OO` drops docstrings
             raise TypeError(f"{cls.__name__} has no docstring: give formula, source and stability limit")

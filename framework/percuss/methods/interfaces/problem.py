@@ -132,3 +132,7 @@ class ContactProblem:
     contacts: tuple[ProblemContact, ...]
     fixed: tuple[BodyEnd, ...]
     loads: tuple[ProblemLoad, ...]
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what is copied or stored, in which a read-only mapping has no place."""
+        return {**vars(self), "bodies": dict(self.bodies)}

@@ -8,6 +8,7 @@ import inspect
 import json
 import math
 import pickle
+import sys
 from collections.abc import Mapping
 from typing import Any, get_args
 
@@ -55,6 +56,13 @@ def check_starts(subject: Subject) -> None:
         must_compile(result)
 
 
+def _docstring(cls: type) -> str:
+    """Return the docstring of a class, which Python drops if it is run by `python -OO`."""
+    if sys.flags.optimize > 1:
+        raise NotApplicable("`python -OO` drops all docstrings")
+    return inspect.cleandoc(vars(cls).get("__doc__") or "")
+
+
 @check()
 def check_documented(subject: Subject) -> None:
     """It has a docstring and a summary.
@@ -63,7 +71,7 @@ def check_documented(subject: Subject) -> None:
     nothing else, to describe it.
     """
     cls = subject.component
-    text = inspect.cleandoc(vars(cls).get("__doc__") or "")
+    text = _docstring(cls)
     if not text or text.startswith(f"{cls.__name__}("):  # the docstring that `dataclass` generates
         raise CheckFailed("it has no docstring of its own")
     if not cls.summary.strip() or "\n" in cls.summary or len(cls.summary) > 100:
@@ -77,7 +85,7 @@ def check_formula(subject: Subject) -> None:
     The docstring of a method has a paragraph that begins with "Formula:". `percuss check` and `percuss plugins
     NAME` show this paragraph, so that the reader sees which equation is solved.
     """
-    paragraphs = inspect.cleandoc(subject.component.__doc__ or "").split("\n\n")
+    paragraphs = _docstring(subject.component).split("\n\n")
     if not any(paragraph.startswith("Formula:") for paragraph in paragraphs):
         raise CheckFailed('no paragraph of its docstring begins with "Formula:"')
 
