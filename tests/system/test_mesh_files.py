@@ -1,5 +1,6 @@
 """Bodies from mesh files of gmsh: what is read is what is in the file, and every other file is one message."""
 
+import os
 import re
 import tempfile
 import tracemalloc
@@ -44,6 +45,8 @@ $Elements
 $EndElements
 """
 )
+ELEMENTS = TWO_TRIANGLES.partition("$Elements")[2]
+UNGROUPED = re.sub(r"^(\d \d 2) \d", r"\1 0", ELEMENTS, flags=re.MULTILINE)
 
 
 def body(text, **options):
@@ -77,7 +80,11 @@ def test_cells_turn_anticlockwise_unused_nodes_are_left_out_and_groups_are_regio
         ("3 2 2 1 1 1 3 2", "3 2 2 1 1 1 3 3", "found 1 of 2 that are flat or fold over"),
         ("3 2 1 0", "3 2 nan 0", "damaged mesh of gmsh"),
         ("4\n1 1 2 2 1 4 1", "4\n1 8 2 2 1 4 1 2", "expected cells of first order"),
-        ("2 1 2 4 2 2 3", "2 1 2 4 2 1 3", "1 of 1 facets of 'right' are not on it"),
+        ("$Nodes", "$ParametricNodes", "Save it without parametric coordinates"),
+        ("$Nodes", "$PartitionedEntities\n$EndPartitionedEntities\n$Nodes", "without partitions: plate.msh"),
+        (ELEMENTS, UNGROUPED, "No cell has a group. Where gmsh saves all cells (Mesh.SaveAll), version 2.2 loses"),
+        ('3\n1 2 "left"', '4\n1 7 "none"\n1 2 "left"', "found none in 'none': plate.msh"),
+        ("4 2 2 1 1 1 3 4", "4 6 2 1 1 1 2 3 4 9 9", "percuss has no element for wedge: mesh it without"),
         ("3 2 1 0", "3 2 1 3", "found a surface in space"),
         ("4 2 2 1 1 1 3 4", "4 3 2 1 1 1 3 4 9", "expected cells of one kind, found triangle and quad cells"),
     ],
@@ -90,6 +97,51 @@ def test_a_file_that_cannot_be_a_body_is_one_message(old, new, words, tmp_path):
     assert words in done.stderr
     assert "bodies.plate.mesh" in done.stderr
     assert "1 mistake; nothing was run" in done.stderr
+
+
+def test_a_group_inside_the_body_is_no_region(tmp_path):
+    """The file is refused only where the case names the group, with the reason."""
+    (tmp_path / "plate.msh").write_text(TWO_TRIANGLES.replace("2 1 2 4 2 2 3", "2 1 2 4 2 1 3"), encoding="utf-8")
+    assert run(tmp_path).returncode == 0
+    done = run(tmp_path, "--set=contacts.stop.body=plate.right")
+    said = "the body 'plate' has no region 'right': 1 of 1 facets of this group are not on its boundary"
+    assert done.returncode == 2
+    assert f"{said}\n  Known regions: left, skin." in done.stderr
+
+
+def test_results_in_a_mesh_file_are_passed_over():
+    """Also those on some of the nodes."""
+    data = '$NodeData\n1\n"T"\n1\n0\n3\n0\n1\n2\n1 0.5\n2 0.25\n$EndNodeData\n'
+    mesh, same = mesh_in(TWO_TRIANGLES + data, "plate.msh"), mesh_in(TWO_TRIANGLES, "plate.msh")
+    assert mesh.nodes.tolist() == same.nodes.tolist()
+    assert {kind: rows.tolist() for kind, rows in mesh.cells.items()} == {k: v.tolist() for k, v in same.cells.items()}
+
+
+def test_a_part_of_a_group_that_gmsh_has_turned_around_belongs_to_it():
+    """Version 4.1 then has the number of the group with a minus."""
+    usual = made_by_gmsh("triangle-4.1-text")
+    entities = usual.partition("$Entities")[2].partition("$EndEntities")[0]
+    turned = re.sub(r"^(\d+(?: \S+){6} 1) (?=\d)", r"\1 -", entities, flags=re.MULTILINE)
+    assert turned != entities
+    found, expected = (mesh_in(text, "a.msh").groups for text in (usual.replace(entities, turned), usual))
+    assert {name: {k: v.tolist() for k, v in of.items()} for name, of in found.items()} == {
+        name: {k: v.tolist() for k, v in of.items()} for name, of in expected.items()
+    }
+
+
+@pytest.mark.parametrize("in_memory", [True, False])
+def test_a_mesh_is_read_without_a_folder_for_temporary_files_or_the_variable_is_named(in_memory, monkeypatch):
+    def none():
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(tempfile, "TemporaryDirectory", none)
+    if not in_memory:
+        monkeypatch.delattr("os.memfd_create", raising=False)
+        with pytest.raises(ValueError, match="expected a folder for temporary files, found none: No usable") as said:
+            mesh_in(TWO_TRIANGLES, "plate.msh")
+        assert "TMPDIR" in said.value.advice
+    elif hasattr(os, "memfd_create"):
+        assert len(mesh_in(TWO_TRIANGLES, "plate.msh").nodes) == 5
 
 
 CASE = """percuss: 1

@@ -159,6 +159,7 @@ class CrossChecks:
         self.axes: dict[KeyPath, Any] = {}  # along which regions are held
         self.ends: dict[str, Sequence[str] | None] = {}
         self.places: dict[str, str] = {}  # what they are called
+        self.no_regions: dict[str, Mapping[str, str]] = {}
         self.vectors: list[tuple[KeyPath, int]] = []
         self._check_bodies()
         self._check_contacts()
@@ -221,7 +222,9 @@ class CrossChecks:
             self.wrong(path, f"expected {expected}, found the whole body '{body}'", f"Write as '{example}'.")
             return False
         if region and ends is not None and region not in ends:
-            self.wrong(path, f"the body '{body}' has no {kind} '{region}'", suggestion(region, ends, kind))
+            why = self.no_regions[body].get(region)
+            message = f"the body '{body}' has no {kind} '{region}'{f': {why}' if why else ''}"
+            self.wrong(path, message, suggestion(region, ends, kind))
             return False
         return True
 
@@ -249,6 +252,7 @@ class CrossChecks:
             shape = body.shape if body is not None else self.reader.part((*path, key))
             ends = getattr(shape or (self.reader.registry.get("shapes", key) if key else None), "regions", None)
             self.ends[name] = ends = ends if isinstance(ends, tuple) and ends else None
+            self.no_regions[name] = shape.no_regions if shape is not None else {}
             self.places[name] = kind = "end" if shape is None or shape.cell == "line" else "region"
             if shape is not None and (dimension := shape.dimension()) is not None:
                 self.vectors.append(((*path, key), int(dimension)))

@@ -4,21 +4,39 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import struct
 import tempfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from percuss.case.csv_file import UnusableFileError, read_bytes
+from percuss.files import is_folder
 from percuss.methods.interfaces import Integers, MeshFile
 from percuss.process import processes_with
 
 ENCODING = "latin-1"  # in which every byte is a letter, so that a binary file is kept as a text
-KINDS = ("line", "triangle", "quad", "tetra", "hexahedron", "vertex")
 NODES = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 15: 1}  # of an element, by the number that gmsh gives its kind
+DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 GMSH = "Save it by gmsh as .msh, version 2.2 or 4.1."
+PARAMETRIC = "Save it without parametric coordinates: gmsh writes them with Mesh.SaveParametric."
+FOREIGN = {
+    "$ParametricNodes": ("parametric coordinates", PARAMETRIC),
+    "$PartitionedEntities": (
+        "partitions",
+        "Save it without partitions: it is one body, and percuss runs in one process.",
+    ),
+}
+SHARED = "Of several groups that share cells, version 4.1 is read with the first alone: save version 2.2."
+SAVE_ALL = (
+    "No cell has a group. Where gmsh saves all cells (Mesh.SaveAll), version 2.2 loses the groups: switch it off."
+)
+# Results on nodes and elements, which a mesh may have beside it, also of some nodes alone.
+DATA = re.compile(r"^\$((?:Node|Element|ElementNode)Data)\r?\n.*?^\$End\1\s*", re.DOTALL | re.MULTILINE)
 # Without it the reader tries a damaged file again by a second one, which believes any number in it: a wrong node number
 # takes gigabytes.
 ONE_READER = {"MESHIOPLUSPLUS_STRICT_CORE": "1"}
@@ -59,29 +77,65 @@ def mesh_in(text: str, path: str) -> MeshFile:
     content = text.encode(ENCODING)
     if version == ["2.2"] and text.split(maxsplit=3)[2:3] == ["1"] and _too_many_tags(content):
         raise UnusableFileError(f"damaged mesh of gmsh: {path}: an element has more tags than the file can hold", GMSH)
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "mesh.msh"
-        copy.write_bytes(content)
-        said = io.StringIO()  # The reader prints doubts, as of a section without an end, and goes on.
+    for section, (found, advice) in FOREIGN.items():
+        if section in text:
+            raise UnusableFileError(f"expected a mesh of gmsh without {found}: {path}", advice)
+    said = io.StringIO()  # The reader prints doubts, as of a section without an end, and goes on.
+    with _as_file(DATA.sub("", text).encode(ENCODING)) as file:
         try:
             with processes_with(ONE_READER), contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-                read = meshioplusplus.read(str(copy), file_format="gmsh")
+                read = meshioplusplus.read(file, file_format="gmsh")
             nodes = np.array(read.points, dtype=float)
             blocks = [(block.type, np.array(block.data, dtype=np.int64)) for block in read.cells]
             sets = {str(name): list(rows) for name, rows in read.cell_sets.items() if not name.startswith("gmsh:")}
+            tags = [np.array(of_block) for of_block in read.cell_data.get("gmsh:physical", ())]
         except Exception as error:  # noqa: BLE001 - the reader raises all kinds of errors for damaged files
             reason = READER_SAYS.fullmatch(str(error))
             why = f": {' '.join(reason[1].split())[:200]}" if reason else ""
-            raise UnusableFileError(f"cannot read this mesh of gmsh: {path}{why}", GMSH) from None
+            advice = PARAMETRIC if "parametric" in why else GMSH
+            raise UnusableFileError(f"cannot read this mesh of gmsh: {path}{why}", advice) from None
     if "Warning: " in said.getvalue():
         doubt = said.getvalue().partition("Warning: ")[2].split("\n")[0]
         raise UnusableFileError(f"damaged mesh of gmsh: {path}: {doubt}", GMSH)
-    lost = [name for name, (_, dim) in read.field_data.items() if dim and name not in sets]
+    names = {str(name): (tag, dim) for name, (tag, dim) in read.field_data.items()}
+    _add_turned(sets, names, [kind for kind, _ in blocks], tags)
+    lost = [name for name, (_, dim) in names.items() if dim and name not in sets]
     if lost:
         message = f"expected cells in each physical group, found none in '{lost[0]}': {path}"
-        advice = "Of several groups that share cells, version 4.1 is read with the first alone: save version 2.2."
-        raise UnusableFileError(message, advice)
+        advice = "Leave out its name, or give it cells." if version == ["2.2"] else SHARED
+        raise UnusableFileError(message, advice if any(of_block.any() for of_block in tags) else SAVE_ALL)
     return _checked(path, nodes, blocks, sets)
+
+
+def _add_turned(
+    sets: dict[str, list[Any]], names: Mapping[str, tuple[int, int]], kinds: list[str], tags: list[Integers]
+) -> None:
+    """Add to the groups the cells that are turned around in them: version 4.1 negates the number of the group."""
+    for name, (tag, dim) in names.items():
+        for k, (kind, of_block) in enumerate(zip(kinds, tags, strict=False)):
+            if DIMENSIONS.get(kind) == dim and (turned := np.flatnonzero(of_block == -tag)).size:
+                rows = sets.setdefault(name, [None] * len(kinds))
+                rows[k] = turned if rows[k] is None else np.union1d(rows[k], turned)
+
+
+@contextlib.contextmanager
+def _as_file(content: bytes) -> Iterator[str]:
+    """Give the path of a file with some content for a while: in memory, where the system has such files."""
+    if hasattr(os, "memfd_create") and is_folder(Path("/proc/self/fd")):
+        with os.fdopen(os.memfd_create("mesh"), "wb") as file:
+            file.write(content)
+            file.flush()
+            yield f"/proc/self/fd/{file.fileno()}"
+        return
+    try:
+        folder = tempfile.TemporaryDirectory()
+    except OSError as error:
+        advice = "Name one by the variable TMPDIR of the environment."
+        raise UnusableFileError(f"expected a folder for temporary files, found none: {error}", advice) from None
+    with folder as name:
+        copy = Path(name) / "mesh.msh"
+        copy.write_bytes(content)
+        yield str(copy)
 
 
 def _too_many_tags(content: bytes) -> bool:
@@ -110,11 +164,13 @@ def _checked(
     UnusableFileError
         If a number is not finite, a cell names a node that is not there, or a kind of cells is not known.
     """
-    foreign = sorted({kind for kind, _ in blocks if kind not in KINDS})
+    foreign = sorted({kind for kind, _ in blocks if kind not in DIMENSIONS})
     if foreign:
-        known = ", ".join(KINDS[1:-1])
+        known = ", ".join(kind for kind, dim in DIMENSIONS.items() if dim > 1)
         message = f"expected cells of first order ({known}), found {', '.join(foreign)}: {path}"
-        raise UnusableFileError(message, "Mesh it with elements of order 1.")
+        other = [kind for kind in foreign if kind.rstrip("0123456789") not in DIMENSIONS]
+        advice = f"percuss has no element for {other[0]}: mesh it without." if other else ""
+        raise UnusableFileError(message, advice or "Mesh it with elements of order 1.")
     if nodes.ndim != 2 or nodes.shape[1] != 3 or not len(nodes) or not np.isfinite(nodes).all():
         raise UnusableFileError(f"damaged mesh of gmsh: {path}: its nodes are not finite positions", GMSH)
     if not all(rows.size and rows.min() >= 0 and rows.max() < len(nodes) for _, rows in blocks):

@@ -40,7 +40,8 @@ class MeshFromFile(Shape):
 
     Formula: ``x = x_0 + scale x_file``, where x_0 is the place `at` of the body.
 
-    Regions are the physical groups of edges or faces; if they are not all of the boundary, it is the region `skin`.
+    Regions are the physical groups of edges or faces; if they are not all of the boundary, it is the region `skin`. A
+    group with facets inside the body is none.
     With `refine`, a whole number, each edge is cut into as many equal parts. New nodes lie on the facets of the file:
     a finer mesh does not come nearer to a round body.
     """
@@ -68,10 +69,6 @@ class MeshFromFile(Shape):
             x = ", ".join(f"{value:.6g}" for value in corners[flat][0].mean(axis=0))
             what = f"{flat.sum()} of {flat.size} that are flat or fold over, the first about ({x})"
             raise OptionError(f"expected cells with a volume, convex at each corner, found {what}: {path}", "file")
-        for name, facets in self._groups.items():
-            if wrong := int((facets < 0).sum()):
-                inside = f"{wrong} of {facets.size} facets of '{name}' are not on it"
-                raise OptionError(f"expected groups of facets of the boundary: {inside}: {path}", "file")
 
     @cached_property
     def _kinds(self) -> list[str]:
@@ -104,6 +101,21 @@ class MeshFromFile(Shape):
 
     @cached_property
     def _groups(self) -> dict[str, Integers]:
+        """Numbers of the faces of the boundary in each group that has no other facets."""
+        return {name: facets for name, facets in self._all_groups.items() if (facets >= 0).all()}
+
+    @cached_property
+    def no_regions(self) -> dict[str, str]:  # type: ignore[override]
+        """Groups with facets inside the body."""
+        counts = {name: int((facets < 0).sum()) for name, facets in self._all_groups.items()}
+        return {
+            name: f"{count} of {self._all_groups[name].size} facets of this group are not on its boundary"
+            for name, count in counts.items()
+            if count
+        }
+
+    @cached_property
+    def _all_groups(self) -> dict[str, Integers]:
         """Numbers of the faces of the boundary in each group of facets, -1 for a facet that is none of them."""
         kind, known = (
             SIDES[self.cell][0],

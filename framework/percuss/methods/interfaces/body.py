@@ -130,6 +130,8 @@ class Shape(Component, contract="shapes"):
     regions
         Names of the parts of the boundary, the ends of a body along a line: a class attribute, or a property where it
         depends on the options.
+    no_regions
+        Names that a case may take for regions, each with the reason why it is none.
     cell
         Kind of the cells that it makes; ``line`` for a body along a line.
     without_mesh
@@ -138,6 +140,7 @@ class Shape(Component, contract="shapes"):
     """
 
     regions: ClassVar[tuple[str, ...]]
+    no_regions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     cell: ClassVar[str] = "line"
     without_mesh: ClassVar[Data] = {}
 
