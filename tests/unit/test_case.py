@@ -1,7 +1,10 @@
 """Good input: what a case becomes, and what overrides make of it."""
 
+import json
 import pickle
 import sys
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -157,6 +160,18 @@ def test_aliases_share_values(tmp_path):
     twice = f"percuss: 1\nbodies:\n  a: &a {bar}\n  b: *a\n"
     case = from_text(tmp_path, twice + "time: {end: 1, step: 0.1}\n")
     assert case.bodies["a"].shape == case.bodies["b"].shape
+
+
+@pytest.mark.parametrize(
+    "half", [Decimal("0.5"), Fraction(1, 2), np.longdouble(0.5), np.float32(0.5), np.array(0.5)], ids=type
+)
+def test_numbers_and_texts_of_libraries_are_numbers_and_texts(half):
+    in_case = mapping(time={"end": 1, "courant": half})
+    for case in (load(in_case), load(mapping(), {"time.courant": half})):
+        assert type(case.time.courant) is float
+        assert case.time.courant == 0.5
+        assert json.loads(json.dumps(case.data))["time"]["courant"] == 0.5  # as a result stores it
+    assert load(mapping(), {"method.contact": np.array(["penalty"])[0]}).method.contact.name == "penalty"
 
 
 def test_a_mapping_of_numpy_numbers():

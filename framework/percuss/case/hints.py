@@ -11,6 +11,8 @@ from percuss.methods.blame import SINGULAR
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
+PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
+FORTRAN = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))[dq]([-+]?\d+)|([-+]?(?:\d+\.\d*|\.\d+))([-+]\d+)", re.IGNORECASE)
 COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
 GROUPED = re.compile(r"[-+]?\d{1,3}(?:[ _'’]\d{3})+(?:\.\d+)?")
 SHARE = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*%")
@@ -31,7 +33,11 @@ TEXTS = (
 
 
 def number_advice(text: str) -> str:
-    """Return advice for a text instead of a number: a comma, groups of digits, a share, a unit; else nothing."""
+    """Return advice for a text instead of a number: quotes, a comma, groups of digits, a share, a unit; or nothing."""
+    if PLAIN.fullmatch(text):
+        return f"Write {text} without quotes."
+    if parts := FORTRAN.fullmatch(text):  # 2.1D11, or 2.1+11 as Nastran writes it
+        return f"Write {parts[1] or parts[3]}e{parts[2] or parts[4]}."
     if COMMA.fullmatch(text):
         return comma_advice(text)
     if GROUPED.fullmatch(text):
@@ -39,9 +45,11 @@ def number_advice(text: str) -> str:
     if share := SHARE.fullmatch(text):
         return f"Write {float(share[1]) / 100:g}."
     given = WITH_UNIT.fullmatch(text)
-    if given is None:
-        return ""
-    number, unit = given.groups()
+    return _unit_advice(*given.groups()) if given else ""
+
+
+def _unit_advice(number: str, unit: str) -> str:
+    """Return advice for a number with a unit."""
     prefixed = PREFIXED.fullmatch(unit)
     if prefixed is None:
         return f"Write {number} alone, without a unit: all numbers of a case are in units that fit together."

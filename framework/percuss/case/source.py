@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import numbers
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,13 +40,16 @@ def _value_of(text: str) -> Any:
 
 
 def _plain(value: object, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
-    """Return a Python value as plain data; numpy numbers and arrays become Python's."""
+    """Return a Python value as plain data; numbers and arrays of libraries, as numpy, become Python's."""
     if len(path) > MAX_DEPTH:
         raise wrong_input("case", f"nested more than {MAX_DEPTH} levels deep", path=dotted(path[:4]) + "...")
     # As there is no text, the order of the entries stands in for lines, so that problems are listed in that order.
     marks[path] = Mark(None, (len(marks) + 1, 1))
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
+    if isinstance(value, numbers.Number) and not isinstance(value, int | float | complex):  # Decimal, Fraction, ...
+        with contextlib.suppress(ArithmeticError, TypeError, ValueError):
+            value = int(value) if isinstance(value, numbers.Integral) else float(value)  # type: ignore[arg-type]
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, Mapping):
@@ -189,7 +194,8 @@ class Source:
         InputError
             If `value` is not YAML, or `path` runs through a value that has no parts.
         """
-        label = override_label(shown_path or path, _plain(value, (), {}))
+        value = _plain(value, (), {})
+        label = override_label(shown_path or path, value)
         if isinstance(value, str):
             try:
                 value = _value_of(value) if len(value) <= SHORT_TEXT else Source.parse(value, label).data
@@ -214,7 +220,7 @@ class Source:
                 created = full
             container = container.get(part, {})
         labels = {old: text for old, text in self.labels.items() if old[: len(full)] != full}
-        data = _put(self.data, full, _plain(value, (), {}))
+        data = _put(self.data, full, value)
         return replace(self, data=data, labels={**labels, created or full: label, full: label})
 
     def has_override(self, *sections: str) -> bool:
