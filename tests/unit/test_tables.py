@@ -26,7 +26,11 @@ def written(folder, rows, separator=","):
     return "pulse.csv"
 
 
-@given(rows=TABLES, separator=st.sampled_from([",", ";", ", ", " ;\t"]), header=st.sampled_from(["", "t [s]{0}f\n"]))
+@given(
+    rows=TABLES,
+    separator=st.sampled_from([",", ";", ", ", " ;\t", " ", "   "]),
+    header=st.sampled_from(["", "t [s]{0}f\n"]),
+)
 def test_a_table_is_read_as_it_was_written(tmp_path_factory, rows, separator, header):
     folder = tmp_path_factory.mktemp("table")
     file = written(folder, rows, separator)
@@ -34,6 +38,16 @@ def test_a_table_is_read_as_it_was_written(tmp_path_factory, rows, separator, he
         text = (folder / file).read_text(encoding="utf-8")
         (folder / file).write_text(header.format(separator.strip()) + text, encoding="utf-8")
     assert table_in(read_text(file, folder), file).table.T.tolist() == rows
+
+
+@pytest.mark.parametrize(
+    ("header", "names"),
+    [("time acc", ("time", "acc")), ("Time (s)  Acc (g)", ()), ("Its title", ("Its", "title")), ("# none", ())],
+)
+def test_columns_between_blanks_have_names_if_each_has_one(header, names):
+    read = table_in(f"{header}\n0 0\n 0.5   1 \n", "pulse.txt")
+    assert read.names == names
+    assert read.table.tolist() == [[0.0, 0.5], [0.0, 1.0]]
 
 
 @given(data=st.data(), rows=TABLES)
@@ -47,8 +61,8 @@ def test_one_wrong_character_is_an_error_at_its_place(tmp_path_factory, data, ro
     field = data.draw(st.integers(0, len(fields) - 1))
     after = data.draw(st.integers(len(fields[field]) - len(fields[field].lstrip("-")) + 1, len(fields[field])))
     wrong = data.draw(st.sampled_from(["_", "O", "l", " ", "\u0663", "'", "\x0c", "_0", "d1"]))
-    if wrong == " " and after == len(fields[field]):
-        wrong = "x"  # blanks at the end of a field are none of its number
+    if wrong == " " and (after == len(fields[field]) or len(fields) == 1):
+        wrong = "x"  # blanks at the end of a field are none of its number, and without commas they separate columns
     fields[field] = fields[field][:after] + wrong + fields[field][after:]
     lines[line] = ",".join(fields)
     (folder / file).write_text("\n".join(lines), encoding="utf-8")
@@ -73,6 +87,8 @@ def test_one_wrong_character_is_an_error_at_its_place(tmp_path_factory, data, ro
         ("0,1\n1\n", "pulse.csv:2:1: expected 2 columns as above, found 1"),
         ("time,force\ns,N\n0,1\n", "pulse.csv:2:1: expected a number as 1.5 or 2e-3, found 's'"),
         ("time,force\n", "pulse.csv holds no numbers"),
+        ("0  1\n 0.5   1O\n", "pulse.csv:2:8: expected a number as 1.5 or 2e-3, found '1O'"),
+        ("0 1\n0.5\n", "pulse.csv:2:1: expected 2 columns as above, found 1"),
     ],
 )
 def test_what_is_wrong_in_a_table_is_told_with_its_place(text, said, tmp_path):
@@ -118,7 +134,7 @@ def test_a_file_of_tabs_has_named_columns_and_lines(tmp_path):
         (RECORD, {"columns": [2, 3]}, "record.tsv:6: times must increase: 1 follows 1 of record.tsv:4"),
         (RECORD, {"columns": [1, 2], "time": [0]}, "expected both `time` and `value`, or `file`, found both ways"),
         (RECORD.replace("force", "time"), {"columns": ["time", 2]}, "several columns 'time'"),
-        ("0\t1\n1\t2\n", {"columns": ["t", "f"]}, "no line above its numbers names them; give numbers"),
+        ("0\t1\n1\t2\n", {"columns": ["t", "f"]}, "no line above its numbers names each; give numbers"),
         ("0\t1\n1\tx\n", {}, "record.tsv:2:3: expected a number as 1.5 or 2e-3, found 'x'"),
         (None, {}, "no such file: "),
         (None, {"file": None}, "expected points: give both `time` and `value`, or `file`"),

@@ -21,6 +21,7 @@ NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 LIKE_A_NUMBER = re.compile(rf"[-+]?\.?[0-9]|(?:{NOT_FINITE.pattern})\Z", re.IGNORECASE)
 BLANKS = " \t"
+BETWEEN_FIELDS = re.compile("(?<=[^ ]) ")
 LINE_END = re.compile(r"\r\n|\n|\r")  # The method `splitlines` would also break lines at form feeds and the like.
 
 
@@ -78,9 +79,9 @@ def read_text(path: str, folder: Path) -> str:
 def table_in(text: str, path: str) -> DataFile:
     """Return the numbers in the text of a CSV file.
 
-    Fields are separated by semicolons where the file has any, else by commas where it has any, else by tabs. Empty
+    Fields are separated by semicolons where the file has any, else by commas where it has any, else by blanks. Empty
     lines and lines that begin with ``#`` are skipped; a first line in which no field begins like a number names the
-    columns. In a file of more than two columns, some may hold other things than numbers.
+    columns if it has as many fields. In a file of more than two columns, some may hold other things than numbers.
 
     Parameters
     ----------
@@ -118,6 +119,7 @@ def table_in(text: str, path: str) -> DataFile:
     numbers = np.ascontiguousarray(np.array(rows).T)
     numbers[list(faults)] = np.nan
     numbers.flags.writeable = False
+    names = names if len(names) == len(numbers) else ()  # as of a title, or of names with blanks between blanks
     return DataFile(path, numbers, names, tuple(lines), faults)
 
 
@@ -126,9 +128,10 @@ def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
     numbered = enumerate(LINE_END.split(text), start=1)
     lines = [(number, line) for number, line in numbered if line.strip(BLANKS) and line.lstrip(BLANKS)[0] != "#"]
     # The whole file has one separator; otherwise 0,5;1,0 with decimal commas would be four numbers.
-    separator = next((mark for mark in (";", ",", "\t") if any(mark in line for _, line in lines)), ",")
+    separator = next((mark for mark in (";", ",", "\t") if any(mark in line for _, line in lines)), "")
     for number, line in lines:
-        yield number, line.split(separator)
+        # The blanks before a field are its own, by which its column is known.
+        yield number, line.split(separator) if separator else BETWEEN_FIELDS.split(line.rstrip(BLANKS))
 
 
 def _numbers(fields: list[str], place: str, faults: dict[int, str]) -> list[float]:

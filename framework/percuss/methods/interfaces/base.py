@@ -202,7 +202,7 @@ class DataFile:
         if self.names.count(which) == 1:
             return self.column(self.names.index(which) + 1)
         if not self.names:
-            raise ValueError(f"{self.path} has no column '{which}': no line above its numbers names them; give numbers")
+            raise ValueError(f"{self.path} has no column '{which}': no line above its numbers names each; give numbers")
         several = "several columns" if which in self.names else "no column"
         named = ", ".join(f"'{name}'" for name in self.names)
         raise ValueError(f"{self.path} has {several} '{which}': its first line names {named}")
