@@ -19,6 +19,7 @@ from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.march.model import Model
 from percuss.march.stop import Stop
 from percuss.mesh.body import Body
+from percuss.mesh.cells import is_solid
 from percuss.methods.interfaces import Exact, Floats
 from percuss.results import ledger, true_error
 from percuss.results.encounters import encounters
@@ -170,7 +171,7 @@ def _inside_out(body: Body, march: March, outcome: Outcome) -> str:
     """Return a note on the cells of a solid that are inside out at the first snapshot that shows any, or at the end."""
     model, every = march.model, outcome.record.field_every
     nodes = slice(body.start, body.stop)
-    if every and not model.bodies.of_lines:
+    if every and is_solid(body.spec.element):
         for k, field in enumerate(outcome.record.field[: outcome.done // every + 1]):
             if note := body.why_inside_out(field.reshape(-1, march.dim)[nodes], k * every * model.dt):
                 return note
