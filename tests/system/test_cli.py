@@ -310,8 +310,7 @@ class Law(percuss.ContactLaw):
 """
 
 
-@pytest.mark.parametrize("command", ["run", "check"])
-def test_each_plug_in_file_that_is_loaded_is_named(command: str, tmp_path: Path) -> None:
+def test_a_run_names_each_plug_in_file_that_is_loaded(tmp_path: Path) -> None:
     """Also one that the case names and does not use, which may be anything."""
     (tmp_path / "cases").mkdir()
     for name in ("own.py", "cases/theirs.py"):
@@ -319,10 +318,12 @@ def test_each_plug_in_file_that_is_loaded_is_named(command: str, tmp_path: Path)
         (tmp_path / name).write_text(text, encoding="utf-8")
     case = Path(HUNEK).read_text(encoding="utf-8") + "plugins: [theirs.py]\n"
     (tmp_path / "cases" / "case.yaml").write_text(case, encoding="utf-8")
-    done = percuss_command(command, "cases/case.yaml", "--plugin", "own.py", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    named = {line.removeprefix("plug-in: ") for line in done.stderr.splitlines() if line.startswith("plug-in: ")}
-    assert {name.replace(os.sep, "/") for name in named} == {"own.py", "cases/theirs.py"}
+    words = ("run", "cases/case.yaml", "--plugin", "own.py")
+    told, as_json = (percuss_command(*words, *more, cwd=tmp_path) for more in ((), ("--json",)))
+    assert told.returncode == 0, told.stderr
+    named = [line.removeprefix("plug-in: ") for line in told.stdout.splitlines() if line.startswith("plug-in: ")]
+    assert named == json.loads(as_json.stdout)["plugin_files"]
+    assert [(tmp_path / name).resolve() for name in named] == [tmp_path / "own.py", tmp_path / "cases" / "theirs.py"]
 
 
 def test_compare_varies_values() -> None:

@@ -387,15 +387,11 @@ def load_case(
     given = {key: value for _, key, _, value in changes}
     named = reference_of(reference)
     try:
-        case = (read or load)(path, given | named, plugins=files or [])
+        return (read or load)(path, given | named, plugins=files or [])
     except InputError as error:
         if not named:
             raise
         raise as_given_by({key: f"--reference {key.partition('.')[2]}=" for key in named}, error) from None
-    here = Path.cwd()
-    for file in (one.path for one in case.registry.single_files):  # also those of a case that is somebody else's
-        tell(f"plug-in: {file.relative_to(here) if file.is_relative_to(here) else file}")
-    return case
 
 
 def load_to_write(

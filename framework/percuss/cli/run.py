@@ -74,8 +74,10 @@ def run(
             answer.write(plot, result.plot, plot)
             answer.write(animate, lambda file: _animation().animate(result, file), animate)
         errors = [*([str(failure)] if failure else []), *answer.unwritten]
-        data = {"title": result.title, **result.summary, "error": "; ".join(errors) or None}
-        answer.show(data, result_lines(result))
+        # A case that is somebody else's may name plug-ins, whose code has been executed.
+        files = [str(file.path) for file in loaded.registry.single_files]
+        data = {"title": result.title, **result.summary, "plugin_files": files, "error": "; ".join(errors) or None}
+        answer.show(data, (*result_lines(result), *(f"plug-in: {file}" for file in files)))
         if failure is not None:
             common.tell(f"error: {failure}")
         answer.exit_code = 1 if result.status != "done" or open_accounts(result.summary) else 0
