@@ -74,7 +74,7 @@ KNOWN = {"blocks": Known(0.025, 2.0), "ball": Known(0.00343795, 11.5356)}
 SMALL = 1e-3  # of the known peak: less is no contact
 CENTRAL = {"integrator": "central-difference", "contact": "penalty"}
 OWN: dict[str, dict[str, dict[str, Any]]] = {
-    "blocks": {"Wu's predictor-corrector, regularised Lagrange, mortar (defaults)": {},
+    "blocks": {"Wu's predictor-corrector, Lagrange, mortar (defaults)": {},
                "central difference, penalty, mortar": CENTRAL},
     "ball": {"Wu's predictor-corrector, Lagrange at nodes (of the case)": {},
              "central difference, penalty, Gauss points": {**CENTRAL, "pairing": "gauss-points"}},

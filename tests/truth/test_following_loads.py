@@ -215,7 +215,7 @@ def test_the_critical_step_of_velocity_verlet_with_an_absorbing_end():
         case["time"] = {"steps": 400, "courant": share * critical, "on_unstable": "warn"}
         assert bool(np.abs(run(case).arrays["velocity"]).max() < 2.0) is bounded
     case["time"]["on_unstable"] = "stop"
-    with pytest.raises(percuss.RunError, match=r"is above .*, the critical step"):
+    with pytest.raises(percuss.RunError, match="is unstable with all contacts open"):
         run(case)
 
 
