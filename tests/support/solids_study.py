@@ -106,21 +106,17 @@ def findings(results):
         for strip in STRIPS for law in LAWS for scheme in (CD, WU)
     ]  # fmt: skip
     assert max(flat) < 1.2
-    tilted = {
-        pairing: [
-            values["tilted-blocks", law, scheme, pairing] for values in (moved, results.of("displacement", "0.5"))
-            for law in LAWS for scheme in (CD, WU) if ("tilted-blocks", law, scheme, pairing) in values
-        ]
-        for pairing in PAIRINGS
-    }  # fmt: skip
-    other = [
-        moved["tilted-blocks", law, WU, pairing]
-        for law in ("penalty", "regularised-lagrange")
-        for pairing in PAIRINGS[1:]
-    ]
-    own = [moved["tilted-blocks", law, WU, "mortar"] for law in ("penalty", "regularised-lagrange")]
-    assert min(other) > 2.5 * max(own)
-    assert min(tilted["gauss-points"]) > 15.0
+    apart = {
+        name: max(
+            max(found) / min(found)
+            for law in LAWS
+            if (
+                found := [values[key] for pairing in PAIRINGS if (key := ("tilted-blocks", law, WU, pairing)) in values]
+            )
+        )
+        for name, values in (("force", error), ("motion", moved))
+    }
+    assert max(apart.values()) < 1.6
     walls = [
         abs(error[case, law, scheme, "mortar"] - error[case, law, scheme, "node-to-segment"])
         for case in CURVED for law in LAWS for scheme in (CD, WU)
@@ -160,14 +156,10 @@ def findings(results):
         "**Between flat faces the pairing matters little.** `node-to-segment` errs up to "
         f"{short(max(flat))} times as "
         "much as `mortar` where meshes do not match. At a wall both are the same.",
-        "**Where faces are not parallel, pairings answer different questions.** `mortar` takes the "
-        "normals of the first "
-        "surface, `node-to-segment` and `gauss-points` those of the second, both as they are at the start. In "
-        f"tilted-blocks, whose faces enclose 1.7 degrees, the motion by `gauss-points` differs from that of the "
-        f"finer run, which is by `mortar`, by {spread(tilted['gauss-points'])} %, on the coarse mesh "
-        "as on the fine one. Where a "
-        "corner meets a face, the normal of the face is right: name the face first with `mortar`, "
-        "second with the others.",
+        "**Where faces are not parallel the pairings agree**, as each takes the normals of the facets that it meets. "
+        "In tilted-blocks, whose faces enclose 1.7 degrees, the errors of the force by two pairings differ by a factor of "
+        f"{short(apart['force'])} at most, those of the motion by {short(apart['motion'])} (Wu's predictor-corrector, "
+        "any law).",
         "**`lagrange` and `regularised-lagrange` never add energy**, with any pairing, in any of the "
         "cases. With central "
         f"difference `bipenalty` adds up to {short(most)} %, in tilted-blocks, and `penalty` keeps the energy to "
@@ -197,15 +189,14 @@ def advice(results):
     tilted = error["tilted-blocks", "lagrange", WU, "mortar"]
     assert tilted <= best["tilted-blocks"][0]
     sentences = [
-        "**Start with `lagrange` and `wu-predictor-corrector`**, with `mortar`. "
-        f"It errs by {spread([sharp[case] for case in CURVED])} % on round bodies and by {short(tilted)} % on "
-        "tilted blocks, less than any other law.",
+        "**Name the surface with the corner first, and keep the defaults: `lagrange`, `wu-predictor-corrector`, "
+        f"`mortar`.** They err by {spread([sharp[case] for case in CURVED])} % on round bodies and by {short(tilted)} "
+        "% on tilted blocks, less than any other law, and no energy comes in.",
         "**Flat faces that meet squarely, and a force without jumps: `penalty` with "
         "`wu-predictor-corrector`.** It errs by "
         f"{spread(damped.values())} % there.",
-        "**A proof that no energy comes in: `regularised-lagrange`**, the default, and as stiff as "
-        "you can: its default "
-        "stiffness is soft for round bodies.",
+        "**A contact that yields, with a proof that no energy comes in: `regularised-lagrange`.** Its default "
+        "stiffness is soft for round bodies: choose it as stiff as you can.",
         "**Gauss points only where a law has a compliance**: with `lagrange` they are refused.",
     ]
     return "".join(f"- {sentence}\n" for sentence in sentences)

@@ -78,7 +78,6 @@ def test_the_estimated_memory_of_a_body_in_two_dimensions_is_near_that_of_its_ru
         ("hunek", {"refine": 4}),
         ("cradle", {}),
         ("fifty-impacts", {}),
-        ("smooth-pulse", {"refine": 2}),
         ("preloaded", {}),
         ("hunek", {"method.integrator": "chung-lee", "method.contact": "penalty"}),
         ("tilted-blocks", {"refine": 2}),
@@ -89,6 +88,12 @@ def test_the_estimated_memory_of_a_body_in_two_dimensions_is_near_that_of_its_ru
     ],
 )
 def test_the_estimated_time_of_the_steps_is_within_a_factor_of_three(name, changes):
+    """Over that of a case on the same machine: how fast it is no estimate can know."""
+    share = estimated_over_taken(name, changes) / estimated_over_taken("smooth-pulse", {"refine": 2})
+    assert 1.0 / 3.0 < share < 3.0
+
+
+def estimated_over_taken(name, changes):
     case = percuss.load(ROOT / "cases" / f"{name}.yaml").with_overrides(changes)
     percuss.run(case)  # compiles
     times = []
@@ -97,8 +102,7 @@ def test_the_estimated_time_of_the_steps_is_within_a_factor_of_three(name, chang
         before = time.process_time()
         march.run()
         times.append(time.process_time() - before)
-    estimated = percuss.check(case).data["estimate"]["seconds"]
-    assert 1.0 / 3.0 < estimated / min(times) < 3.0
+    return percuss.check(case).data["estimate"]["seconds"] / min(times)
 
 
 def test_the_estimate_follows_elements_steps_and_records():

@@ -14,6 +14,7 @@ from pages import shown
 from percuss.march.model import Model
 from percuss.reporting.explanation import explanation
 from percuss_methods.pairings.mortar import Mortar
+from places import CASES
 
 CORNER_FIRST, FACE_FIRST = ORDERS["corner"], ORDERS["face"]
 
@@ -209,3 +210,17 @@ def test_faces_that_have_slid_off_each_other_are_told_at_a_snapshot():
     far, slid = notes_of(sliding(4.0, record={"fields": 40}))
     assert "although its surfaces are" in far
     assert "more than a facet" in slid
+
+
+LARGE = ("ball-on-wall", "ball-on-wall-3d", "box-impact", "disk-on-wall", "two-spheres", "wolff-bucher")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["strip-impact", "strip-unlike", "tilted-blocks", *(pytest.param(one, marks=pytest.mark.deep) for one in LARGE)],
+)
+def test_no_shipped_case_has_a_note_of_this_kind(name):
+    case = percuss.load(CASES / f"{name}.yaml", {"record.fields": 30})
+    kinds = ("lies", "presses", "will be", "will press")
+    told = [*percuss.run(case).summary["notes"], *explanation(Model(case)).data["notes"]]
+    assert [note for note in told if any(f" {kind} " in note for kind in kinds)] == []

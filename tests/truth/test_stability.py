@@ -137,7 +137,7 @@ def test_a_critical_step_that_was_not_searched_is_not_said_to_be_none():
     model = Model(percuss.load(HUNEK, {**changes, "method.contact": law}))
     found = certificate(model, with_critical_step=False)
     assert (found["stable"], found["dt_critical"]) == ("no", None)
-    assert found["cure"].startswith("lower the step; how far is not known")
+    assert found["cure"].startswith("lower the step: `percuss check` searches how far")
     (lowered,) = re.findall("^lower the step to ([0-9.e-]+) ", certificate(model)["cure"])
     stiffest = {"name": "penalty", "beta_s": 30.0 / 0.9**2}  # as it unloads
     limit = certificate(Model(percuss.load(HUNEK, {**changes, "method.contact": stiffest})))["dt_critical"]

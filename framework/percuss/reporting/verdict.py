@@ -63,7 +63,8 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
     if open_accounts(summary):
         yield "This is not a valid result: energy or momentum does not balance. See the notes."
     kept = metric(result, "energy_kept")
-    grown = kept - 1.0 if kept is not None else 0.0
+    # Where a guarantee held nothing has grown: the work of loads in the first half step is not in the account.
+    grown = kept - 1.0 if kept is not None and not summary["energy_growth"]["kept"] else 0.0
     if kept is not None and grown <= GROWN:
         changed = f"{'lost' if kept < 1.0 else 'added'} {percent(abs(kept - 1.0), 2)} of"
         yield f"Contacts, scheme and materials {changed if abs(kept - 1.0) > ROUND_OFF else 'kept'} the energy put in."
