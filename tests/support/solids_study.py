@@ -157,9 +157,9 @@ def findings(results):
         f"{short(max(flat))} times as "
         "much as `mortar` where meshes do not match. At a wall both are the same.",
         "**Where faces are not parallel the pairings agree**, as each takes the normals of the facets that it meets. "
-        "In tilted-blocks, whose faces enclose 1.7 degrees, the errors of the force by two pairings differ by a factor of "
-        f"{short(apart['force'])} at most, those of the motion by {short(apart['motion'])} (Wu's predictor-corrector, "
-        "any law).",
+        "In tilted-blocks, whose faces enclose 1.7 degrees, the errors of the force by two pairings differ by a factor "
+        f"of {short(apart['force'])} at most, those of the motion by {short(apart['motion'])} (Wu's "
+        "predictor-corrector, any law).",
         "**`lagrange` and `regularised-lagrange` never add energy**, with any pairing, in any of the "
         "cases. With central "
         f"difference `bipenalty` adds up to {short(most)} %, in tilted-blocks, and `penalty` keeps the energy to "
