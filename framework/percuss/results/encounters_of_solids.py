@@ -100,11 +100,12 @@ class Solids:
 
     @cached_property
     def moved(self) -> dict[str, Floats]:
-        """Places of the boundary of each body, (times, nodes, dim)."""
-        return {
-            name: skin.positions + np.array([sight.displacement[skin.nodes] for sight in self.sights])
-            for name, skin in self.skins.items()
-        }
+        """Places of the boundary of each body, (dim, times, nodes)."""
+
+        def places(skin: Surface) -> Floats:
+            return np.array([(skin.positions + sight.displacement[skin.nodes]).T for sight in self.sights])
+
+        return {name: places(skin).swapaxes(0, 1) for name, skin in self.skins.items()}
 
     # -- nodes inside another body ---------------------------------------------------------------------------
 
@@ -116,14 +117,14 @@ class Solids:
         skin, target = self.skins[body], self.skins[other]
         if _deepest(*_in_box(skin.positions, target.positions), target) is not None:
             return None
-        unseen = ~self.seen[:, skin.nodes]
-        low, high = (end(self.moved[other], axis=1, keepdims=True) for end in (np.min, np.max))
-        near = ((self.moved[body] > low) & (self.moved[body] < high)).all(axis=2) & unseen
+        near, places = ~self.seen[:, skin.nodes], zip(self.moved[body], self.moved[other], strict=True)
+        for own, others in places:
+            near &= (own > others.min(axis=1, keepdims=True)) & (own < others.max(axis=1, keepdims=True))
         found = {}
         for time in np.flatnonzero(near.any(axis=1)):
             (nodes,) = np.nonzero(near[time])
-            there = target._replace(positions=self.moved[other][time])
-            if (deepest := _deepest(nodes, self.moved[body][time][nodes], there)) is not None:
+            there = target._replace(positions=self.moved[other][:, time].T)
+            if (deepest := _deepest(nodes, self.moved[body][:, time, nodes].T, there)) is not None:
                 found[int(time)] = deepest
         return self._first_and_deepest(body, found)
 
@@ -134,7 +135,7 @@ class Solids:
         """
         body, wall = self.model.case.contacts[contact].sides[0].body, self.walls[contact]
         skin, least = self.skins[body], TOLD * self.model.bodies[body].shortest
-        depth = (wall.point - self.moved[body]) @ wall.normal
+        depth = wall.point @ wall.normal - np.tensordot(wall.normal, self.moved[body], 1)
         depth[self.seen[:, skin.nodes] | ((wall.point - skin.positions) @ wall.normal > least)] = 0.0
         times = np.flatnonzero(depth.max(axis=1) > least).tolist()
         return self._first_and_deepest(body, {t: (int(depth[t].argmax()), float(depth[t].max())) for t in times})
