@@ -1,5 +1,6 @@
 """A corner that falls on a face: when it touches, and what is told where the contact points do not see it."""
 
+import itertools
 import math
 
 import numpy as np
@@ -14,6 +15,7 @@ from pages import shown
 from percuss.march.model import Model
 from percuss.reporting.explanation import explanation
 from percuss_methods.pairings.mortar import Mortar
+from percuss_methods.pairings.node_to_segment import NodeToSegment
 from places import CASES
 
 CORNER_FIRST, FACE_FIRST = ORDERS["corner"], ORDERS["face"]
@@ -98,6 +100,65 @@ def plane(start, size, cells):
     )
 
 
+@pytest.mark.parametrize(("pairing", "early"), [("node-to-segment", False), ("mortar", True)])
+@pytest.mark.parametrize("cells", [(3, 2), (10, 8), (8, 15)])
+@pytest.mark.parametrize("tilt", [10.0, 30.0])
+def test_a_corner_of_a_surface_that_runs_round_it_is_never_met_at_a_distance(pairing, early, cells, tilt):
+    """Face first: nodes of the plate see the sides of the block, none of which is nearer than its corner.
+
+    A nearest place at a corner has no facet of its own: along the normal of either the gap could be any.
+    """
+    times = times_round_a_corner(pairing, cells, tilt)
+    assert min(times) >= 1.0 - 1e-9
+    if early:  # mortar sees the corner itself
+        assert min(times) == pytest.approx(1.0)
+
+
+def times_round_a_corner(pairing, cells, tilt):
+    """Return gaps over closing rates of a plate and the two lower sides of a turned square, by its corner's time."""
+    turn = math.radians(tilt)
+    rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    plate = line(np.array([[4.0, 0.0], [-4.0, 0.0]]), cells[0])  # it looks up: the body on the left of its edges
+    sides = np.array([[0.0, 2.0], [0.0, 0.0], [3.0, 0.0]]) @ rotation.T
+    sides += np.array([0.123, GAP - sides[:, 1].min()])
+    block = line(sides, cells[1])
+    made = {"mortar": Mortar, "node-to-segment": NodeToSegment}[pairing]()
+    found = made.points(plate, block._replace(nodes=block.nodes + 100))
+    rate = SPEED * found.normal[:, 1]  # the block falls, and normals point from the plate to it
+    return [gap / speed / (GAP / SPEED) for gap, speed in zip(found.gap, rate, strict=True) if speed > 0.0]
+
+
+def line(corners, cells):
+    """Return a surface of edges along some corners, with so many cells on each straight part."""
+    parts = [np.linspace(a, b, cells, endpoint=False) for a, b in itertools.pairwise(corners)]
+    positions = np.concatenate([*parts, corners[-1:]])
+    facets = np.arange(len(positions) - 1)[:, None] + [0, 1]
+    along = np.diff(positions, axis=0)
+    lengths = np.linalg.norm(along, axis=1)
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / lengths[:, None]
+    return percuss.Surface(np.arange(len(positions)), positions, facets, normals, lengths)
+
+
+@pytest.mark.parametrize("pairing", ["mortar", "node-to-segment"])
+def test_mirrored_disks_meet_without_a_sideways_force(pairing):
+    """Their lowest and highest nodes meet, between two facets each."""
+    disk = {"disk": {"radius": 1, "elements": 8}, "material": STEEL}
+    case = {
+        "percuss": 1,
+        "bodies": {
+            "upper": {**disk, "at": [0, 1], "velocity": [0, -0.01]},
+            "lower": {**disk, "at": [0, -1], "velocity": [0, 0.01]},
+        },
+        "contacts": {"touch": {"between": ["upper.skin", "lower.skin"]}},
+        "method": {"pairing": pairing},
+        "time": {"end": 8.0, "courant": 0.5},
+    }
+    found = percuss.run(percuss.load({**case, "record": {"probes": ["upper.skin"]}}))
+    sideways, along = np.abs(found.arrays["velocity"][-1, 0])
+    assert along > 5e-3
+    assert sideways < 1e-10 * along
+
+
 @pytest.mark.parametrize("name", corners.PARTS)
 def test_a_table_of_the_page_is_that_of_the_rows(name):
     assert shown(name) == corners.PARTS[name]()
@@ -132,7 +193,7 @@ def test_a_corner_between_the_points_of_a_face_is_told(dim):
     for note in (*notes_of(case), *foreseen(case)):
         assert "of 'block'" in note
         assert f"{sink:.3g}"[:4] in note or "0.01" in note
-        assert "contact 'hit' has its points on anvil.top. Name block.bottom first" in note
+        assert "the points of contact 'hit', on anvil.top, do not see it. Name block.bottom first" in note
     assert len(notes_of(case)) == len(foreseen(case)) == 1
     assert notes_of(falling(30, CORNER_FIRST, "node-to-segment", dim=dim)) == []
     assert foreseen(falling(30, CORNER_FIRST, "node-to-segment", dim=dim)) == []
@@ -153,7 +214,7 @@ def test_bodies_without_a_contact_that_pass_through_each_other_are_told():
     del case["contacts"]
     for (note,) in (notes_of(case), foreseen(case)):
         assert "of 'block'" in note
-        assert note.endswith("no contact is declared between them")
+        assert note.endswith("no contact is declared between them; declare one")
     case["bodies"]["block"]["at"] = [2.5, 2.0]  # they lie over each other from the start: they do not know each other
     assert notes_of(case) == foreseen(case) == []
 
@@ -204,6 +265,21 @@ def test_points_that_press_where_they_have_slid_are_told(pairing):
     case = sliding(1.0, time={"end": 0.7, "courant": 0.5}, **method)
     case["bodies"]["a"]["velocity"] = [-0.02, 1.0]  # it leaves the other one, and slides beside it
     assert notes_of(case) == []
+
+
+def test_unlike_kinds_of_cells_that_meet_are_looked_at():
+    """Their facets have three and four nodes."""
+    box = {"size": [1, 1, 1], "elements": [2, 2, 2]}
+    case = {
+        "percuss": 1,
+        "bodies": {
+            "hexes": {"block": box, "at": [0, 0, 0], "material": STEEL},
+            "tets": {"block": {**box, "cells": "tet4"}, "at": [0, 0, 1], "material": STEEL, "velocity": [0, 0, -0.01]},
+        },
+        "contacts": {"seam": {"between": ["tets.bottom", "hexes.top"]}},
+        "time": {"end": 1.0, "courant": 0.5},
+    }
+    assert notes_of(case) == foreseen(case) == []
 
 
 def test_faces_that_have_slid_off_each_other_are_told_at_a_snapshot():

@@ -18,6 +18,7 @@ import numba
 import pytest
 
 import percuss
+import places
 from command_line import percuss_command
 from fake_studies import TWO_BARS
 from percuss.cli import common
@@ -27,7 +28,8 @@ from percuss.errors import InputError
 from percuss.heartbeat import beat, watched
 from percuss.interrupt import interruptible
 from percuss.march import march
-from percuss.results import reference
+from percuss.results import reference, runner
+from percuss.results.rerun import rerun
 from percuss.studies.cluster import _WaitForWorkers
 
 CASE = {**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}
@@ -280,3 +282,21 @@ def test_a_scheduler_without_workers_is_told(caplog, monkeypatch):
     assert [text.partition(", for ")[2].partition(" now")[0] for text in said[:-1]] == ["5 s", "65 s", "125 s"]
     assert "start some with `dask worker tcp://10.0.0.1:8786`" in said[0]
     assert said[-1] == "tcp://10.0.0.1:8786: workers have come"
+
+
+def test_ctrl_c_ends_a_comparison_and_a_verification(monkeypatch, tmp_path):
+    """The run that it ended is no row, and no result that differs."""
+    case = percuss.load(places.CASES / "hunek.yaml", {"refine": 0.1})
+    percuss.run(case).save(tmp_path / "hunek.nc")
+    real = runner._run
+
+    def ended(*arguments, **options):
+        result = real(*arguments, **options)
+        result.summary["status"] = "interrupted"
+        return result
+
+    monkeypatch.setattr(runner, "_run", ended)
+    with pytest.raises(KeyboardInterrupt):
+        percuss.compare(case, contacts=["lagrange", "penalty"])
+    with pytest.raises(KeyboardInterrupt):
+        rerun(tmp_path / "hunek.nc")

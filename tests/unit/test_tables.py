@@ -50,6 +50,10 @@ def test_columns_between_blanks_have_names_if_each_has_one(header, names):
     assert read.table.tolist() == [[0.0, 0.5], [0.0, 1.0]]
 
 
+def test_a_tab_among_blanks_separates_as_they_do():
+    assert table_in("0 0\n1\t0.5\n2   1\n", "pulse.txt").table.tolist() == [[0.0, 1.0, 2.0], [0.0, 0.5, 1.0]]
+
+
 @given(data=st.data(), rows=TABLES)
 def test_one_wrong_character_is_an_error_at_its_place(tmp_path_factory, data, rows):
     """Also in the first line, which is no header as soon as one field of it begins as a number does."""

@@ -21,7 +21,7 @@ NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 LIKE_A_NUMBER = re.compile(rf"[-+]?\.?[0-9]|(?:{NOT_FINITE.pattern})\Z", re.IGNORECASE)
 BLANKS = " \t"
-BETWEEN_FIELDS = re.compile("(?<=[^ ]) ")
+BETWEEN_FIELDS = re.compile("(?<=[^ \t])[ \t]")
 LINE_END = re.compile(r"\r\n|\n|\r")  # The method `splitlines` would also break lines at form feeds and the like.
 
 
@@ -128,7 +128,9 @@ def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
     numbered = enumerate(LINE_END.split(text), start=1)
     lines = [(number, line) for number, line in numbered if line.strip(BLANKS) and line.lstrip(BLANKS)[0] != "#"]
     # The whole file has one separator; otherwise 0,5;1,0 with decimal commas would be four numbers.
-    separator = next((mark for mark in (";", ",", "\t") if any(mark in line for _, line in lines)), "")
+    separator = next((mark for mark in (";", ",") if any(mark in line for _, line in lines)), "")
+    if not separator and all("\t" in line.strip(BLANKS) for _, line in lines):
+        separator = "\t"  # else tabs are blanks like others
     for number, line in lines:
         # The blanks before a field are its own, by which its column is known.
         yield number, line.split(separator) if separator else BETWEEN_FIELDS.split(line.rstrip(BLANKS))

@@ -107,6 +107,8 @@ def _verify_case(path: Path, plugins: list[Path]) -> Entries:
     case = load(path, plugins=plugins)
     try:
         result = run(case)
+        if result.status == "interrupted":
+            raise KeyboardInterrupt
         checks = [check.as_dict() for check in verified(case, result)]
         error = "; ".join(open_accounts(result.summary))
         error = error or ("" if checks else "the case expects nothing: add `expect`")

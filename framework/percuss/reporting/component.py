@@ -8,6 +8,7 @@ import shutil
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -151,7 +152,8 @@ def _facts(component: type[Component]) -> Entries:
     names = [*FAMILIES[component.family].__annotations__, *Component.__annotations__]
     values = {name: getattr(component, name) for name in names if name not in ELSEWHERE and hasattr(component, name)}
     return {
-        name: "follows from the options" if isinstance(value, property) else value for name, value in values.items()
+        name: "follows from the options" if isinstance(value, (property, cached_property)) else value
+        for name, value in values.items()
     }
 
 

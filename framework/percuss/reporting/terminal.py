@@ -24,7 +24,7 @@ from percuss.jsonable import Data, Entries
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
 from percuss.reporting.verdict import apart_of, error_text, is_number
 from percuss.results.ledger import ledger_words
-from percuss.results.true_error import judge_words
+from percuss.results.true_error import errors_of, judge_words
 from percuss.studies.columns import estimates
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import Run
@@ -158,9 +158,16 @@ def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
             cells = [error_text(None, two) if two else cell for two, cell in zip(both, cells, strict=True)]
         columns.append(Column(head, cells, drop=1 + rank))
     yield Table(columns, title)
-    judges = dict.fromkeys(filter(None, (judge_words(row.result.summary) for row in rows if row.result is not None)))
-    kind = f"errors estimated by {'; '.join(judges)}" if judges else "true errors"
-    yield f"force, impulse, displ.: {kind}"
+    summaries = [row.result.summary for row in rows if row.result is not None]
+    judges = dict.fromkeys(filter(None, map(judge_words, summaries)))
+    true = [
+        f"{row.integrator} + {row.contact}" for row in rows if row.result is not None and row.result.summary["exact"]
+    ]
+    if judges:
+        also = f"; true errors of {', '.join(dict.fromkeys(true))}" if true else ""
+        yield f"force, impulse, displ.: errors estimated by {'; '.join(judges)}{also}"
+    elif any(errors_of(summary) for summary in summaries):
+        yield "force, impulse, displ.: true errors"
 
 
 def order_lines(orders: list[Entries]) -> Iterator[Piece]:

@@ -13,7 +13,14 @@ from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two, of_
 from percuss.certificate.cures import capitalised
 from percuss.jsonable import Data
 from percuss.results.ledger import open_accounts
-from percuss.results.true_error import errors_of, errors_of_contacts, judge_of, judge_words, largest_error
+from percuss.results.true_error import (
+    ENDED_BY_CTRL_C,
+    errors_of,
+    errors_of_contacts,
+    judge_of,
+    judge_words,
+    largest_error,
+)
 from percuss.studies.columns import estimates, metric
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import label_of
@@ -98,6 +105,9 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
     summary = result.summary
     error, words = largest_error(summary), capitalised(error_words(result))
     if error is None and errors_of(summary) is None:
+        if summary["exact_reason"] == ENDED_BY_CTRL_C:
+            yield "Ctrl-C ended the search for the true error: make the run again to have it."
+            return
         yield f"No exact solution is known, so percuss cannot compute the true error ({summary['exact_reason']})."
         finer = f"refine={4 * result.provenance['case'].get('refine', 1):g}"
         search = f", or try {next_command}" if next_command else ""

@@ -194,7 +194,7 @@ def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact
     model, end = march.model, (outcome.done + 1) * march.model.dt
     if outcome.done == 0:
         return None, true_error.summary_entries(None, "the run did not get beyond its first step")
-    ended_here = true_error.summary_entries(None, "Ctrl-C ended it")
+    ended_here = true_error.summary_entries(None, true_error.ENDED_BY_CTRL_C)
     if outcome.status == "interrupted" and outcome.done == model.steps:
         return None, ended_here
     estimated = None

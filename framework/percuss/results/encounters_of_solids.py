@@ -154,8 +154,7 @@ class Solids:
     def apart(self, contact: int) -> tuple[float, float, float] | None:
         """Return when a contact first presses at a distance, the distance of its surfaces, and the gap that it sees.
 
-        The distance is more than the gap of the strongest point. In space it is at least the one returned: two edges
-        that cross may be nearer than their nodes are.
+        The distance is more than the gap of the strongest point.
         """
         sides = list(self.model.case.contacts.values())[contact].sides
         surfaces = [self.model.bodies[side.body].surface(side.region).surface for side in sides]
@@ -170,7 +169,7 @@ class Solids:
                 continue
             moved = [one._replace(positions=self._places(one, time)) for one in surfaces]
             least = min(_least_distance(one, other, at_point) for one, other in (moved, moved[::-1]))
-            least -= facet if self.model.dim == 3 else 0.0
+            least = min(least, _least_between_edges(moved[0], moved[1], least)) if self.model.dim == 3 else least
             if least > allowed:
                 return self.sights[time].time, least, gap
         return None
@@ -184,26 +183,24 @@ class Solids:
 
         That is an upper bound of the distance of the surfaces.
         """
-        at, corners, number = [], [], []
-        known: dict[int, Any] = {}
-        for k, (time, point) in enumerate(zip(times, points, strict=True)):
-            places = [self._places(surface, time) for surface in surfaces]
-            if point not in known:
-                nodes = self.shares.indices[self.shares.indptr[point] : self.shares.indptr[point + 1]]
-                of = [np.flatnonzero(np.isin(surface.nodes, nodes)) for surface in surfaces]
-                known[point] = [
-                    (some, one.facets[np.isin(one.facets, some).any(axis=1)])
-                    for one, some in zip(surfaces, of, strict=True)
-                ]
-            for one in (0, 1):
-                nodes, facets = known[point][one][0], known[point][1 - one][1]
-                at.append(np.repeat(places[one][nodes], len(facets), axis=0))
-                corners.append(np.tile(places[1 - one][facets], (len(nodes), 1, 1)))
-                number.append(np.full(len(at[-1]), k))
         least = np.full(len(times), np.inf)
-        if at:
-            distance, _ = places_on(np.concatenate(at), np.concatenate(corners))
-            np.minimum.at(least, np.concatenate(number), distance)
+        known: dict[int, Any] = {}
+        for side in (0, 1):  # cells may be of two kinds, so that facets of the sides have other numbers of nodes
+            at, corners, number = [np.zeros((0, self.model.dim))], [], [np.zeros(0, dtype=np.int64)]
+            for k, (time, point) in enumerate(zip(times, points, strict=True)):
+                if point not in known:
+                    nodes = self.shares.indices[self.shares.indptr[point] : self.shares.indptr[point + 1]]
+                    known[point] = [np.flatnonzero(np.isin(surface.nodes, nodes)) for surface in surfaces]
+                places = [self._places(surface, time) for surface in surfaces]
+                own, other = known[point][side], known[point][1 - side]
+                facets = surfaces[1 - side].facets
+                near = facets[np.isin(facets, other).any(axis=1)]
+                at.append(np.repeat(places[side][own], len(near), axis=0))
+                corners.append(np.tile(places[1 - side][near], (len(own), 1, 1)))
+                number.append(np.full(len(at[-1]), k))
+            if corners:
+                distance, _ = places_on(np.concatenate(at), np.concatenate(corners))
+                np.minimum.at(least, np.concatenate(number), distance)
         return least
 
 
@@ -255,6 +252,31 @@ def _least_distance(one: Surface, other: Surface, below: float) -> float:
     facet, shares = nearest_places(at, corners)
     apart = np.linalg.norm(at - np.einsum("pa,pad->pd", shares, corners[facet]), axis=1)
     return min(below, float(apart.min()))
+
+
+def _least_between_edges(one: Surface, other: Surface, below: float) -> float:
+    """Return the least distance of two edges that pass each other between their ends, if it is below a value."""
+    edges = []
+    for surface in (one, other):
+        pairs = np.stack([surface.facets, np.roll(surface.facets, -1, axis=1)], axis=2).reshape(-1, 2)
+        edges.append(surface.positions[np.unique(np.sort(pairs, axis=1), axis=0)])
+    for k in (0, 1):  # those that the box round the others has
+        low, high = edges[1 - k].min(axis=(0, 1)) - below, edges[1 - k].max(axis=(0, 1)) + below
+        edges[k] = edges[k][((edges[k].max(axis=1) >= low) & (edges[k].min(axis=1) <= high)).all(axis=1)]
+        if not len(edges[k]):
+            return below
+    starts, along = [of[:, 0] for of in edges], [of[:, 1] - of[:, 0] for of in edges]
+    for start, way in zip(starts[0], along[0], strict=True):
+        apart, ways = start - starts[1], along[1]
+        a, b, c = way @ way, ways @ way, (ways**2).sum(axis=1)
+        d, e = apart @ way, (apart * ways).sum(axis=1)
+        det = a * c - b * b
+        crossing = det > EVEN * a * c
+        s, t = (np.divide(of, det, out=np.full(len(c), -1.0), where=crossing) for of in (b * e - c * d, a * e - b * d))
+        inside = (s > 0.0) & (s < 1.0) & (t > 0.0) & (t < 1.0)
+        vectors = apart[inside] + s[inside, None] * way - t[inside, None] * ways[inside]
+        below = min(below, float(np.linalg.norm(vectors, axis=1).min(initial=below)))
+    return below
 
 
 # -- notes of a run ------------------------------------------------------------------------------------------
@@ -314,13 +336,15 @@ def _all_inside(solids: Solids) -> Iterator[tuple[str, str, str | None, Inside]]
 def _why_not_seen(solids: Solids, body: str, contact: str | None) -> str:
     """Return why no contact point sees a node of a body, and what to do."""
     if contact is None:
-        return "no contact is declared between them"
+        return "no contact is declared between them; declare one"
     sides = solids.model.case.contacts[contact].sides
     if len(sides) == 1:
         return f"it is not in {sides[0]}. Give the contact a region that has it"
-    if sides[0].body == body:
-        return f"contact '{contact}' has no partner for it. Make the cells finer, or see whether {sides[1]} has it"
-    return f"contact '{contact}' has its points on {sides[0]}. Name {sides[1]} first, or make the cells finer"
+    unseen = f"the points of contact '{contact}', on {sides[0]}, do not see it"
+    other = "try another pairing, or make the cells finer"
+    return (
+        f"{unseen}. {f'{other[0].upper()}{other[1:]}' if sides[0].body == body else f'Name {sides[1]} first, {other}'}"
+    )
 
 
 # -- what `check` foresees -------------------------------------------------------------------------------------

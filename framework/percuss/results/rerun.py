@@ -83,5 +83,7 @@ def rerun(path: Path, plugins: Sequence[Path] = ()) -> Rerun:
         raise
     except PercussError as refused:
         return Rerun(str(path), then.title, (), (), f"there is no result any more: {refused}")
+    if now.status == "interrupted" != then.status:
+        raise KeyboardInterrupt  # Ctrl-C ended the second run
     found = differences(then, now), changes(then.provenance, now.provenance)
     return Rerun(str(path), then.title, tuple(found[0]), tuple(found[1]))

@@ -14,6 +14,7 @@ from percuss.results.exact import ROUND_OFF, displacement_at
 from percuss.results.summary import ContactErrors, CoveredErrors, ExactEntries, ExactErrors
 
 NEGLIGIBLE = 1e-18
+ENDED_BY_CTRL_C = "Ctrl-C ended it"  # why a run has no true error
 LIGHT = 0.01  # of the largest impulse: a contact with less decides nothing
 
 

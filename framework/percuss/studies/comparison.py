@@ -108,6 +108,8 @@ def compare(
 def _perform(case: Case, task: Task, vary: Mapping[str, Sequence[object]]) -> tuple[Run, InputError | None]:
     """Make the run of a task; mistakes are told as those of the option that gave the value."""
     run, error = perform(case, task)
+    if run.status == "interrupted":
+        raise KeyboardInterrupt
     if error is None:
         return run, None
     given = {f"method.{option}.name": f"--{option} " for option in ("integrator", "contact")}

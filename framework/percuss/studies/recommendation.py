@@ -528,6 +528,7 @@ class _Bench:
         stable = row[STABLE] if row["status"] == "done" else None
         numbers = error, energy, seconds, count, excess
         both = tuple(row[path] for path in by_two(self.bounds.measure)[:2] if path in row)
+        both = () if all(value is None for value in both) else both  # of a run that an exact solution judges
         return Tried(candidate, row["status"], row["reason"] or doubt, stable, *numbers, row["key"], both)
 
 

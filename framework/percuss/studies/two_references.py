@@ -29,10 +29,15 @@ def two_references(case: Case, contacts: Data, points: Iterable[Data]) -> Case:
     points = list(points)
     laws = [method_name(law) for law in contacts.values()]
     laws += [method_of_point(point, "method.contact") for point in points]
+    laws = [law for law in laws if law and not _is_bond(case, law)]  # finer runs of bonds and ties keep these
     paths = ["method.pairing", *(f"contacts.{name}.pairing" for name in case.contacts)]
     pairings = [method_of_point(point, path) for point in points for path in paths]
     changes = second_reference(case, laws, pairings)
     return case.with_overrides(changes) if changes else case
+
+
+def _is_bond(case: Case, law: str) -> bool:
+    return law in case.registry.names("contacts") and bool(getattr(case.registry.get("contacts", law), "bond", False))
 
 
 def second_reference(case: Case, laws: Sequence[str], pairings: Sequence[str]) -> Entries:
@@ -62,9 +67,14 @@ def second_reference(case: Case, laws: Sequence[str], pairings: Sequence[str]) -
         given = case.data.get("contacts", {})
         own = {f"contacts.{name}.pairing": None for name, contact in given.items() if "pairing" in contact}
         try:
-            Model(case.with_overrides(changes | own))  # whose contacts have no pairing of their own, as in a finer run
+            made = case.with_overrides(changes | own)  # contacts have no pairing of their own, as in a finer run
+            Model(made)
         except PercussError:
             continue
+        try:
+            case.with_overrides({"reference.second": second})
+        except PercussError:  # a law that needs options has those of the case
+            second["contact"] = made.data["method"]["contact"]
         kept = {f"reference.{kind}": name for kind, name in first.items() if getattr(chosen, kind) is None}
         return kept | {"reference.second": second}
     return {}

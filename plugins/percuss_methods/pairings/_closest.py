@@ -56,6 +56,15 @@ def _met(at: Floats, surface: Surface) -> tuple[Integers, Floats, Floats, Floats
     beside = np.linalg.norm(at - met - gap[:, None] * outward, axis=1)
     size = np.ptp(surface.positions[surface.facets[facet]], axis=1).max(axis=1)
     rim = _at_the_end(surface, facet, other)
+    # Where facets meet, the gap is the distance, along the vector to the point; of points that touch along their mean.
+    for p in np.flatnonzero(~rim & (other <= AT_AN_END).any(axis=1) & (gap > -AT_AN_END * size)):
+        vector, ends = at[p] - met[p], surface.facets[facet[p]][other[p] > AT_AN_END]
+        if np.linalg.norm(vector) <= AT_AN_END * size[p]:
+            (meeting,) = np.nonzero(np.isin(surface.facets, ends).sum(axis=1) == ends.size)
+            vector = surface.normals[meeting].sum(axis=0)
+        else:
+            gap[p] = np.linalg.norm(vector)
+        outward[p] = vector / np.linalg.norm(vector)
     return facet, other, gap, outward, rim, (beside <= AT_AN_END * size) | ~rim
 
 

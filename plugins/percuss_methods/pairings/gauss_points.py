@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 class GaussPoints(Pairing):
     """Gauss points on each facet of the first surface, against the nearest facet of the second one.
 
-    Formula: ``g = n . (x - y)`` with x the point, y the nearest point of the second surface and n its normal out of the
-    facet on which y lies; ``w = area of the facet times the weight of the rule``. A quadrilateral has the products of
-    two rules of Gauss; a triangle three points for 2, and conical products for any other number.
+    Formula: ``g = n . (x - y)`` with x the point, y the nearest point of the second surface and n its normal out of
+    the facet on which y lies, at a corner or an edge between facets the direction of x - y; ``w = area of the facet
+    times the weight of the rule``. A quadrilateral has the products of two rules of Gauss; a triangle three points
+    for 2, and conical products for any other number.
 
     A uniform pressure between meshes that do not match is transmitted with an error that falls with the number of
     points. There are more points than nodes: a law without compliance gives the right motion and single forces without

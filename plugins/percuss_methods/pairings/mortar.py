@@ -15,6 +15,8 @@ from percuss_methods.pairings.node_to_segment import NodeToSegment
 if TYPE_CHECKING:
     from percuss import Surface
 
+SHARP = 0.5**0.5  # cosine of the angle between the mean normal and that of a facet beyond which they make an edge
+
 
 @dataclass(frozen=True)
 class Mortar(Pairing):
@@ -27,7 +29,8 @@ class Mortar(Pairing):
     that ``psi_j phi_k`` integrates to 0 for two nodes.
 
     A facet that is covered in part has a dual mean that goes on beyond that part. The gap at the start is therefore at
-    least the smallest of ``m_j . (y - x)`` over the corners of the pieces that node j sees.
+    least the smallest of ``m_j . (y - x)`` over the corners of the pieces that node j sees, and equal to it where one
+    of the facets that it sees is turned by more than 45 degrees from m_j: a mean would pass over that edge.
 
     A uniform pressure between any two meshes is transmitted exactly: each facet is cut by those of the second surface
     as they project onto it. In three dimensions that holds for triangles and parallelograms; on other quadrilaterals
@@ -71,6 +74,8 @@ class Mortar(Pairing):
         np.add.at(normal, nodes, (at.area[:, None] * at.share)[..., None] * into[:, None])
         found = np.flatnonzero(weight > 0.0)
         normal[found] /= np.linalg.norm(normal[found], axis=1)[:, None]
+        sharp = np.zeros(count, dtype=bool)
+        sharp[nodes[np.einsum("pad,pd->pa", normal[nodes], into) < SHARP]] = True
         facets_seen = np.zeros((count, 2), dtype=np.int64)
         facets_seen[nodes] = np.stack([at.facet, at.other], axis=1)[:, None]  # any two that a node sees serve
         pairs, number = np.unique(nodes[:, :, None] * len(second.nodes) + others[:, None], return_inverse=True)
@@ -86,5 +91,5 @@ class Mortar(Pairing):
         # Where the surfaces overlap, which a case is refused for, the depth is theirs.
         overlap = least[found] < -AT_AN_END * float(np.ptp(first.positions, axis=0).max())
         mean = np.einsum("jd,jd->j", apart, normal)[found] / weight[found]
-        gap = np.where(overlap, least[found], np.maximum(mean, least[found]))
+        gap = np.where(overlap | sharp[found], least[found], np.maximum(mean, least[found]))
         return PairedPoints(gap, weight[found], normal[found], facets_seen[found], start, node, value[order])

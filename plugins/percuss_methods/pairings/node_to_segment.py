@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 class NodeToSegment(Pairing):
     """The nodes of the first surface against the nearest facet of the second one.
 
-    Formula: ``g = n . (x - y)`` with x the node, y the nearest point of the second surface and n its normal out of the
-    facet on which y lies; w is half of the area of each facet of the first surface at the node. At the rim of the
-    second surface only those facets count that lie over it.
+    Formula: ``g = n . (x - y)`` with x the node, y the nearest point of the second surface and n its normal out of
+    the facet on which y lies, at a corner or an edge between facets the direction of x - y; w is half of the area of
+    each facet of the first surface at the node. At the rim of the second surface only those facets count that lie
+    over it.
 
     A uniform pressure between meshes that do not match is not transmitted: its error stays however fine they are.
     """
