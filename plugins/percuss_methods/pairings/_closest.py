@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,14 +58,16 @@ def _met(at: Floats, surface: Surface) -> tuple[Integers, Floats, Floats, Floats
     size = np.ptp(surface.positions[surface.facets[facet]], axis=1).max(axis=1)
     rim = _at_the_end(surface, facet, other)
     # Where facets meet, the gap is the distance, along the vector to the point; of points that touch along their mean.
-    for p in np.flatnonzero(~rim & (other <= AT_AN_END).any(axis=1) & (gap > -AT_AN_END * size)):
+    order = np.argsort(surface.facets, axis=None, kind="stable")
+    start = np.searchsorted(surface.facets.ravel()[order], np.arange(len(surface.nodes) + 1))
+    for p in np.flatnonzero(~rim & (other <= AT_AN_END).any(axis=1)):
         vector, ends = at[p] - met[p], surface.facets[facet[p]][other[p] > AT_AN_END]
-        if np.linalg.norm(vector) <= AT_AN_END * size[p]:
-            (meeting,) = np.nonzero(np.isin(surface.facets, ends).sum(axis=1) == ends.size)
-            vector = surface.normals[meeting].sum(axis=0)
-        else:
-            gap[p] = np.linalg.norm(vector)
-        outward[p] = vector / np.linalg.norm(vector)
+        at_ends = [order[start[end] : start[end + 1]] // surface.facets.shape[1] for end in ends]
+        normals, apart = surface.normals[reduce(np.intersect1d, at_ends)], float(np.linalg.norm(vector))
+        if apart <= AT_AN_END * size[p]:
+            outward[p] = normals.sum(axis=0) / np.linalg.norm(normals.sum(axis=0))
+        elif (normals @ vector > 0.0).any():  # else the point lies inside
+            outward[p], gap[p] = vector / apart, apart
     return facet, other, gap, outward, rim, (beside <= AT_AN_END * size) | ~rim
 
 
