@@ -190,13 +190,14 @@ class Solids:
             for k, (time, point) in enumerate(zip(times, points, strict=True)):
                 if point not in known:
                     nodes = self.shares.indices[self.shares.indptr[point] : self.shares.indptr[point + 1]]
-                    known[point] = [np.flatnonzero(np.isin(surface.nodes, nodes)) for surface in surfaces]
-                places = [self._places(surface, time) for surface in surfaces]
-                own, other = known[point][side], known[point][1 - side]
-                facets = surfaces[1 - side].facets
-                near = facets[np.isin(facets, other).any(axis=1)]
-                at.append(np.repeat(places[side][own], len(near), axis=0))
-                corners.append(np.tile(places[1 - side][near], (len(own), 1, 1)))
+                    of = [np.flatnonzero(np.isin(surface.nodes, nodes)) for surface in surfaces]
+                    known[point] = [
+                        (own, one.facets[np.isin(one.facets, own).any(axis=1)])
+                        for one, own in zip(surfaces, of, strict=True)
+                    ]
+                (own, _), (_, near) = known[point][side], known[point][1 - side]
+                at.append(np.repeat(self._places(surfaces[side], time)[own], len(near), axis=0))
+                corners.append(np.tile(self._places(surfaces[1 - side], time)[near], (len(own), 1, 1)))
                 number.append(np.full(len(at[-1]), k))
             if corners:
                 distance, _ = places_on(np.concatenate(at), np.concatenate(corners))
