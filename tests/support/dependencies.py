@@ -20,6 +20,7 @@ PAIRS = 9  # processes for each library, and as many for NumPy
 # Each distribution: the module that is imported, and what it is for.
 REASONS = {
     "annotated-types": ("annotated_types", "bounds of options (`Gt`, `Le`), which pydantic and every plug-in read"),
+    "filelock": ("filelock", "the lock on the file of a study, so that two processes do not write to it"),
     "llvmlite": ("llvmlite.binding", "loads stored machine code without numba, of which it is a part"),
     "netCDF4": ("netCDF4", "results in the format that other programs of the field read"),
     "numba": ("numba", "compiles the loop and the kernels of methods, those of plug-ins too"),

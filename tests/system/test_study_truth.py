@@ -18,7 +18,7 @@ import yaml
 import percuss
 import places
 from percuss.errors import InputError
-from percuss.filelock import locked
+from percuss.locks import locked
 from percuss.studies import perform as performing
 from percuss.studies.perform import failure_status
 from percuss.studies.spec import read_study
@@ -336,8 +336,8 @@ def test_default_names_do_not_collide(tmp_path, monkeypatch):
 def test_two_at_once_are_refused_and_a_dead_one_is_no_obstacle(tmp_path):
     file, out = written(tmp_path), tmp_path / "a.sqlite"
     holds = (
-        "import sys, time, pathlib\nfrom percuss.filelock import locked\n"
-        "with locked(pathlib.Path(sys.argv[1]), {}):\n    print('held', flush=True)\n    time.sleep(60)\n"
+        "import sys, time, pathlib\nfrom percuss.locks import locked\n"
+        "with locked(pathlib.Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
     )
     process = subprocess.Popen([sys.executable, "-c", holds, str(out)], stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "held\n"
@@ -360,7 +360,7 @@ def test_of_many_threads_one_at_a_time_holds_a_lock(tmp_path):
     def work():
         for _ in range(50):
             try:
-                with locked(tmp_path / "a", {}):
+                with locked(tmp_path / "a"):
                     inside[0] += 1
                     most[0] = max(most[0], inside[0])
                     time.sleep(0.0005)

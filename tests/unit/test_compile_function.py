@@ -1,12 +1,9 @@
 """Functions compiled for compiled callers alone compute what numba's own functions compute, fresh and from disk."""
 
-import errno
-import fcntl
 import json
 import os
 import subprocess
 import sys
-import time
 import types
 from importlib import metadata
 
@@ -17,7 +14,6 @@ import percuss
 from percuss.compiler.marks import called
 from percuss.compiler.specialise import Specialiser
 from percuss.compiling import numba_inside
-from percuss.filelock import in_turn
 from strategies import hunek
 
 CALLEES = """
@@ -219,13 +215,3 @@ def test_nobody_waits_for_a_process_that_has_died(tmp_path):
     first, *others = together(tmp_path, "dies")
     assert first in (["compiled"], ["3.0"])
     assert sorted(others) == [["3.0"], ["compiled", "3.0"]] or first == ["3.0"]
-
-
-def test_where_files_cannot_be_locked_nobody_waits(tmp_path, monkeypatch):
-    def without_locks(*_):
-        raise OSError(errno.ENOSYS, "no locks here")
-
-    monkeypatch.setattr(fcntl, "flock", without_locks)
-    began = time.monotonic()
-    with in_turn(tmp_path / "function.lock", 60.0):
-        assert time.monotonic() - began < 30.0

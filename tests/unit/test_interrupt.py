@@ -209,25 +209,21 @@ def read_only(monkeypatch):
     def make(folder):
         folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
         if os.access(folder, os.W_OK):
-            real_open, real_connect = Path.open, sqlite3.connect
+            real_open, real_connect = os.open, sqlite3.connect
 
-            def path_open(self, mode="r", *arguments, **options):
-                if self.parent == folder and mode[0] != "r":
-                    raise PermissionError(13, "Permission denied", str(self))
-                return real_open(self, mode, *arguments, **options)
+            def os_open(path, flags, *arguments, **options):
+                if Path(path).parent == folder and flags & (os.O_CREAT | os.O_WRONLY | os.O_RDWR):
+                    raise PermissionError(13, "Permission denied", str(path))
+                return real_open(path, flags, *arguments, **options)
 
             def connect(database, *arguments, **options):
                 if "immutable" not in str(database):  # a log beside the database would have to be made
                     raise sqlite3.OperationalError("unable to open database file")
                 return real_connect(database, *arguments, **options)
 
-            def mkstemp(*_, **__):
-                raise PermissionError(13, "Permission denied")
-
             monkeypatch.setattr(os, "access", lambda path, *_, **__: Path(path) != folder)
-            monkeypatch.setattr(Path, "open", path_open)
+            monkeypatch.setattr(os, "open", os_open)
             monkeypatch.setattr(sqlite3, "connect", connect)
-            monkeypatch.setattr("percuss.files.tempfile.mkstemp", mkstemp)
 
     yield make
     monkeypatch.undo()

@@ -16,7 +16,7 @@ from typing import Any
 from percuss.cache import cache_folder, keep, kept
 from percuss.compiler.machine_code import jit_disabled, key_of
 from percuss.compiling import Kernel, numba_inside
-from percuss.filelock import in_turn
+from percuss.locks import in_turn
 
 LONGEST_WAIT = 120.0  # seconds that a process waits for another to compile, before it compiles by itself
 

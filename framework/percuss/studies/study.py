@@ -17,9 +17,9 @@ from pathlib import Path
 
 from percuss.case.arguments import expect_files, expect_mapping_or_path
 from percuss.errors import InputError, shortened, wrong_input
-from percuss.filelock import BusyError, NotWritableError, locked
 from percuss.files import expect_no_input, expect_place, expect_writable
 from percuss.jsonable import Data, Entries
+from percuss.locks import NotWritableError, locked
 from percuss.methods.blame import OWN_PACKAGES
 from percuss.methods.source_digest import content_digest
 from percuss.results.provenance import machine
@@ -242,18 +242,11 @@ def claimed(
     for file in [Path(out)] if out is not None else _default_files(given, spec.name):
         identity = _identity(given, spec, file)
         expect_place(file)
-        try:
-            with locked(file, {"study": identity}):
-                other = _other_study(file, identity, keys)
-                if other is None:
-                    yield file, identity
-                    return
-                refused = other
-        except BusyError as error:
-            holder = error.holder.get("study")
-            if out is not None or not isinstance(holder, dict) or _is_same(holder, identity):
-                raise
-            refused = error
+        with locked(file):
+            refused = _other_study(file, identity, keys)
+            if refused is None:
+                yield file, identity
+                return
     if refused is None:
         raise AssertionError("a study has no file and nothing says why")
     raise refused

@@ -1,0 +1,90 @@
+"""Locks between processes: on the file of a study, and on the compilation of a function.
+
+The operating system keeps a lock, so that it is released when the process that holds it ends, even by a crash.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime as dt
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from percuss.errors import InputError, Problem
+
+
+class BusyError(InputError):
+    """Refusal to write to a file because another process is writing to it."""
+
+    def __init__(self, path: Path, writer: str) -> None:
+        message = f"is being written by {writer or 'another process'}"
+        super().__init__([Problem(str(path), "", message, "Wait until it has ended, or name another file with -o.")])
+
+
+class NotWritableError(InputError):
+    """Refusal to write to a file in a folder that cannot be written to.
+
+    Attributes
+    ----------
+    path
+        The file.
+    """
+
+    def __init__(self, path: Path, reason: str | None) -> None:
+        self.path = path
+        super().__init__([Problem(str(path), "", f"cannot write here: {reason}", "Name another file with -o.")])
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold the lock on a file, which need not exist: a lock file beside it says which process writes.
+
+    Raises
+    ------
+    BusyError
+        If another process, or another thread of this one, holds the lock.
+    NotWritableError
+        If the lock file cannot be made.
+    """
+    import filelock
+
+    lock_file = path.with_name(f"{path.name}.lock")
+    lock = filelock.FileLock(lock_file, timeout=0)
+    try:
+        lock.acquire()
+    except filelock.Timeout:
+        with contextlib.suppress(OSError):
+            raise BusyError(path, lock_file.read_text(encoding="utf-8")) from None
+        raise BusyError(path, "") from None
+    except OSError as error:
+        raise NotWritableError(path, error.strerror) from error
+    try:
+        since = dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
+        with contextlib.suppress(OSError):  # the disk is full, or the lock forbids it, as on Windows
+            lock_file.write_text(f"process {os.getpid()} on {socket.gethostname()}, since {since}", encoding="utf-8")
+        yield
+    finally:
+        # It is removed while it is still locked: who has opened it meanwhile sees that it is gone, and makes another.
+        with contextlib.suppress(OSError):
+            lock_file.unlink()
+        lock.release()
+
+
+@contextmanager
+def in_turn(lock_file: Path, longest_wait: float) -> Iterator[None]:
+    """Wait until no other process is in this context, then enter it; enter anyway after `longest_wait` seconds.
+
+    The lock file stays where it is. Where it cannot be written or locked nobody waits for anybody.
+    """
+    import filelock
+
+    lock = filelock.FileLock(lock_file, timeout=longest_wait)
+    with contextlib.suppress(OSError):
+        lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()
