@@ -95,8 +95,8 @@ HELD: dict[str, dict[str, tuple[str, str]]] = {
             "test_laws.py::test_the_work_of_an_impact_law_is_that_of_the_restitution",
         ),
         "nitsche": (
-            "change of energy that Chouly, Hild and Renard prove",
-            "test_end_forces.py::test_energy_changes_as_the_source_proves",
+            "normal force of the end elements, in a march of its own",
+            "test_laws.py::test_nitsche_reads_the_normal_force_of_the_end_elements",
         ),
         "paoli-schatzman": (
             "without restitution `lagrange`",

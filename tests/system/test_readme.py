@@ -100,7 +100,6 @@ LASTING = (
     "cases/ball-on-wall-3d.yaml --plot",
     "--exact-only --plot",
     "--plugin stop_and_touch.py --set",
-    "--plugin end_nitsche.py --set",
 )  # commands that take long, many of them with a kernel that nothing else compiles
 
 

@@ -32,7 +32,7 @@ def runs():
 
 MATERIAL = {"young": 1.0, "density": 1.0, "poisson": 0.0}
 SOME = (
-    "laws with kernels, end forces and shifts at one end | central-difference | penalty",
+    "laws with kernels and shifts at one end | central-difference | penalty",
     "stretches with drives, laws with state and a tie for a while | central-difference | penalty",
     "stretches with drives, laws with state and a tie for a while | asynchronous | lagrange",
     "oblique drives and supports in a plane | central-difference | penalty",

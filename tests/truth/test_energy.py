@@ -76,7 +76,7 @@ def rise(result):
 def drift(result):
     """Return the largest sum of changes of E + V - W in steps at which no contact opened or closed."""
     values, scale = energy(result)
-    closed = result.arrays["contact_force"] != 0  # a law may see more than the gap
+    closed = result.arrays["contact_force"] != 0
     stays = (closed[1:] == closed[:-1]).all(axis=1)
     return float(np.abs(np.cumsum(np.diff(values)[stays])).max(initial=0.0) / scale) if scale > 0 else 0.0
 

@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 import percuss
 from dense import assemble
 from percuss.certificate.verdict import certificate
+from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.testing.checks.contacts import sample_points, sample_trial
 from strategies import FIRST, REGISTRY, hunek, run
@@ -261,6 +262,25 @@ def test_a_closed_contact_of_nitsche_is_an_oscillator_whatever_loads_its_ends():
     change = gap[2:] - 2.0 * gap[1:-1] + gap[:-2] + dt**2 * STIFFNESS * delassus * gap[1:-1]
     assert np.count_nonzero(closed.any(axis=0)) >= 2
     assert np.abs(change[closed]).max() <= 1e-14
+
+
+def test_a_pressed_bar_under_nitsche_stays_at_rest_with_the_exact_pressure_and_no_overlap():
+    """The method is consistent: a penalty needs an overlap for that."""
+    pressure = 3.0
+    bodies = {"a": ROW["bodies"]["a"] | {"velocity": 0.0}}
+    contacts, loads = {"c": {"body": "a.right", "wall": 1.0}}, {"push": {"constant": pressure, "on": "a.left"}}
+    pressed = {**case_with(ROW, {"name": "nitsche"}), "bodies": bodies, "contacts": contacts, "loads": loads}
+    pressed["record"] = {"probes": []}
+    bars, march = assemble(pressed), March(Model(percuss.load(pressed)), compiled=False)
+    free = np.arange(bars.K.shape[0]) != bars.node("a.right")
+    rest, force = np.zeros((2, free.size))
+    force[bars.node("a.left")] = pressure
+    rest[free] = np.linalg.solve(bars.K[np.ix_(free, free)], force[free])
+    march.u[:], march.v[:] = rest, 0.0
+    for n in range(50):
+        assert march.advance(march.stepper.amplitudes(n, 1), n, 1) == 1
+        assert march.arrays.step.points.state[0].multiplier == pytest.approx(pressure, rel=1e-11)
+    assert np.abs(march.u - rest).max() <= 1e-12 * np.abs(rest).max()
 
 
 def test_nitsche_is_for_a_scheme_that_shows_it_the_bulk_acceleration():

@@ -545,7 +545,7 @@ REFUSED = {
     ),
     "steps of their own": ({"method.integrator": "asynchronous"}, "expected another integrator for 'left'"),
     "an implicit scheme": ({"method.integrator": "implicit-hht"}, "expected another integrator for 'left'"),
-    "end forces": ({"method.contact": "nitsche"}, "expected another law for 'left', which is no bar, found nitsche"),
+    "no compliance": ({"method.contact": "nitsche"}, "expected another law for 'left', which is no bar, found nitsche"),
     "coupling": ({"method.contact": "uzawa"}, "expected another law for 'left', which is no bar, found uzawa"),
     "rigid on many points": (
         {"method.contact": "lagrange", "method.pairing": "gauss-points"},

@@ -171,7 +171,6 @@ FEATURES = {
     r"without_?mass": 4,
     r"followers?": 4,
     r"couples_nodes|coupled_?mass": 4,
-    r"end_?forces": 4,
     r"^_?(law_that_)?shifts?$": 4,
 }
 CONTRACT = {"Implicit"}  # what an integrator returns
@@ -410,9 +409,9 @@ def test_no_file_knows_a_place_on_somebodys_machine():
 
 ABOUT_LINES = {
     "certificate/closed_form.py", "certificate/lines.py", "certificate/waves.py",
-    "contact/contact_problem.py", "contact/stiffness_limits.py", "contact/trace_stiffness.py", "mesh/bar.py",
+    "contact/contact_problem.py", "contact/stiffness_limits.py", "mesh/bar.py",
     "results/encounters.py",
-    "step/parts/end_forces.py", "step/parts/ends_without_mass.py", "step/parts/followers.py", "step/uniform_rows.py",
+    "step/parts/ends_without_mass.py", "step/parts/followers.py", "step/uniform_rows.py",
     "testing/checks/bulk.py",
 }  # fmt: skip
 # Where bars and other bodies part: their meshes, contact points, operators and refusals, and how they are described.

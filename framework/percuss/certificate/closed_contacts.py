@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contact.bound_law import OF_END_FORCE
 from percuss.step.integrator_check import kernel_of, unchecked_scheme, uses_internal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.contact.bound_law import BoundLaw
     from percuss.march.model import Model
     from percuss.methods.interfaces import ContactState, Floats, LinearLaw, Stages
 
@@ -32,11 +30,6 @@ TIES = "a tie takes up the gap rate of its ends when it begins: energy jumps the
 BALANCED = "an end without mass is in balance with its gap at the current state: energy jumps as it closes or opens"
 BILATERAL = "the law pulls as it pushes from its first step on: a gap that is there then brings energy"
 INTERVALS = "the law acts in intervals of time: what its contacts store jumps as one of them begins"
-NO_POTENTIAL = "pushes something else than it sees, so that its force is the slope of no energy"
-DRIVES = (
-    "a drive of an end that starts or ends changes the end force that a law sees, and what the contact stores with it"
-)
-OVERSHOOTS = "the force takes back more than the overlap that it sees in one step"
 ALONE = "asks for the internal forces without those of contact, so that a closed contact does not act as a stiffness"
 OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and loads for linear bodies only"
 
@@ -95,9 +88,8 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
             reason = f"{integrator.name} shows {bound_law.law.name} its gap and acceleration of different times"
         if reason:
             doubts.append(reason)
-            energy = _energy_beyond_gap(model, bound_law)
-            if energy or not model.facts.of_all_laws:
-                guarantees.append(energy or (UNKNOWN, reason))
+            if not model.facts.of_all_laws:
+                guarantees.append((UNKNOWN, reason))
             continue
         if linear.at == "explicit":
             stiffness[indices] = linear.gap / linear.sigma
@@ -170,9 +162,6 @@ def _reason_unknown(linear: LinearLaw | None, law: str, *, multistage: bool) -> 
         f"{law} ties the gap rate of its contacts, but not always or not both ways": (
             tie and (linear.active != "all" or linear.sign != "free")
         ),
-        f"{law} sees or pushes the force of end elements, so that a closed contact is no spring between the ends": (
-            any(np.any(getattr(linear, name)) for name in OF_END_FORCE)
-        ),
         f"{law} does not weigh the gap": not tie and not gap.all(),
         f"{law} weighs the gap acceleration at the end of the step": end and np.any(linear.acceleration),
         f"{law} is evaluated at the current or predicted gap without a compliance (sigma = 0)": (
@@ -209,51 +198,6 @@ def _energy_guarantee(model: Model, indices: list[int], linear: LinearLaw, *, in
     if table.explicit.gap == "current":
         return (NOT_GUARANTEED, PULLS) if inert else (BETWEEN, JUMPS)
     return (NOT_GUARANTEED, SHARED) if _share_an_end(model, indices) else (NEVER_GROWS, BY_END)
-
-
-def _energy_beyond_gap(model: Model, bound_law: BoundLaw) -> tuple[str, str] | None:
-    """Return the energy guarantee of a law that sees or pushes more than the gap, and the reason for it in words.
-
-    A law that pushes what it sees is a law of any kind for this gap, of bodies whose stiffness is
-    ``K - sum of softens Sigma Sigma^T``. That energy is the elastic one and what contacts store. None for other laws,
-    and where nothing is known.
-    """
-    linear: Any = bound_law.linear
-    if not bound_law.sees_more_than_gap:
-        return None
-    state: ContactState = getattr(model.tables[-1], linear.at)
-    unlike = bool(np.any(linear.sees != linear.pushes))
-    spring = not (np.any(linear.rate) or np.any(linear.acceleration)) and bool(np.all(linear.sigma > 0.0))
-    current = state.gap == "current"
-    ends = {node for p in bound_law.where for node in model.contact_points[p].nodes}
-    if not unlike and not (spring and (not current or state.response[0] == 0.0)):
-        return None
-    reasons = {
-        f"{bound_law.law.name} {NO_POTENTIAL}": unlike,
-        INTERVALS: linear.during is not None,
-        DRIVES: any(drive.load is not None and drive.node in ends for drive in model.whole.loads.constraints),
-    }
-    if not current:
-        reasons |= _why_not_by_end(model, bound_law, state)
-    why = next((reason for reason, holds in reasons.items() if holds), "")
-    if why:
-        return NOT_GUARANTEED, why
-    return (BETWEEN, JUMPS) if current else (NEVER_GROWS, BY_END)
-
-
-def _why_not_by_end(model: Model, bound_law: BoundLaw, state: ContactState) -> dict[str, bool]:
-    """Return for each reason whether the force of a law does not follow from what it sees at the end of the step."""
-    linear: Any = bound_law.linear
-    sides = model.sides(0.5 * model.dt)
-    points = [sides[p] for p in bound_law.where]
-    response = np.array([sum(float(side.sees @ side.response) for side in point) for point in points])
-    surplus = state.response[0] - model.tables[-1].end.response[0]
-    nodes = Counter(side.node for point in sides for side in point)
-    return {
-        BILATERAL: linear.active == "all" and linear.sign == "free",
-        OVERSHOOTS: bool(np.any(linear.sigma / linear.gap + surplus * response <= 0.0)),
-        SHARED: any(nodes[side.node] > 1 for point in points for side in point),
-    }
 
 
 def _determined(state: ContactState, linear: LinearLaw) -> bool:

@@ -27,7 +27,6 @@ from percuss.certificate.search import MARGINAL_DISTANCE
 from percuss.contact.points import FROM_LINE, NEVER
 from percuss.heartbeat import beat
 from percuss.march.march import March
-from percuss.step.parts.end_forces import end_forces
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -44,8 +43,6 @@ BASE_OVERLAP = 64.0
 LARGER_OVERLAP = 8.0
 # Opening of such a contact in a step, in the same unit: no perturbation lets it close, nor does it open in the step.
 OPENING = 4.0
-# Gap that a law may see per unit of displacement of an end and the node beside it: a quarter of the base overlap.
-MOST_SEEN = 0.25 * BASE_OVERLAP
 # Gap of an open contact with a linear law under a multi-stage scheme, so that no stage closes it; in the same unit.
 OPEN_GAP = 1e12
 # Relative deviation from linearity that counts as round-off.
@@ -136,10 +133,8 @@ class ClosedStep:
         signs[np.array(order, dtype=np.int64)[linear]] = 0.0
         gaps = self.motions.gaps * np.sqrt(lightest)
         # By half of the gap in a step, so that the gap one step before lies on the same side, for laws that weigh it.
-        # End elements are not strained, for laws that see their force.
-        rows = np.concatenate([gaps, self.motions.end_forces])
-        speeds = np.concatenate([0.5 * BASE_OVERLAP * signs, np.zeros(len(self.motions.end_forces))])
-        speed = np.linalg.lstsq(rows, speeds, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
+        closing = 0.5 * BASE_OVERLAP * signs
+        speed = np.linalg.lstsq(gaps, closing, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
         out = np.zeros((self.parts, self._scale.size))
         out[1] = (self.motions.basis @ speed) * self._scale / self.model.dt
         return out
@@ -176,10 +171,7 @@ class ClosedStep:
         return self(np.eye(self.parts * self.size))
 
     def linear(self) -> bool:
-        """Return whether the step is linear in the state, and no perturbation opens or closes what a law sees."""
-        found = end_forces(self.model, 0.5 * self.model.dt).values()
-        if any(abs(point.sees) * sum(np.abs(row).sum() for row in point.rows.values()) > MOST_SEEN for point in found):
-            return False
+        """Return whether the step is linear in the state."""
         state = np.random.default_rng(0).uniform(-1.0, 1.0, self.parts * self.size)
         image, opposite = self(state), self(-0.5 * state)
         return bool(np.abs(image + 2.0 * opposite).max() <= LINEARITY_TOLERANCE * np.abs(image).max())
@@ -229,15 +221,6 @@ class Motions:
     def gaps(self) -> Floats:
         """Gap matrix N^T of all contacts for weighted displacements, (P, n)."""
         return self._weighted([contact_point.gradient for contact_point in self.model.contact_points])
-
-    @cached_property
-    def end_forces(self) -> Floats:
-        """The end forces that laws see or push, scaled, as rows for weighted displacements, (points, n)."""
-        rows = [point.rows for point in end_forces(self.model, 0.5 * self.model.dt).values()]
-        largest = [max(float(np.abs(vector).max()) for vector in row.values()) for row in rows]
-        return self._weighted(
-            [[(node, vector / size) for node, vector in row.items()] for row, size in zip(rows, largest, strict=True)]
-        )
 
     @cached_property
     def followed(self) -> Floats:
@@ -293,9 +276,9 @@ class Motions:
     def idle(self, dt: float, closed: Sequence[int]) -> Floats:
         """Return an orthonormal basis of the motions that grow linearly without being an instability, (n, w).
 
-        They change no closed gap and no end force that a law uses, and move no end that a load follows.
+        They change no closed gap, and move no end that a load follows.
         """
-        gaps = np.concatenate([self.gaps[sorted(closed)], self.followed, self.end_forces])
+        gaps = np.concatenate([self.gaps[sorted(closed)], self.followed])
         groups = [self.strainless] if self.model.stages else [self.strainless, self.critical_modes(dt)]
         kept = np.concatenate([unfelt(group, gaps) for group in groups], axis=1)
         return np.linalg.qr(kept)[0] if kept.size else kept

@@ -68,7 +68,7 @@ class RunCriterion:
     model
         The model of the whole run.
     kind
-        `operator_criterion`, `step_criterion`, or a criterion of `percuss.certificate.decoupled_gaps`.
+        `operator_criterion`, `step_criterion`, or `percuss.certificate.bounds.BoundsCriterion`.
     other_step
         The criterion of the same run with another step. If the run has the same stretches with both steps, it also has
         the same critical step, and their criteria are taken over with what they have searched already.

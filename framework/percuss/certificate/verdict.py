@@ -16,7 +16,6 @@ from percuss.certificate.bounds import BOUND, BoundsCriterion
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
 from percuss.certificate.criteria import RunCriterion, contact_names, operator_criterion, step_criterion
 from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
-from percuss.certificate.decoupled_gaps import closed_form
 from percuss.certificate.search import MARGINAL_DISTANCE
 from percuss.contact.features import Verdict
 from percuss.errors import InputError, refuse_if_any
@@ -64,7 +63,7 @@ class Certificate(TypedDict):
     theta
         theta of Wu's predictor-corrector; None where it has no meaning.
     by
-        Criterion: ``pencil``, ``decoupled-gaps``, ``energy-at-end``, ``bounds``, ``black-box`` or ``none``.
+        Criterion: ``pencil``, ``bounds``, ``black-box`` or ``none``.
     why, cure
         Reason for the verdict, and the cure of an unstable step.
     ignores
@@ -165,7 +164,7 @@ def _with_step(case: Case) -> SettledRun:
 
 
 def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCriterion:
-    """Return the criterion of a run: the pencil or a closed form if it covers all of its laws, else the black box.
+    """Return the criterion of a run: the pencil if it covers all of its laws, else the black box.
 
     Of bodies that are too large to factor it is that of bounds.
 
@@ -180,7 +179,7 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
     if too_large(model):
         kind = BoundsCriterion
     elif closed_contacts(model, model.dt).doubts:
-        kind = closed_form(model) or step_criterion
+        kind = step_criterion
     return RunCriterion(model, kind, other_step)
 
 

@@ -12,7 +12,6 @@ import numpy as np
 from percuss.contact.bound_law import BoundLaw, bind_law, joined
 from percuss.contact.stiffness_limits import stiffness_limits
 from percuss.contact.surface_limits import SurfaceLimits
-from percuss.contact.trace_stiffness import trace_stiffness
 from percuss.errors import Problem, refuse_if_any
 from percuss.methods.blame import said_by
 from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats
@@ -56,7 +55,6 @@ class Binding:
             coupling=column(coupling[list(where)]),
             weight=column([contact_point.weight for contact_point in contact_points]),
             limits=lambda: column(self._stiffness_limits(dt)[list(where)]),
-            traces=(lambda: column(self._trace_stiffness[list(where)])) if self.model.bodies.of_lines else None,
         )
 
     def laws(self, dt: float) -> tuple[BoundLaw, ...]:
@@ -124,14 +122,6 @@ class Binding:
             largest = np.maximum(largest, diagonal)
             sums = np.maximum(sums, diagonal + np.array([sum(map(abs, row.values())) for row in others]))
         return largest, sums / largest
-
-    @cached_property
-    def _trace_stiffness(self) -> Floats:
-        """The largest `ContactPoints.trace_stiffness` of each contact point over the run, (P,)."""
-        largest = np.zeros(len(self.contact_points))
-        for rows in self._over_the_run():
-            largest = np.maximum(largest, trace_stiffness(self.model.bodies, rows.sides))
-        return largest
 
     def _stiffness_limits(self, dt: float) -> Floats:
         bodies = self.model.bodies

@@ -15,8 +15,7 @@ from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, Linear
 from percuss.methods.kernel_trial import kernel_of, try_kernel
 from percuss.methods.plugin_calls import answer, as_numbers, mapped, read_only, same
 
-OF_END_FORCE = ("sees", "pushes", "softens")
-COEFFICIENTS = ("sigma", "gap", "rate", "acceleration", *OF_END_FORCE)
+COEFFICIENTS = ("sigma", "gap", "rate", "acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +50,6 @@ class BoundLaw:
     resolved: tuple[tuple[tuple[int, ...], Mapping[str, Floats | float]], ...]
 
     @property
-    def sees_more_than_gap(self) -> bool:
-        """Whether the law sees or pushes more than the gap."""
-        return self.linear is not None and any(np.any(getattr(self.linear, name)) for name in OF_END_FORCE)
-
-    @property
     def bonds(self) -> bool:
         """Whether the law holds bodies together that would part: it says so, or its line pulls at any gap."""
         line = self.linear
@@ -69,7 +63,7 @@ class BoundLaw:
             line is not None
             and (line.at, line.active, line.sign) == ("end", "all", "free")
             and bool(np.all(line.rate))
-            and not any(np.any(getattr(line, name)) for name in ("sigma", "gap", "acceleration", *OF_END_FORCE))
+            and not any(np.any(getattr(line, name)) for name in ("sigma", "gap", "acceleration"))
         )
 
 

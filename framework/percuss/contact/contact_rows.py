@@ -36,27 +36,13 @@ class Side:
     """One side of a contact point: its node, the coefficients of N there, and those of M^-1 N.
 
     At an end without mass 1/m is replaced by ``1 / (k dt^2)``, k the stiffness of the end element, and `beside` is the
-    node beside it; elsewhere that is None. Of a law that sees or pushes more than the gap, `response` is that of
-    M^-1 P, `seen` and `pushed` are the coefficients of G and P, and the node beside an end is a side too, where N is
-    zero.
+    node beside it; elsewhere that is None.
     """
 
     node: int
     normal: Floats  # (dim,)
     response: Floats  # (dim,)
     beside: int | None = None
-    seen: Floats | None = None  # (dim,) None for N
-    pushed: Floats | None = None  # (dim,) None for N
-
-    @property
-    def sees(self) -> Floats:
-        """The coefficients by which the law sees the displacement of the node, (dim,)."""
-        return self.normal if self.seen is None else self.seen
-
-    @property
-    def pushes(self) -> Floats:
-        """The force on the node by a multiplier of 1, (dim,)."""
-        return self.normal if self.pushed is None else self.pushed
 
 
 def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
@@ -126,7 +112,7 @@ def balanced(point_sides: Sequence[Side]) -> bool:
 
 
 def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[int, float]]]:
-    """Return S = N^T M^-1 N as its diagonal and its off-diagonal entries; of other laws G^T M^-1 P.
+    """Return S = N^T M^-1 N as its diagonal and its off-diagonal entries.
 
     The equation of a point with a side without mass has the response of such sides alone: what its force moves of the
     other side, and of other points, comes a step later.
@@ -153,7 +139,7 @@ def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[in
     for node_sides in at_node.values():
         for p, first in node_sides:
             for q, second in node_sides:
-                entries[p][q] = entries[p].get(q, 0.0) + float(first.sees @ second.response)
+                entries[p][q] = entries[p].get(q, 0.0) + float(first.normal @ second.response)
     diagonal = np.array([point_sides.pop(p, 0.0) for p, point_sides in enumerate(entries)])
     return diagonal, entries
 

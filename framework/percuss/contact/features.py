@@ -9,16 +9,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
-    from percuss.contact.contact_rows import Side
     from percuss.mesh.loads import NodalForce
     from percuss.methods.interfaces import Floats
 
 Verdict = Literal["yes", "marginal", "no", "unknown"]
 SOLIDS = "bodies that are no bars"  # by which features know them
-
-
-def _no_sides(midpoint: float) -> Mapping[int, list[Side]]:  # noqa: ARG001
-    return {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,8 +29,6 @@ class Feature:
     balanced
         Contact points whose force follows from a static balance; what the feature does not go with concerns these
         alone, if there are any.
-    sides
-        Returns the sides of the contact points whose laws see or push more than the gap, for the supports at a time.
     records
         Returns the `LAW` records of a law at such points, from those at other points and the diagonal of S.
     delassus
@@ -99,7 +92,6 @@ class Feature:
     name: str
     goes_without: Mapping[str, str] = field(default_factory=dict)
     balanced: frozenset[int] = frozenset()
-    sides: Callable[[float], Mapping[int, list[Side]]] = _no_sides
     records: Callable[[BoundLaw, Any, Floats], Any] | None = None
     delassus: str = ""
     leaps: tuple[int, ...] = ()

@@ -14,9 +14,8 @@ from percuss.compiler.record_arrays import Records
 
 # How a closed contact stores energy at half steps. BY_END: the force follows from the gap at the end of the step, and
 # the contact is a spring whose energy is the mean of those at both ends of the step. BY_CURRENT: the force follows from
-# the current gap, and the energy is that of a stiffness and an inertia between two steps. BY_PART: a part of the step
-# says what is stored.
-NOTHING, BY_END, BY_CURRENT, BY_PART = 0, 1, 2, 3
+# the current gap, and the energy is that of a stiffness and an inertia between two steps.
+NOTHING, BY_END, BY_CURRENT = 0, 1, 2
 NEVER = -1  # value of `always` for a law outside its intervals of time, which is active at no gap
 
 # Where the multiplier of a point comes from: from its linear law, from the kernel of its law, or from a part of the
@@ -38,7 +37,7 @@ LAW = np.dtype(
         ("always", "i8"),  # 1 if the law is active at any gap, 0 if only at a negative one, or NEVER
         ("never_pulls", "i8"),  # 1 if the multiplier must not be negative
         ("source", "i8"),  # where the multiplier comes from: FROM_LINE, FROM_KERNEL or FROM_PART
-        ("stores", "i8"),  # how the contact stores energy: NOTHING, BY_END, BY_CURRENT or BY_PART
+        ("stores", "i8"),  # how the contact stores energy: NOTHING, BY_END or BY_CURRENT
         ("surplus", "f8"),  # w minus its value for the gap at the end of the step
         ("contact", "i8"),  # number of its contact in the case
         ("initial_gap", "f8"),

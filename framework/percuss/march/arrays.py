@@ -112,7 +112,7 @@ class Arrays:
             if model.multistage or model.facts.keeps_constraints or constraint.active(midpoint)
         ]
         self.active_constraints = [index for index, _ in constraints]
-        of_points = model.sides(midpoint)
+        of_points = model.rows.at(midpoint).sides
         sides = [of_points[point] for point in self.order]
         laws = self.law_records
         if inactive := model.inactive_points(midpoint):
@@ -150,7 +150,7 @@ class Arrays:
             for i, (_, support) in enumerate(constraints)
         ]
         shares = [
-            (i, point, float(constraint.direction @ side.pushes))
+            (i, point, float(constraint.direction @ side.normal))
             for i, (_, constraint) in enumerate(constraints)
             for point, point_sides in enumerate(sides)
             for side in point_sides
@@ -254,7 +254,6 @@ def _places(model: Model) -> dict[int, int]:
         if model.bodies.mass[end] > 0.0
         for node in model.bodies.at(end).response(end)
     ]
-    beside += [side.node for sides in model.sides(0.5 * model.dt) for side in sides]
     probed = [node for nodes in probe_nodes(model) for node, _ in nodes]
     nodes = dict.fromkeys([*contact_nodes, *acted_nodes, *beside, *probed])
     return {node: k * model.dim for k, node in enumerate(nodes)}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from percuss.march import implicit_check
 from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
-from percuss.step.parts import coupled_masses, end_forces, ends_without_mass, followers, own_steps, shifts, viscosity
+from percuss.step.parts import coupled_masses, ends_without_mass, followers, own_steps, shifts, viscosity
 from percuss.step.parts.internal_work import InternalWork
 from percuss.step.parts.of_surfaces import SurfacesRecorded
 from percuss.step.parts.state_variables import StateVariablesKept
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 PARTS: tuple[type[Part[Any]], ...] = (
     coupled_masses.CoupledMasses,
     followers.Followers,
-    end_forces.EndForcesOfLaws,
     ends_without_mass.EndsWithoutMass,
     InternalWork,
     shifts.Shifts,
@@ -40,11 +39,10 @@ FEATURES: tuple[Callable[[ModelArrays], Feature | None], ...] = (
     ends_without_mass.feature,
     followers.feature,
     shifts.feature,
-    end_forces.feature,
 )
 # What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
 BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)
-WITH_LAWS = (ends_without_mass.refusals, end_forces.refusals, laws_refused, implicit_check.refusals)
+WITH_LAWS = (ends_without_mass.refusals, laws_refused, implicit_check.refusals)
 
 
 def features_of(model: ModelArrays) -> tuple[Feature, ...]:

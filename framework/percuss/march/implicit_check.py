@@ -35,10 +35,7 @@ def feature(model: ModelArrays) -> ImplicitSteps | None:
     return ImplicitSteps(
         name="implicit scheme",
         scheme=scheme,
-        goes_without={
-            "coupled masses": "an implicit scheme",
-            "end forces": f"and under {name} the internal forces of a step are not those at its begin",
-        },
+        goes_without={"coupled masses": "an implicit scheme"},
         no_row_kernel=True,
         built_for_bars=True,
         keeps_constraints=True,

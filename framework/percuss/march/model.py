@@ -15,7 +15,7 @@ from percuss.contact.binding import Binding
 from percuss.contact.bound_law import BoundLaw
 from percuss.contact.contact_points import contact_points_of
 from percuss.contact.contact_problem import contact_problem
-from percuss.contact.contact_rows import Side, law_records
+from percuss.contact.contact_rows import law_records
 from percuss.contact.model_arrays import ModelArrays
 from percuss.contact.points import LAW, NOTHING
 from percuss.errors import Problem, refuse_if_any
@@ -257,11 +257,6 @@ class Model(ModelArrays):
         """Return the records of a law at its points, where S has the diagonal `delassus`, (P,) `LAW`."""
         records = law_records(bound_law, table, delassus)
         return self.facts.records(bound_law, records, delassus) if self.facts.records else records
-
-    def sides(self, midpoint: float) -> list[list[Side]]:
-        """Return the sides of all contact points, with what their laws see and push, for the supports at a time."""
-        seen = self.facts.sides(midpoint)
-        return [seen.get(point, sides) for point, sides in enumerate(self.rows.at(midpoint).sides)]
 
     def unlike_sides(self) -> list[str]:
         """Return a note on each contact of two plane bodies that differ in thickness or plane."""

@@ -77,7 +77,6 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
     for bound_law in model.laws:
         reason = (
             "its kernel uses the coupling of contacts" if bound_law.linear is None and bound_law.law.uses_coupling else
-            "it sees or pushes the force of end elements" if bound_law.sees_more_than_gap else
             "it has no compliance and is not evaluated at the end of the step" if _is_rigid_early(bound_law) else ""
         )  # fmt: skip
         if reason:

@@ -12,7 +12,6 @@ from percuss.case.options import PER_AREA, options_of
 from percuss.case.quantities import in_unit
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
-from percuss.contact.bound_law import OF_END_FORCE
 from percuss.jsonable import Data, Entries
 from percuss.march.estimate import bytes_of_run, seconds_of_steps
 from percuss.march.recording import recordable
@@ -306,8 +305,6 @@ def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
     record = model.records_of(bound_law, model.tables[-1], bound_law.points.delassus)[bound_law.where.index(number)]
     numbers = {name: float(record[field]) for name, field in OF_RECORD.items()}
     judged = "predicted" if record["sees_predicted_gap"] else "current"
-    if bound_law.sees_more_than_gap:
-        s = sum(float(side.sees @ side.response) for side in model.sides(0.5 * model.dt)[number])
     return {
         "at": linear.at,
         "judged": "balanced" if model.balanced[number] else judged,
@@ -315,7 +312,6 @@ def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
         "active": linear.active,
         "sign": linear.sign,
         **numbers,
-        **{name: float(getattr(linear, name)[bound_law.where.index(number)]) for name in OF_END_FORCE},
         "stiffness": 1.0 / (numbers["sigma"] + numbers["w"] * s),
     }
 
@@ -351,8 +347,6 @@ def _linear_law_lines(law: Data) -> Iterator[str]:
         ("explicit", "balanced"): BALANCED_GAP,
         ("end", "balanced"): BALANCED_GAP,
     }.get((law["at"], law["judged"]), "the current gap")
-    if law["sees"]:
-        state += f" + {law['sees']:.6g} F"
     remark = "" if law["sees_acceleration"] or not law["acceleration"] else ", g'' counts as 0"
     left = f"{law['sigma']:.6g} lambda" if law["sigma"] else "0"
     when = "while g < 0" if law["active"] == "gap < 0" else "at all times"
@@ -362,13 +356,6 @@ def _linear_law_lines(law: Data) -> Iterator[str]:
     else:
         relation = f"{left} = {right}"
     yield f"{relation} {when}, where g is {state}{remark}; {sign}"
-    if pushed := [
-        *([f"lambda pushes N + {law['pushes']:.6g} Sigma"] if law["pushes"] else []),
-        *([f"{law['softens']:.6g} Sigma F_n acts at all times"] if law["softens"] else []),
-    ]:
-        yield "; ".join(pushed)
-    if law["sees"] or pushed:
-        yield "F = Sigma^T u is the mean normal force of the end elements, and s is that of what is seen and pushed"
     if remark:
         right = f"-{' - '.join(parts[:-1])}"
     yield (

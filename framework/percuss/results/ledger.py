@@ -29,7 +29,7 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
-from percuss.contact.points import BY_CURRENT, BY_END, BY_PART
+from percuss.contact.points import BY_CURRENT, BY_END
 from percuss.march.march import March, Outcome
 from percuss.methods.interfaces import Floats
 from percuss.results.summary import (
@@ -400,8 +400,6 @@ def quantity(points: Any, *, linear: bool = True, by_laws: bool = False) -> str:
         parts.append("kappa/4 (<-g_n+1>^2 + <-g_n>^2)")
     if (points.stores == BY_CURRENT).any():
         parts.append("(eps_s g_n g_n+1 + eps_m r_n+1/2^2)/2 while closed")
-    if (points.stores == BY_PART).any():
-        parts.append("what contacts store of the gap that they see - softens F_n F_n+1 / 2")
     if by_laws:
         parts.append(STORED_BY_LAWS)
     return " + ".join(parts) + (" - work" if linear else "")

@@ -41,7 +41,6 @@ class End(NamedTuple):
     """An end of a bar."""
 
     outer: int  # its node
-    inner: int  # the node beside it
     outward: float  # direction out of the bar
     position: float
     stiffness: float  # EA/h of the elements of the bar
@@ -78,12 +77,6 @@ class StrictSystem:
         self._middle = 0.5 * self.dt  # middle of the current step, which decides whether a law acts in an interval
         self.scheme = integrator.bind(self.dt)
         self.bound = read_only(law.bind(self.points, self.dt))
-        self._sees = self._pushes = self.normal  # G and P
-        self._softens = np.zeros(len(self.points.names))
-        if isinstance(self.bound, LinearLaw):
-            self._sees = self.normal + self.end_force * self.bound.sees
-            self._pushes = self.normal + self.end_force * self.bound.pushes
-            self._softens = self._softens + self.bound.softens
         self._state_before = self._state_after = np.zeros((len(self.points.names), law.state))
         self._shift = np.zeros(len(self.points.names) if law.shifts else 0)
 
@@ -104,8 +97,8 @@ class StrictSystem:
                 self.stiffness[e : e + 2, e : e + 2] += of_element[0] * np.array([[1.0, -1.0], [-1.0, 1.0]])
                 self.mass[e : e + 2] += 0.5 * density * area * h
             self.velocity[first : last + 1] = body["velocity"]
-            self._ends[f"{name}.left"] = End(first, first + 1, -1.0, at, *of_element)
-            self._ends[f"{name}.right"] = End(last, last - 1, 1.0, at + length, *of_element)
+            self._ends[f"{name}.left"] = End(first, -1.0, at, *of_element)
+            self._ends[f"{name}.right"] = End(last, 1.0, at + length, *of_element)
             self._bodies.append((slice(first, last + 1), of_element[1]))
             for end in body.get("fixed", ()):
                 self.held[self._ends[f"{name}.{end}"].outer] = True
@@ -116,11 +109,10 @@ class StrictSystem:
         self.response = np.where(self.held, 0.0, 1.0 / self.mass)
 
     def _assemble_contacts(self, case: Data) -> None:
-        """Set N, Sigma, initial gaps, Delassus operator and contact points."""
+        """Set N, initial gaps, Delassus operator and contact points."""
         contacts = case["contacts"]
         self.normal = np.zeros((self.mass.size, len(contacts)))
-        self.end_force = np.zeros_like(self.normal)
-        self.initial_gap, traces = np.zeros(len(contacts)), np.zeros(len(contacts))
+        self.initial_gap = np.zeros(len(contacts))
         sides = [
             [self._ends[end] for end in contact.get("between", [contact.get("body")])] for contact in contacts.values()
         ]
@@ -128,16 +120,11 @@ class StrictSystem:
             opposite = ends[1].position if len(ends) == 2 else contact["wall"]
             gap = ends[0].outward * (opposite - ends[0].position)
             self.initial_gap[p] = 0.0 if gap <= TOUCHING * min(end.length for end in ends) else gap
-            mobility = [self.response[end.outer] for end in ends]
-            for end, weight in zip(ends, np.divide(mobility, sum(mobility)), strict=True):
+            for end in ends:
                 self.normal[end.outer, p] = -end.outward
-                # An element is in tension where its outer node has moved further outward than its inner one.
-                self.end_force[end.outer, p] += weight * end.stiffness * end.outward
-                self.end_force[end.inner, p] -= weight * end.stiffness * end.outward
-                traces[p] += weight**2 * end.stiffness
         self.delassus = self.normal.T @ (self.response[:, None] * self.normal)
         softer = [min(ends, key=lambda end: (end.stiffness, end.frequency)) for ends in sides]
-        alike = [all(np.allclose(end[4:6], ends[0][4:6], rtol=1e-12) for end in ends) for ends in sides]
+        alike = [all(np.allclose(end[3:5], ends[0][3:5], rtol=1e-12) for end in ends) for ends in sides]
         self.points = ContactPoints(
             names=tuple(contacts),
             stiffness=locked([end.stiffness for end in softer]),
@@ -148,7 +135,6 @@ class StrictSystem:
             coupling=locked(np.abs(self.delassus).sum(axis=1) / np.diag(self.delassus)),
             weight=locked([1.0] * len(sides)),
             limits=self._limits,
-            traces=lambda: locked(traces),
         )
 
     def _limits(self) -> Floats:
@@ -182,15 +168,13 @@ class StrictSystem:
             self._middle = (n + 0.5) * dt
             internal = self._actions(n, own=table.own_steps) * (self.stiffness @ (u + table.viscosity * dt * v))
             bulk = self.response * (self.force - internal)
-            if self._acts():
-                bulk = bulk + self.response * (self.end_force @ (self._softens * (self.end_force.T @ u)))
-            gap, rate, acceleration = self.initial_gap + self._sees.T @ u, self._sees.T @ v, self._sees.T @ bulk
+            gap, rate, acceleration = self.initial_gap + self.normal.T @ u, self.normal.T @ v, self.normal.T @ bulk
             predicted_rate = rate + dt * acceleration
             seen = gap, gap + dt * predicted_rate, rate, predicted_rate
             multiplier = self.multipliers(table, seen, acceleration, n * dt)
-            yield multiplier, self.initial_gap + self.normal.T @ u, u
+            yield multiplier, gap, u
             self._state_before = self._state_after
-            v = v + dt * (bulk + self.response * (self._pushes @ multiplier))
+            v = v + dt * (bulk + self.response * (self.normal @ multiplier))
             u = u + dt * v
             if self._shift.size:
                 u = u + self.response * (self.normal @ self._shift)
@@ -292,8 +276,7 @@ class StrictSystem:
         if state.acceleration == "bulk":
             right = right - weights[2] * acceleration
         active = np.flatnonzero(((gap < 0.0) | (law.active == "all")) & self._acts())
-        operator = self._sees.T @ (self.response[:, None] * self._pushes)
-        left = np.diag(sigma) + np.asarray(response)[:, None] * operator
+        left = np.diag(sigma) + np.asarray(response)[:, None] * self.delassus
         out = np.zeros(count)
         out[active] = _solved(left[np.ix_(active, active)], right[active], free=law.sign == "free")
         return out

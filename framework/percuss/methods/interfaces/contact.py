@@ -46,8 +46,8 @@ class ContactPoints:
         another point.
     weight : (P,) array
         Share of the contact surface that belongs to the point; 1 for the end of a bar.
-    limits, traces
-        Functions that compute `stiffness_limit` and `trace_stiffness`, so that only laws that use them pay for them.
+    limits
+        Function that computes `stiffness_limit`, so that only laws that use it pay for it.
     """
 
     names: tuple[str, ...]
@@ -59,7 +59,6 @@ class ContactPoints:
     coupling: Floats
     weight: Floats
     limits: Callable[[], Floats] = field(repr=False, compare=False)
-    traces: Callable[[], Floats] | None = field(default=None, repr=False, compare=False)
 
     @cached_property
     def stiffness_limit(self) -> Floats:
@@ -71,19 +70,6 @@ class ContactPoints:
         """
         return self.limits()
 
-    @cached_property
-    def trace_stiffness(self) -> Floats:
-        """kappa, the least number with ``F^2 <= 2 kappa W``, F the end force and W the energy of the end elements.
-
-        (P,) [force/length]. It is the constant of the discrete trace inequality: ``kappa = sum of w^2 k`` over the
-        sides, k the stiffness of an end element and w the weight of its force in the end force (`LinearLaw`), so that
-        it is EA/h at a wall and EA/(2h) between equal bars; its largest value in the run if a support or a drive holds
-        an end for a part of the run.
-        """
-        if self.traces is None:
-            raise ValueError("these contact points have no trace_stiffness: it is that of the end elements of bars")
-        return self.traces()
-
 
 class LinearLaw(NamedTuple):
     """A contact law that is a linear relation of the multiplier lambda, the gap, its rate and its acceleration.
@@ -91,14 +77,6 @@ class LinearLaw(NamedTuple):
     The framework solves ``(diag(sigma) + diag(w) S) lambda = gamma`` for all active points of a step. Here w is the
     product of the weights (gap, rate, acceleration) with the response of the integrator, and gamma is minus their
     product with the gap, gap rate and gap acceleration at which the law is evaluated (see `ContactState`).
-
-    What a law sees and what it pushes are the gap ``g = N^T u + g_0`` unless it says otherwise. Both may contain the
-    end force ``F = Sigma^T u`` too: the mean normal force of the end elements of both sides, tension positive, each
-    side with a weight proportional to 1/m of its end node, so that F is the force with which the elements change the
-    gap rate, over s; a side that is held or driven has no weight, and at a wall there is only one side. Sigma has
-    entries at the end nodes and the nodes beside them. With ``G = N + sees Sigma`` and ``P = N + pushes Sigma``, the
-    law is evaluated at ``G^T u + g_0``, its rate and its acceleration, it is active by this, its multiplier acts on the
-    bodies as ``P lambda``, and ``G^T M^-1 P`` takes the place of S. The reported gap is g, the contact force lambda.
 
     Attributes
     ----------
@@ -116,11 +94,6 @@ class LinearLaw(NamedTuple):
     during : (K, 2) array or None
         Time intervals (start, stop) in which the law acts: it acts in each step whose middle lies in one of them. None
         means always.
-    sees, pushes : float or (P,) array
-        Multiples of Sigma in what the law sees and in what its multiplier pushes [length/force].
-    softens : float or (P,) array
-        c [length/force]: the force ``c Sigma Sigma^T u_n`` acts on the bodies in every step in which the law acts,
-        whether the contact is closed or open. It takes ``c Sigma Sigma^T`` from their stiffness.
     """
 
     at: Literal["explicit", "end"]
@@ -131,9 +104,6 @@ class LinearLaw(NamedTuple):
     active: Literal["gap < 0", "all"] = "gap < 0"
     sign: Literal["free", ">= 0"] = "free"
     during: Floats | None = None
-    sees: Floats | float = 0.0
-    pushes: Floats | float = 0.0
-    softens: Floats | float = 0.0
 
 
 class Trial(NamedTuple):

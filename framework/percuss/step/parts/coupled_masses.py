@@ -274,7 +274,6 @@ def feature(model: ModelArrays) -> Feature | None:
     mass = model.case.method.mass.name
     return Feature(
         name="coupled masses",
-        goes_without={"end forces": "which moves other nodes than its own where the mass couples nodes"},
         no_row_kernel=True,
         no_closed_form=f"the mass {mass} couples nodes",
         no_waves=f"waves are measured with diagonal masses; the mass {mass} couples nodes",

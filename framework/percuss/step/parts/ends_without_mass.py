@@ -173,7 +173,6 @@ def feature(model: ModelArrays) -> Feature | None:
     mass = model.case.method.mass.name
     return Feature(
         name=NAME,
-        goes_without={"end forces": "and an end without mass is in static balance with it"},
         balanced=massless,
         records=partial(_lines_in_balance, massless, model.dt),
         delassus="1/(k dt^2) of each end without mass",

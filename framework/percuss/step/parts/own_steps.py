@@ -158,7 +158,6 @@ def feature(model: ModelArrays) -> Feature | None:
         name="own steps",
         goes_without={
             "coupled masses": "bodies with steps of their own",
-            "end forces": f"and under {name} the internal forces of a step are not those at its begin",
             "ends without mass": f"with {name} its end element does not act in every step",
         },
         leaps=leaps,

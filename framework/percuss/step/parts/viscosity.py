@@ -85,10 +85,7 @@ def feature(model: ModelArrays) -> Feature | None:
         return None
     return Feature(
         name="viscous bodies",
-        goes_without={
-            "end forces": f"and that of {name} has a viscous part, which is not known when it is evaluated",
-            "ends without mass": f"the viscous force of {name} in its end element is not part of that",
-        },
+        goes_without={"ends without mass": f"the viscous force of {name} in its end element is not part of that"},
         limit_ratio=1.0 / math.sqrt(1.0 + 2.0 * viscosity),
         no_row_kernel=True,
         sums_internal_work=True,

@@ -86,7 +86,6 @@ def sample_points(count: int, part: slice = slice(None)) -> ContactPoints:
         coupling=ones,
         weight=ones,
         limits=lambda: stiffness,
-        traces=lambda: locked(0.5 * stiffness),
     )
 
 
