@@ -110,7 +110,7 @@ class StoredFunction:
         if content is None:
             return None
         try:
-            of, payload = pickle.loads(content)  # noqa: S301 - its digest was checked
+            of, payload = pickle.loads(content)  # noqa: S301 - the folder is of its user
             restored = restored_entry if self.entry else restored_callee
             return restored(target_context, payload) if of == signature else None
         except (ImportError, AttributeError):

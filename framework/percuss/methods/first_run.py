@@ -130,4 +130,4 @@ def _file_of(component: type[Component]) -> str:
     except InputError:  # it was edited after this process imported it
         return ""
     facts = version.__version__, version.CONTRACT, module, component.__qualname__, sources
-    return f"{content_digest(repr(facts).encode())}.answers"
+    return f"{content_digest(repr(facts).encode())}.answered"

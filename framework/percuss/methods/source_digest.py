@@ -296,7 +296,7 @@ def imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStateme
     They are kept in the user's cache folder, as to find them takes a good part of a short run.
     """
     facts = package, sys.version, _source_of(__name__)
-    name = content_digest(b"\0".join([content, *map(str.encode, facts)])) + ".imports"
+    name = content_digest(b"\0".join([content, *map(str.encode, facts)])) + ".found"
     stored = kept(name)
     if stored is not None:
         imports, texts = json.loads(stored)

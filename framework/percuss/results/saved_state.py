@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from percuss.cache import DIGEST_SIZE, TEMPORARY, cache_folder
+from percuss.cache import cache_folder
 from percuss.case.case import Case
 from percuss.errors import InputError, UnwrittenError, wrong_input
 from percuss.files import replacing
@@ -28,6 +28,7 @@ from percuss.results.differences import changes
 from percuss.results.provenance import components_used, machine, origins
 
 SUFFIX = ".state"
+DIGEST_SIZE = 32  # bytes
 SAVE_SECONDS = 60.0  # between two saved states
 MOST_OF_TIME = 0.05  # share of the time of a run that saving may take
 FORGOTTEN_AFTER = 30 * 86400.0  # seconds after which the state of a run that nobody has gone on with is removed
@@ -84,7 +85,7 @@ class SavedState:
         digest = hashlib.sha256()
         with (
             contextlib.suppress(OSError, InputError, UnwrittenError),
-            replacing(self.path, TEMPORARY) as temporary,
+            replacing(self.path, SUFFIX) as temporary,
             temporary.open("wb") as file,
         ):
             for piece in (header, *map(_bytes_of, arrays)):
