@@ -20,17 +20,12 @@ def __getattr__(name):
 
     if name in _MODULE_OF:
         return getattr(import_module(_MODULE_OF[name]), name)
+    from percuss.errors import nearest
     from percuss.version import CONTRACT
 
-    raise AttributeError(f"module 'percuss' (contract {CONTRACT}) has no attribute {name!r}{_did_you_mean(name)}")
-
-
-def _did_you_mean(name):
-    """Return a sentence that suggests the public name nearest to `name`; empty if none is similar."""
-    from percuss.errors import nearest
-
-    near = None if name.startswith("_") else nearest(name, __all__)
-    return f". Did you mean '{near}'?" if near else ""
+    near = nearest(name, __all__)
+    advice = f". Did you mean '{near}'?" if near else ""
+    raise AttributeError(f"module 'percuss' (contract {CONTRACT}) has no attribute {name!r}{advice}")
 
 
 def __dir__():

@@ -10,13 +10,9 @@ def main() -> None:
     folder = os.path.dirname(os.path.realpath(sys.argv[0]))  # noqa: PTH120
     if not sys.flags.safe_path and os.path.realpath(sys.path[0]) == folder:
         del sys.path[0]
-    try:
-        from percuss.process import begin
+    from percuss.process import begin
 
-        begin()
-    except KeyboardInterrupt:
-        os.write(2, b"interrupted\n")
-        os._exit(130)
+    begin()
     from percuss.cli.main import main as run
 
     run()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import sys
@@ -27,7 +28,6 @@ from percuss.cli.verify import verify
 from percuss.cli.waves import waves
 from percuss.files import CANNOT_BE_WRITTEN
 from percuss.methods.process_guard import tell_uncaught
-from percuss.process import begin, end_whatever_runs
 from percuss.version import CONTRACT, __version__
 
 GARBAGE_THRESHOLD = 50_000  # new objects after which Python looks for garbage
@@ -97,7 +97,6 @@ def main() -> None:
 
     The exit code is 130 for a command that Ctrl-C ended.
     """
-    begin()
     tell_uncaught()
     start_with_one_blas_thread()
     # Pydantic would look through all installed distributions for plug-ins of its own.
@@ -109,14 +108,12 @@ def main() -> None:
         try:
             app(standalone_mode=True)
         finally:
-            sys.stdout.flush()  # here, where an error can still be told
-    except SystemExit as ended:
-        exec("")  # noqa: S102 - a Ctrl-C inside the last text that was executed would end Python by a signal
-        end_whatever_runs(ended.code if isinstance(ended.code, int) else 0)
-        raise
+            print(end="", flush=True)  # here, where an error can still be told
     except OSError as error:
-        if error.errno not in CANNOT_BE_WRITTEN:
+        if error.errno not in {*CANNOT_BE_WRITTEN, errno.EPIPE}:
             raise
-        print(f"error: the output cannot be written: {error.strerror}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it once more at its end
+        if error.errno == errno.EPIPE:  # the reader has left, as `head` does
+            sys.exit(1)
+        print(f"error: the output cannot be written: {error.strerror}", file=sys.stderr)
         sys.exit(2)
