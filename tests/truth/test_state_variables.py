@@ -13,7 +13,6 @@ from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.errors import PluginError
 from percuss.march.march import March
 from percuss.march.model import Model
-from percuss.methods import first_run
 from percuss.methods.admission import admitted
 from percuss.testing.subject import Subject
 from strategies import hunek
@@ -224,9 +223,8 @@ def draws(bound, trial, multiplier):
 )
 def test_a_kernel_that_treats_its_state_wrongly_is_named(kernel, message):
     subject = Subject.of(law(kernel))
-    case = percuss.load(hunek(5, contact="wrong", integrator="central-difference"), registry=subject.registry)
-    with first_run.asked_again(subject.component, subject.answers), pytest.raises(PluginError, match=message):
-        Model(case)
+    with pytest.raises(PluginError, match=message):
+        subject.run(hunek(5, contact="wrong", integrator="central-difference"))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.step.integrator_check import kernel_of, unchecked_scheme, uses_internal
+from percuss.step.integrator_check import kernel_of, scheme, uses_internal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,7 +76,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
     doubts: list[str] = []
     integrator = model.case.method.integrator
-    stages, (*_, table) = unchecked_scheme(integrator, dt)
+    stages, (*_, table) = scheme(integrator, dt)
     guarantees = _guarantees_without_laws(model, stages)
     alone = stages is not None and uses_internal(kernel_of(integrator))
     by_scheme = model.facts.no_springs or (f"{integrator.name} {ALONE}" if alone else "")

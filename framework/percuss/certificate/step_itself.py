@@ -25,10 +25,10 @@ from percuss.certificate.closed_step import LINEARITY_TOLERANCE, ClosedStep, Mot
 from percuss.certificate.operator import MOST_TRIED_CONTACTS, deflated, none_to_spare
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
+from percuss.contact.law_trials import changes_with_time
 from percuss.errors import PercussError
 from percuss.mesh.ritz_values import without_chance
 from percuss.methods.blame import described
-from percuss.methods.kernel_trial import changes_with_time
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

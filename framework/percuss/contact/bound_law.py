@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from percuss.contact.law_trials import kernel_of
 from percuss.jsonable import Entries
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LinearLaw
-from percuss.methods.kernel_trial import kernel_of, try_kernel
 from percuss.methods.plugin_calls import answer, as_numbers, mapped, read_only, same
 
 COEFFICIENTS = ("sigma", "gap", "rate", "acceleration")
@@ -73,8 +73,7 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
     Raises
     ------
     PluginError
-        If `bind` of the law returned an invalid linear law, or neither that nor the data of a kernel, or if the kernel
-        fails its trial calls.
+        If `bind` of the law returned an invalid linear law, or neither that nor the data of a kernel.
     ValueError
         If the options of the law do not fit together or do not fit its points.
     """
@@ -86,7 +85,6 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
             expected = "LinearLaw, or a NamedTuple of what its kernel `multipliers` needs"
             raise breach(law, "bind", f"bind returned {returned}, expected {expected}")
         bound = read_only(bound)
-        try_kernel(law, bound, points, dt)
     return BoundLaw(
         law=law,
         where=where,
@@ -127,7 +125,6 @@ def joined(
     except (TypeError, ValueError):
         return None
     points, resolved = points_of(sorted(where), dt), tuple(part for each in laws for part in each.resolved)
-    try_kernel(laws[0].law, data, points, dt)
     return dataclasses.replace(laws[0], where=tuple(sorted(where)), points=points, kernel_data=data, resolved=resolved)
 
 

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from percuss.contact.law_trials import describe_state, fault_of_nan, kernel_of
 from percuss.errors import PercussError, PluginError
 from percuss.march.stop import Stop
 from percuss.mesh.element_probe import ElementProbe
-from percuss.methods.blame import described, line_in_plugin, plain_function
-from percuss.methods.first_run import is_watched
-from percuss.methods.kernel_trial import describe_state, fault_of_nan, kernel_of
+from percuss.methods.blame import described, is_foreign, line_in_plugin, plain_function
 from percuss.step.actions import LAWS
 from percuss.step.build import Kernels
 from percuss.step.law_kernels import multipliers
@@ -149,7 +148,7 @@ def stop_by_a_body(model: Model, displacement: Floats, failed: Any, step: int) -
     """
     for body in model.bodies.values():
         parts = body.spec.element, body.spec.material
-        foreign = any(is_watched(part) for part in parts)
+        foreign = any(map(is_foreign, parts))
         if body.spec.material.state or not (foreign or body.why_not_linear):
             continue
         nodes = body.element_nodes(np.arange(body.count))

@@ -116,7 +116,6 @@ class Model(ModelArrays):
 
     def _bind(self) -> None:
         """Bind the integrator and the laws for the step, and refuse methods that do not work together."""
-        # Before anything else asks the integrator, so that the first of its answers are those that are watched.
         stages, tables = scheme(self.case.method.integrator, self.dt)
         self._set(stages=stages, tables=tables)
         refuse(self, BEFORE_LAWS)

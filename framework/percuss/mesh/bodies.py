@@ -16,7 +16,6 @@ from percuss.mesh.bar import Bar
 from percuss.mesh.body import Body
 from percuss.mesh.cell_stiffness import frequencies_of_cells
 from percuss.mesh.cells import is_solid, modulus_of, volumes_of
-from percuss.mesh.kernel_trial import try_kernels
 from percuss.mesh.masses import ends_at_contacts, inverse_mass, nodal_masses
 from percuss.methods.interfaces import BodyMesh
 from percuss.methods.plugin_calls import answer, read_only
@@ -169,7 +168,6 @@ def bodies_of(case: Case) -> Bodies:
         velocity = np.asarray(spec.velocity, dtype=float)
         if velocity.ndim == 0:  # along the body; a body along no line has none by default
             velocity = velocity * (mesh.direction if mesh.line is not None else np.zeros(mesh.nodes.shape[1]))
-        try_kernels(spec.element, spec.material, view)
         mass, may_lack_mass = nodal_masses(case, spec, view, in_contact.get(name, frozenset()))
         facts: dict[str, Any] = {}
         if mesh.line is not None:

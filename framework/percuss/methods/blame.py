@@ -126,6 +126,11 @@ def is_third_party(module: str) -> bool:
     return module.startswith("percuss_file_") or module.partition(".")[0] in PLUGIN_MODULES - OWN_PACKAGES
 
 
+def is_foreign(component: Component) -> bool:
+    """Return whether a method does not come with percuss."""
+    return type(component).__module__.partition(".")[0] not in OWN_PACKAGES
+
+
 def third_party_files() -> list[str]:
     """Return the files of the modules of third-party plug-ins, in the order in which they were loaded."""
     modules = [module for name, module in list(sys.modules.items()) if is_third_party(name)]

@@ -1,16 +1,12 @@
 """Calls of the methods of components from Python, and checks of what those of third-party plug-ins answer.
 
 Arrays are handed over read-only. An answer of the wrong shape, or one that is not finite, is refused with the place of
-the method. Before the first run of a changed source each method is called twice (`percuss.methods.first_run`): an
-answer that depends on earlier calls, on chance or on the clock differs, unless it does so too seldom to be seen in so
-few calls. Kernels are tried elsewhere (`percuss.methods.kernel_trial`, `percuss.mesh.kernel_trial`).
+the method. All else is asked by the conformance kit.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
-import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -19,8 +15,7 @@ import numpy as np
 
 from percuss.compiling import Kernel
 from percuss.errors import PercussError
-from percuss.methods.blame import breach, described, line_in_plugin
-from percuss.methods.first_run import first_asked, is_watched
+from percuss.methods.blame import breach, described, is_foreign, line_in_plugin
 from percuss.methods.interfaces import (
     BodyMesh,
     Component,
@@ -35,53 +30,33 @@ from percuss.methods.interfaces import (
 )
 
 NODES_OF_CELLS = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
-REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
 DEEPEST = 6  # levels of attributes up to which two answers are compared
 
 
 def answer(component: Component, method: str, *arguments: object) -> Any:
-    """Return the answer of a method of a component to arguments whose arrays it cannot change.
+    """Return the answer of a method of a component; one that does not come with percuss is checked.
 
     Raises
     ------
     PluginError
-        If the method of a third-party plug-in changes its arguments or answers with the wrong shape or with a value
-        that is not finite; before the first run of its source also if it answers differently when it is asked the same
-        again, or changes the component.
+        If the method changes its arguments or answers with the wrong shape or with a value that is not finite.
     """
     call = getattr(component, method)
-    if not is_watched(component):
-        return call(*arguments)
+    return checked(component, method, call, *arguments) if is_foreign(component) else call(*arguments)
+
+
+def checked(component: Component, method: str, call: Callable[..., Any], *arguments: object) -> Any:
+    """Return the answer of a method to arguments whose arrays it cannot change; raise PluginError as `answer` does."""
     arguments = tuple(read_only(argument) for argument in arguments)
     try:
-        with first_asked(f"{method} {component!r}", component, times=REPEATED_CALLS) as due:
-            own_state = _own_state(component) if due else ""
-            value = call(*arguments)
-            _check(component, method, value, *arguments)
-            if due and not same(value, call(*arguments)):
-                raise breach(component, method, f"{method} {DIFFERENT}")
-            if due and _own_state(component) != own_state:
-                message = f"{method} changes the component itself, which keeps nothing between calls"
-                raise breach(component, method, message)
+        value = call(*arguments)
     except ValueError as error:
         if "read-only" not in str(error):
             raise
         message = f"{method} changes an array that it was handed: copy it first"
         raise breach(component, method, message, line_in_plugin(error)) from error
+    _check(component, method, value, *arguments)
     return value
-
-
-def _own_state(component: Component) -> str:
-    """Return the text of what a component holds, without what its cached properties have computed from it."""
-    attributes = {name: inspect.getattr_static(type(component), name, None) for name in vars(component)}
-    cached = {name for name, value in attributes.items() if isinstance(value, functools.cached_property)}
-    return repr([(name, value) for name, value in vars(component).items() if name not in cached])
-
-
-DIFFERENT = (
-    "gives another answer when it is asked the same again: it keeps state between calls, draws random numbers or reads "
-    "the clock; its answer must follow only from its options and its arguments"
-)
 
 
 @contextmanager
@@ -107,21 +82,6 @@ def kernel_faults(component: Component, name: str, advice: str = "") -> Iterator
         if isinstance(error, IndexError):
             text += advice
         raise breach(component, name, text, line_in_plugin(error)) from error
-
-
-def called_twice(component: Component, name: str, call: Kernel, states: Sequence[tuple[object, ...]]) -> list[Any]:
-    """Return what a kernel gives in some states; call it in all of them a second time.
-
-    Raises
-    ------
-    PluginError
-        If the kernel raises an error, changes what it was handed, or gives another result the second time.
-    """
-    with kernel_faults(component, name):
-        first, second = ([call(*state) for state in states] for _ in range(2))
-    if not same(first, second):
-        raise breach(component, name, f"{name} {DIFFERENT}")
-    return first
 
 
 def read_only(value: Any) -> Any:

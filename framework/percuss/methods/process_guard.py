@@ -31,7 +31,6 @@ from percuss.methods.blame import (
     line_in_plugin,
     running_line,
 )
-from percuss.methods.first_run import note_answers
 
 MOST_FILES = 256  # numbers of open files that are looked at
 MISSING = object()  # instead of a name that has been removed
@@ -250,7 +249,6 @@ class _Names:
                 if (now := vars(owner).get(name, MISSING)) is not value:
                     changed.append((owner, name, now))
                     setattr(owner, name, value)
-        note_answers()  # only now: what a plug-in has overwritten is used here
         return changed
 
 

@@ -1,4 +1,4 @@
-"""Checks of the definition of an integrator: a leap-frog scheme, or a multi-stage scheme with a kernel."""
+"""The definition of an integrator, checked: a leap-frog scheme, or a multi-stage scheme with a kernel."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from percuss.compiler.specialise import Specialiser
 from percuss.errors import PluginError, RefusedPair
 from percuss.methods import slots
 from percuss.methods.blame import breach
-from percuss.methods.first_run import first_asked
 from percuss.methods.interfaces import ContactLaw, ContactState, Implicit, Integrator, LeapFrog, Stages
-from percuss.methods.plugin_calls import answer, called_twice, kernel_faults
+from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
@@ -35,28 +34,17 @@ def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[Leap
     PluginError
         If `bind` returned anything else, or the stages and the kernel `step` do not fit together.
     """
-    stages, tables = unchecked_scheme(integrator, dt)
-    if stages is not None:
-        with first_asked(f"step {integrator!r}", integrator) as due:
-            if due:
-                _check_one_step(integrator, stages, dt)
-                _check_repeated_steps(integrator, stages, dt)
-    return stages, tables
-
-
-def unchecked_scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[LeapFrog, ...]]:
-    """Return stages and states as `scheme` does, for an integrator that has passed the trial steps at another step."""
     definition = answer(integrator, "bind", dt)
     if isinstance(definition, LeapFrog):
         viscosity, other = definition.viscosity, answer(integrator, "bind", 0.5 * dt).viscosity
         if not (0.0 <= viscosity < np.inf and abs(viscosity - other) <= ROUND_OFF_TOLERANCE * viscosity):
-            raise _plugin_error(
+            raise step_error(
                 integrator,
                 "LeapFrog.viscosity needs a finite number of at least 0, the same at every step: it is the time of the "
                 f"viscosity over the step; found {viscosity!r}, and {other!r} at half the step",
             )
         if definition.own_steps and viscosity:
-            raise _plugin_error(
+            raise step_error(
                 integrator,
                 "LeapFrog.own_steps and LeapFrog.viscosity exclude each other: the strain rate of half a step before "
                 "is not known of a body whose forces do not act in every step",
@@ -65,29 +53,25 @@ def unchecked_scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, 
     if isinstance(definition, Implicit):
         if not (np.isfinite(definition).all() and definition.beta > 0.0 and -1.0 <= definition.alpha <= 0.0):
             message = "Implicit needs finite numbers, beta greater than 0 and alpha from -1 to 0"
-            raise _plugin_error(integrator, f"{message}; found {tuple(definition)}")
+            raise step_error(integrator, f"{message}; found {tuple(definition)}")
         response = (definition.beta * dt * dt, definition.gamma * dt, 1.0)  # of the mass alone, as dt vanishes
         state = ContactState("predicted", "predicted", "none", response)
         return None, (LeapFrog(state, state),)
     if not isinstance(definition, Stages):
         expected = "LeapFrog, Stages or Implicit"
-        raise _plugin_error(integrator, f"bind returned {type(definition).__name__}, expected {expected}")
+        raise step_error(integrator, f"bind returned {type(definition).__name__}, expected {expected}")
     ends = ends_of(definition, dt)
     velocities = velocities_of(definition)
     start = np.array(definition.start, dtype=float)
     numbers = np.array([*definition.times, *definition.numbers, *ends.ravel(), *velocities, *start], dtype=float)
     if not definition.times or not np.isfinite(numbers).all():
-        raise _plugin_error(integrator, "Stages need one stage or more, and finite numbers throughout")
+        raise step_error(integrator, "Stages need one stage or more, and finite numbers throughout")
     if ends.shape != (len(definition.times), 3) or (ends <= 0).any():
-        raise _plugin_error(
-            integrator, "Stages.end needs three numbers greater than 0 for each stage, or nothing at all"
-        )
+        raise step_error(integrator, "Stages.end needs three numbers greater than 0 for each stage, or nothing at all")
     if start.size and (start.shape != (3,) or (start <= 0).any()):
-        raise _plugin_error(integrator, "Stages.start needs three numbers greater than 0, or nothing at all")
+        raise step_error(integrator, "Stages.start needs three numbers greater than 0, or nothing at all")
     if velocities.shape != (len(definition.times),) or (velocities < 0).any():
-        raise _plugin_error(
-            integrator, "Stages.velocity needs a number of at least 0 for each stage, or nothing at all"
-        )
+        raise step_error(integrator, "Stages.velocity needs a number of at least 0 for each stage, or nothing at all")
     return definition, tuple(table_of_stage(*end) for end in ends.tolist())
 
 
@@ -154,14 +138,15 @@ def kernel_of(integrator: Integrator) -> Callable[..., None]:
     """
     kernel = getattr(type(integrator), "step", None)
     if kernel is None:
-        raise _plugin_error(
+        raise step_error(
             integrator,
             "bind returned Stages, and the class has no static method `step(numbers, system, u, v, kept, dt)`",
         )
     return kernel  # type: ignore[no-any-return]
 
 
-def _plugin_error(integrator: Integrator, message: str) -> PluginError:
+def step_error(integrator: Integrator, message: str) -> PluginError:
+    """Return the error for an integrator whose kernel, or else `bind`, does what its contract forbids."""
     return breach(integrator, "step" if hasattr(integrator, "step") else "bind", message)
 
 
@@ -186,63 +171,3 @@ def uses_internal(kernel: Callable[..., None]) -> bool:
     maker = Specialiser({slots.internal: no_internal_forces}, jit=False)
     maker.bind(kernel)
     return maker.reached(no_internal_forces)
-
-
-def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
-    """Check one step of two points in plain Python, one in free flight and one accelerated from rest.
-
-    Raises
-    ------
-    PluginError
-        If v does not change by dt a, or u by dt v: the kernel does not change u and v in place, or does not use all of
-        the impulse, and the sums of work and momentum would be wrong.
-    """
-    stages_used = []
-
-    def accelerations(system: object, stage: int, u: Floats, v: Floats, a: Floats) -> None:
-        stages_used.append(stage)
-        constant_accelerations(system, stage, u, v, a)
-
-    def internal(system: object, stage: int, u: Floats, f: Floats) -> None:
-        stages_used.append(stage)
-        no_internal_forces(system, stage, u, f)
-
-    step = plain_step(integrator, accelerations, internal)
-    constant = np.array([0.0, 1.0])
-    u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(constant, (integrator.kept, 1))
-    advice = "" if integrator.kept else " (`kept` is 0: say how many rows the scheme keeps)"
-    with kernel_faults(integrator, "step", advice):
-        step(stages.numbers, (constant,), u, v, kept, dt)
-    if set(stages_used) - set(range(len(stages.times))):
-        raise _plugin_error(
-            integrator, f"step asks for stage {max(stages_used)}, and Stages.times has {len(stages.times)}"
-        )
-    # a value that is not a number fails these comparisons
-    if not (
-        abs(u[0] - dt) <= ROUND_OFF_TOLERANCE * dt and np.abs(v - [1.0, dt]).max() <= ROUND_OFF_TOLERANCE * max(1.0, dt)
-    ):
-        raise _plugin_error(
-            integrator,
-            "step must change u and v in place (u += ..., or u[:] = ...), v by dt times an acceleration that is "
-            f"constant and u by dt times a velocity that is; found a change of v by {v[1] / dt:.9g} dt a, and of u by "
-            f"{u[0] / dt:.9g} dt v",
-        )
-
-
-def _check_repeated_steps(integrator: Integrator, stages: Stages, dt: float) -> None:
-    """Check that a second step from the same state gives the same result, for several states.
-
-    Raises
-    ------
-    PluginError
-        If the results differ.
-    """
-    step = plain_step(integrator, constant_accelerations, no_internal_forces)
-    rows = np.cos(np.arange(1.0, 5.0 * (3 + integrator.kept) + 1.0)).reshape(3 + integrator.kept, 5)
-
-    def state_after(size: float) -> list[Floats]:
-        u, v, a, kept = size * rows[0], size * rows[1], size * rows[2], size * rows[3:]
-        step(stages.numbers, (a,), u, v, kept, dt)
-        return [u, v, *kept]
-
-    called_twice(integrator, "step", state_after, [(1e-3,), (1.0,), (1e3,)])

@@ -13,7 +13,7 @@ import numpy as np
 
 from percuss.compiler.marks import fused
 from percuss.compiler.record_arrays import Records, record_array
-from percuss.methods.blame import is_third_party
+from percuss.methods.blame import is_foreign
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -161,7 +161,7 @@ def _is_uniform(body: Bar) -> bool:
     stiffness, inner_mass = body.stiffness, body.mass[1:-1]
     return not (
         body.why_not_linear
-        or any(is_third_party(type(part).__module__) for part in (body.spec.element, body.spec.material))
+        or any(map(is_foreign, (body.spec.element, body.spec.material)))
         or np.any(stiffness != stiffness[0])
         or np.any(inner_mass != inner_mass[:1])
     )

@@ -5,7 +5,7 @@ if it does not. A check that takes a partner is run once with each registered me
 with. Partners of percuss and of the component's own plug-in decide; those of other plug-ins are listed apart. Only
 `Component.expected_failures` excuses a failure: the check is still run, and a declared failure that does not occur is
 an error. Where a law declares to fail a check with an integrator, nothing is demanded of it with another one that
-evaluates laws in the same states.
+evaluates laws in the same states. In a check the methods of the component are asked everything twice (`trials`).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ import numpy as np
 
 from percuss.errors import PercussError, PluginError, suggestion
 from percuss.methods.blame import described, is_ctrl_c, line_in_plugin
-from percuss.methods.first_run import asked_again
 from percuss.methods.interfaces import Component, ContactState, LeapFrog
 from percuss.methods.registry import Registry
 from percuss.testing.report import OTHERS, Outcome, Report
 from percuss.testing.subject import DRAWS, PARTNERS, Check, CheckFailed, NotApplicable, Status, Subject, named
+from percuss.testing.trials import asked_twice
 
 
 def known_checks() -> list[Check]:
@@ -108,7 +108,7 @@ def _performed(kit_check: Check, subject: Subject, partner: str, *, declared: bo
     """Return status and message of a check, which may be declared to fail."""
     try:
         # the words after an array decide: they stand in the same line
-        with asked_again(subject.component, subject.answers), np.printoptions(threshold=6, linewidth=10**6):
+        with asked_twice(subject.component, subject.asked), np.printoptions(threshold=6, linewidth=10**6):
             kit_check(subject, partner) if partner else kit_check(subject)
     except NotApplicable as exemption:
         return "not applicable", str(exemption)

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.contact.law_trials import multipliers_of, plain_kernel, trial_of
 from percuss.jsonable import Data
 from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages
-from percuss.methods.kernel_trial import multipliers_of, plain_kernel, trial_of
 from percuss.methods.plugin_calls import read_only
 from percuss.step.integrator_check import ends_of, plain_step, table_of_stage
 from percuss.testing.subject import NotApplicable

@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import sys
 import textwrap
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,6 @@ from percuss.case.case import Case
 from percuss.certificate.verdict import Certify, verdict_alone
 from percuss.errors import PluginError, RefusedPair, RunError
 from percuss.jsonable import Data, Entries
-from percuss.methods.first_run import Answers
 from percuss.methods.interfaces import FAMILIES, Component, DataFile, Implicit, Integrator, LeapFrog, MeshFile, Stages
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
@@ -73,8 +73,8 @@ class Subject:
         Whether a check that draws cases looks for a small one that fails.
     options, partner
         Options of the component and name of its partner in the cases of a check that draws them.
-    answers
-        What the component has answered in the checks so far.
+    asked
+        How often each question has been put to the component in the checks so far.
     declarable
         Names of checks, alone and with each partner, that the component may declare as expected failures.
     """
@@ -87,7 +87,7 @@ class Subject:
     shrinks: bool = False
     options: Data = field(default_factory=dict, repr=False)
     partner: str = ""
-    answers: Answers = field(default_factory=Answers, compare=False, repr=False)
+    asked: Counter[str] = field(default_factory=Counter, compare=False, repr=False)
     declarable: Sequence[str] = field(default=(), compare=False, repr=False)
 
     @staticmethod
@@ -260,9 +260,12 @@ class Subject:
             If integrator and contact law refuse each other.
         """
         from percuss.results.runner import examined_run
+        from percuss.testing.trials import try_kernels
 
+        loaded = self.load(case)
         try:
-            return examined_run(self.load(case), compiled=compiled, certify=certify)
+            try_kernels(loaded, self.component, self.asked)
+            return examined_run(loaded, compiled=compiled, certify=certify)
         except RefusedPair as refused:
             raise NotApplicable(f"refused: {refused.sentence}") from None
 

@@ -13,11 +13,11 @@ from percuss.case.options import options_of
 from percuss.case.type_words import branches
 from percuss.certificate import verdict
 from percuss.contact.bound_law import COEFFICIENTS, bind_law
+from percuss.contact.law_trials import COUPLED, multipliers_of, plain_kernel, trial_of
 from percuss.errors import InputError, RefusedPair, RunError, suggestion
 from percuss.jsonable import Data, Entries
 from percuss.march.model import Model
 from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
-from percuss.methods.kernel_trial import COUPLED, multipliers_of, plain_kernel, trial_of
 from percuss.results.result import Result
 from percuss.testing.draws import (
     SAFETY_FACTOR,

@@ -1,0 +1,155 @@
+"""One mistake of each kind in a plug-in: a run names it with file and line, or else the conformance kit does.
+
+The plug-ins are the templates of `percuss new` with one line put into one method.
+"""
+
+import ast
+import json
+import re
+
+import pytest
+
+import percuss
+from command_line import percuss_command
+from percuss.cli.scaffold import new
+from percuss.methods.registry import Registry
+from percuss.testing.kit import checks_of, perform
+from percuss.testing.subject import Subject
+
+
+def written(folder, method, line):
+    """Write the template of a family with a line put into one method, and its case; return case and plug-in."""
+    family, _, name = method.partition(".")
+    files = new("my-method", family, folder, single_file=True).files
+    (plugin,) = [path for path in files if path.suffix == ".py"]
+    (case,) = [path for path in files if path.suffix == ".yaml" and ".study" not in path.suffixes]
+    text = plugin.read_text()
+    (place,) = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef) and node.name == name]
+    lines = text.splitlines()
+    at = place.body[1].lineno - 1  # behind the docstring
+    lines.insert(at, " " * place.body[1].col_offset + line)
+    lines.insert(1, "import numpy as np")
+    plugin.write_text("\n".join(lines) + "\n")
+    small = re.sub(r"elements: \d+", "elements: 3", case.read_text()).replace("end: 0.35", "end: 0.15")
+    case.write_text(small.replace("[20, 5]", "[4, 2]").replace("end: 2.5", "end: 0.5"))
+    return case, plugin
+
+
+IN_A_RUN = {
+    "an error": ("contact.bind", "raise RuntimeError('plan B')", "RuntimeError: plan B"),
+    "an error without a text": (
+        "contact.bind", "raise type('Mute', (Exception,), {'__str__': lambda self: 1 / 0})",
+        "Mute: its text cannot be shown (ZeroDivisionError)",
+    ),
+    "an error of percuss": ("contact.bind", "import percuss; raise percuss.RunError('x')", "RunError: x"),
+    "not finite": ("load.amplitude", "return time * np.nan", "amplitude returned nan"),
+    "a wrong shape": ("mass.nodal", "return element_mass", "nodal returned numbers of shape (3,), expected (4,)"),
+    "another kind": ("shape.mesh", "return at", "mesh returned a ndarray of float64, expected a Mesh"),
+    "no real numbers": (
+        "mass.nodal", "return np.ones(4, dtype=complex)",
+        "nodal returned a ndarray of complex128, expected numbers of shape (4,)",
+    ),
+    "a linear law": (
+        "contact.bind", "return LinearLaw(at='end', sigma=np.ones(7), active='all')", "has shape (7,), expected (1,)",
+    ),
+    "nothing": ("contact.bind", "return None", "bind returned nothing, expected LinearLaw"),
+    "writes": ("element.bind", "body.mesh.lengths[0] = 9.0", "bind changes an array that it was handed"),
+    "a kernel writes": ("material.stress", "parameters[0] = 1.0", "assignment destination is read-only"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", IN_A_RUN)
+def test_a_run_names_file_and_line(kind, tmp_path):
+    method, line, said = IN_A_RUN[kind]
+    case, plugin = written(tmp_path, method, line)
+    done = percuss_command("run", case, "--json", cwd=tmp_path, plain=True)
+    assert done.returncode == 2, done.stdout
+    assert len(done.stderr.splitlines()) == 1
+    assert re.match(rf"error: {plugin}:\d+: ", done.stderr)
+    assert said in done.stderr
+    assert json.loads(done.stdout)["error"] in done.stderr
+
+
+def rows(folder, monkeypatch, mistake, **study):
+    """Make a study of the case of a plug-in with a mistake, in this process; return its rows."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("numba.config.DISABLE_JIT", True)
+    case, plugin = written(folder, *mistake)
+    return percuss.study({"percuss-study": 1, "cases": [str(case)], **study}, workers=1, plugins=[plugin]).as_records()
+
+
+def test_a_mistake_costs_its_own_rows_of_a_study_alone(tmp_path, monkeypatch):
+    method, line, said = IN_A_RUN["an error"]
+    contacts = {"contacts": ["my-method", "penalty"]}
+    bad, good = rows(tmp_path, monkeypatch, (method, line), methods=contacts)
+    assert (bad["status"], good["status"]) == ("failed", "done")
+    assert re.search(rf"my-method\.py:\d+: {said}", bad["reason"])
+
+
+def test_a_mistake_of_a_measure_fails_its_row(tmp_path, monkeypatch):
+    (row,) = rows(tmp_path, monkeypatch, ("measure.of", "return float('nan')"), measure=["my-method"])
+    assert row["status"] == "failed"
+    assert re.search(r"my-method\.py:\d+: .*of returned nan", row["reason"])
+
+
+KERNEL = '''
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from percuss import ContactLaw
+
+SEEN = []
+
+
+class Bound(NamedTuple):
+    weights: np.ndarray
+
+
+@dataclass(frozen=True)
+class Mine(ContactLaw):
+    """A law."""
+
+    name = "mine"
+    summary = "a law"
+
+    def bind(self, points, dt):
+        return Bound(np.arange(1000.0))
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            EXTRA
+            multiplier[p] = max(-trial.predicted_gap[p] / (trial.delassus[p] * trial.gap_response), 0.0)
+'''
+BY_THE_KIT = {
+    "without a mistake": ("pass", ""),
+    "keeps a list": ("SEEN.append(p)", "multipliers changes `SEEN`: a kernel keeps nothing"),
+    "draws at random": (
+        "multiplier[p] = np.random.rand(); continue",
+        "it keeps state between calls, draws random",
+    ),
+    "an index that turns negative": (
+        "bound.weights[int(-trial.gap[p] / 1e-5)]",
+        "multipliers reads a bound array at index -100, which counts from its end",
+    ),
+    "a branch that sets nothing": (
+        "if trial.gap[p] < 0.0 and trial.rate[p] > 0.0: continue",
+        "unset: every branch of its kernel has to set every multiplier, 0.0 where nothing presses (at gap -1e-06",
+    ),
+    "beyond the end": ("trial.delassus[p + 7]", "contact law mine: multipliers: IndexError"),
+    "writes": ("bound.weights[0] = 1.0", "multipliers changes what it was handed to read"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", BY_THE_KIT)
+def test_the_kit_finds_a_mistake_of_a_kernel(kind, tmp_path):
+    line, said = BY_THE_KIT[kind]
+    file = tmp_path / "mine.py"
+    file.write_text(KERNEL.replace("EXTRA", line))
+    registry = Registry.load([file])
+    subject = Subject.of(registry.get("contacts", "mine"), registry)
+    (outcome,) = [perform(check, subject, partner) for check, partner in checks_of(subject) if check.first]
+    assert outcome.status == ("failed" if said else "passed"), outcome.message
+    assert said in outcome.message
+    assert not said or f"{file}:" in outcome.message
