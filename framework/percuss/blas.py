@@ -18,81 +18,34 @@ ONE_THREAD = {
     "VECLIB_MAXIMUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
 }
-
-
-class _Limit:
-    """The limit of one thread, which is one for the whole process, however many threads of Python compute.
-
-    Attributes
-    ----------
-    always
-        Whether the process began with one thread of BLAS, so that nothing is left to do.
-    users
-        Number of computations that go on.
-    before
-        Libraries of BLAS, each with its number of threads before the first of these computations.
-    """
-
-    def __init__(self) -> None:
-        self.always = False
-        self.lock = threading.Lock()
-        self.users = 0
-        self.before: list[tuple[Any, int]] = []
-
-    def begin(self) -> None:
-        with self.lock:
-            if self.users == 0:
-                self.before = [(library, library.get_num_threads()) for library in _libraries()]
-                for library in _libraries():
-                    _set_threads(library, 1)
-            self.users += 1
-
-    def end(self) -> None:
-        with self.lock:
-            self.users -= 1
-            if self.users == 0:
-                for library, threads in self.before:
-                    _set_threads(library, threads)
+_FROM_THE_START = threading.Event()  # set where the process began with one thread, so that nothing is left to do
 
 
 @functools.cache
-def _libraries() -> list[Any]:
-    """Return the libraries of BLAS in this process: NumPy and SciPy each bring one."""
+def _libraries() -> Any:
+    """Return what sets the number of threads of the libraries of BLAS: NumPy and SciPy each bring one."""
     import scipy.linalg  # noqa: F401 - a limit holds for the libraries alone that are loaded before it is set
     from threadpoolctl import ThreadpoolController
 
-    return list(ThreadpoolController().select(user_api="blas").lib_controllers)
-
-
-_LIMIT = _Limit()
-
-
-def _set_threads(library: Any, threads: int) -> None:
-    """Set the number of threads of a library.
-
-    The public method of a library does nothing in any thread of Python but the first that called it and still lives.
-    Here the limit has one owner, which counts its users.
-    """
-    getattr(library, "_real_set_num_threads", library.set_num_threads)(threads)
+    return ThreadpoolController()
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Let BLAS compute with one thread inside this context; also a decorator.
 
-    The matrices are small, so that more threads cost time as well: most of all where other processes compute.
+    The matrices are small, so that more threads cost time as well: most of all where other processes compute. OpenBLAS
+    obeys the thread of Python that was the first to limit it: runs in other threads may compute with several of BLAS.
     """
-    if _LIMIT.always:
+    if _FROM_THE_START.is_set():
         yield
         return
-    _LIMIT.begin()
-    try:
+    with _libraries().limit(limits=1, user_api="blas"):
         yield
-    finally:
-        _LIMIT.end()
 
 
 def start_with_one_blas_thread() -> None:
     """Let BLAS have one thread in this process, if NumPy is not imported yet, and in those that the process starts."""
     os.environ.update(ONE_THREAD)
-    _LIMIT.always |= "numpy" not in sys.modules
+    if "numpy" not in sys.modules:
+        _FROM_THE_START.set()

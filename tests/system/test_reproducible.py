@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-import threading
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import percuss
 import places
-from percuss import blas
 from strategies import hunek
 
 CASES = {
@@ -92,27 +90,6 @@ def test_eigenvalues_that_choose_the_step_are_found_by_one_thread(tmp_path, monk
     assert found
     assert {threads for counts in found for threads in counts} == {1}
     assert set(after) == {2}
-
-
-def test_threads_that_compute_at_once_share_the_limit():
-    """The one that computes longest sets BLAS free, whichever thread that is."""
-    with threadpool_limits(2, user_api="blas"):
-        inside, leave = threading.Event(), threading.Event()
-
-        def compute():
-            with blas.one_blas_thread():
-                inside.set()
-                leave.wait(10)
-
-        other = threading.Thread(target=compute)
-        with blas.one_blas_thread():
-            other.start()
-            inside.wait(10)
-        while_other_computes = threads_of_blas()
-        leave.set()
-        other.join()
-        assert set(while_other_computes) == {1}
-        assert set(threads_of_blas()) == {2}
 
 
 def bits_of(names, around="", **environment):
