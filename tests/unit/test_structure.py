@@ -84,7 +84,6 @@ GROUND = {
         "compiling",
         "errors",
         "files",
-        "garbage",
         "heartbeat",
         "interrupt",
         "jsonable",

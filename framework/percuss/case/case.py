@@ -17,7 +17,6 @@ from percuss.case.validation import Reader
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem
 from percuss.files import is_file
-from percuss.garbage import collection_paused
 from percuss.jsonable import Data
 from percuss.methods.registry import Registry
 
@@ -168,7 +167,6 @@ def load(
     return _load(origin, overrides or {}, registry, tuple(Path(file) for file in plugins), ())
 
 
-@collection_paused()
 def _load(
     source: Source,
     overrides: Data,

@@ -19,7 +19,6 @@ from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
 from percuss.certificate.search import MARGINAL_DISTANCE
 from percuss.contact.features import Verdict
 from percuss.errors import InputError, refuse_if_any
-from percuss.garbage import collection_paused
 from percuss.march.model import Model
 from percuss.mesh.size_limits import MOST_FACTORED
 from percuss.mesh.stresses import tangent_as_declared
@@ -98,7 +97,6 @@ class SettledRun(NamedTuple):
     criterion: RunCriterion | None
 
 
-@collection_paused()
 @one_blas_thread()
 @np.errstate(all="ignore")  # numbers that are not finite are refused or make a step unstable
 def settled(case: Case) -> SettledRun:

@@ -12,7 +12,6 @@ from percuss.case.quantities import percent
 from percuss.certificate import cause
 from percuss.certificate.verdict import Certificate
 from percuss.compiling import Stopwatch
-from percuss.garbage import collection_paused
 from percuss.interrupt import interruptible
 from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
@@ -53,7 +52,6 @@ def _stop_entry(model: Model, stop: Stop | None, certificate: Certificate) -> St
     }
 
 
-@collection_paused()
 def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Result:
     """Return the result of a march that was run or refused.
 
