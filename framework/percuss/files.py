@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-import stat
-import tempfile
+import secrets
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,14 +30,9 @@ def is_folder(path: Path) -> bool:
 
 def found_instead(path: Path) -> str:
     """Return in words what lies at a path in place of a file, or an empty text for a file, nothing, and no path."""
-    try:
-        mode = path.stat().st_mode
-    except (OSError, ValueError):
-        return ""
-    if stat.S_ISREG(mode):
-        return ""
-    kinds = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket"}
-    return kinds.get(stat.S_IFMT(mode), "a device")
+    if is_folder(path):
+        return "a folder"
+    return "" if is_file(path) or not os.path.exists(path) else "a pipe or a device"  # noqa: PTH110
 
 
 def expect_no_input(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Path]]) -> None:
@@ -66,10 +60,8 @@ def _is_same(first: Path, second: Path) -> bool:
     """Return whether two paths are of one file, which need not exist."""
     try:
         return first.samefile(second)
-    except FileNotFoundError:
-        return os.path.realpath(first) == os.path.realpath(second)
     except (OSError, ValueError):
-        return False
+        return first.absolute() == second.absolute()
 
 
 def expect_writable(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Path]] = ()) -> None:
@@ -81,7 +73,7 @@ def expect_writable(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Pa
         If there cannot be such a file, or it is read.
     """
     expect_no_input(path, inputs)
-    _temporary_beside(Path(path), Path(path).suffix).unlink()
+    _temporary_beside(Path(path), "").unlink()
 
 
 def expect_place(path: Path) -> None:
@@ -95,34 +87,7 @@ def expect_place(path: Path) -> None:
     if not is_folder(path.parent):
         raise wrong_input(str(path), f"expected a folder {path.parent}, found none", "Make it first.")
     if other := found_instead(path):
-        advice = "Name a file in it." if is_folder(path) else "Name another file."
-        raise wrong_input(str(path), f"expected a file to write, found {other}", advice)
-
-
-def place_whole(path: Path, content: bytes) -> None:
-    """Write a file that is there as a whole or not at all, and of which a process that is killed leaves nothing behind.
-
-    Linux writes it without a name and then names it; another system may leave the temporary file of `replacing`.
-
-    Raises
-    ------
-    InputError
-        If there cannot be such a file.
-    UnwrittenError
-        If the file cannot be written to its end.
-    """
-    try:
-        handle = os.open(path.parent, os.O_TMPFILE | os.O_WRONLY, 0o666)
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(handle)
-            path.unlink(missing_ok=True)
-            # A folder given for an absolute path plays no part, but with one Python follows the link to the file.
-            os.link(f"/proc/self/fd/{handle}", path, src_dir_fd=handle)
-    except (AttributeError, OSError):  # another system, a file system without such files, or a full disk
-        with replacing(path, path.suffix) as temporary:
-            temporary.write_bytes(content)
+        raise wrong_input(str(path), f"expected a file to write, found {other}", "Name another file.")
 
 
 @contextmanager
@@ -141,9 +106,6 @@ def replacing(path: str | os.PathLike[str], suffix: str) -> Iterator[Path]:
     try:
         with writing(target):
             yield temporary
-            umask = os.umask(0)
-            os.umask(umask)
-            temporary.chmod(0o666 & ~umask)  # mkstemp makes a private file; a result is an ordinary one.
             temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
@@ -153,12 +115,12 @@ def _temporary_beside(target: Path, suffix: str) -> Path:
     """Return an empty file beside the target, or refuse the target because there cannot be such a file."""
     expect_place(target)
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=suffix, dir=target.parent)
+        temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}{suffix}")
+        temporary.touch(exist_ok=False)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise wrong_input(str(target), f"cannot write here: {reason}", "Name another file or folder.") from error
-    os.close(handle)
-    return Path(name)
+    return temporary
 
 
 @contextmanager

@@ -938,7 +938,7 @@ def test_only_python_files_are_plugins(write, tmp_path):
         assert str(raised.value) == f"{given}: this is not a Python file, expected a name that ends in .py"
     (tmp_path / "folder.py").mkdir()
     os.mkfifo(tmp_path / "pipe.py")  # which would be waited for
-    for given, kind in (("folder.py", "a folder"), ("pipe.py", "a named pipe")):
+    for given, kind in (("folder.py", "a folder"), ("pipe.py", "a pipe or a device")):
         with pytest.raises(PluginError) as raised:
             Registry.load([given])
         assert str(raised.value) == f"{given}: expected a Python file, found {kind}"

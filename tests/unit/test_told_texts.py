@@ -73,7 +73,7 @@ def test_a_named_pipe_is_no_case(tmp_path, command):
     os.mkfifo(tmp_path / "pipe.yaml")  # which would be waited for
     done = percuss_command(command, "pipe.yaml", cwd=tmp_path)
     assert done.returncode == 2
-    assert "pipe.yaml: expected a YAML file, found a named pipe\n  Save its text in a file first." in done.stderr
+    assert "pipe.yaml: expected a YAML file, found a pipe or a device\n  Save its text in a file first." in done.stderr
 
 
 def test_two_ends_of_one_body_are_told_as_that(case):

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 
 from percuss.case.hints import file_advice
 from percuss.errors import InputError, UnwrittenError, nearest, shortened, wrong_input
-from percuss.files import is_file, is_folder, place_whole
+from percuss.files import is_file, is_folder, replacing
 from percuss.jsonable import Data, Entries
 from percuss.methods.source_digest import content_digest
 from percuss.studies.job_package import Record, unpacked
@@ -240,7 +240,8 @@ class Store:
             content = db.serialize()
         for ending in ("-wal", "-shm", "-journal"):  # of a file that was here before, which SQLite would replay
             self.path.with_name(f"{self.path.name}{ending}").unlink(missing_ok=True)
-        place_whole(self.path, content[:18] + b"\2\2" + content[20:])  # a database with a write-ahead log
+        with replacing(self.path, self.path.suffix) as temporary:
+            temporary.write_bytes(content[:18] + b"\2\2" + content[20:])  # a database with a write-ahead log
         self._begun = True
 
     def add(self, records: Sequence[Record]) -> None:
