@@ -5,12 +5,17 @@ The plug-ins are the templates of `percuss new` with one line put into one metho
 
 import ast
 import json
+import os
 import re
+import signal
+import subprocess
+import sys
 
 import pytest
 
 import percuss
 from command_line import percuss_command
+from fake_studies import TWO_BARS
 from percuss.cli.scaffold import new
 from percuss.methods.registry import Registry
 from percuss.testing.kit import checks_of, perform
@@ -37,10 +42,6 @@ def written(folder, method, line):
 
 IN_A_RUN = {
     "an error": ("contact.bind", "raise RuntimeError('plan B')", "RuntimeError: plan B"),
-    "an error without a text": (
-        "contact.bind", "raise type('Mute', (Exception,), {'__str__': lambda self: 1 / 0})",
-        "Mute: its text cannot be shown (ZeroDivisionError)",
-    ),
     "an error of percuss": ("contact.bind", "import percuss; raise percuss.RunError('x')", "RunError: x"),
     "not finite": ("load.amplitude", "return time * np.nan", "amplitude returned nan"),
     "a wrong shape": ("mass.nodal", "return element_mass", "nodal returned numbers of shape (3,), expected (4,)"),
@@ -153,3 +154,82 @@ def test_the_kit_finds_a_mistake_of_a_kernel(kind, tmp_path):
     assert outcome.status == ("failed" if said else "passed"), outcome.message
     assert said in outcome.message
     assert not said or f"{file}:" in outcome.message
+
+
+def test_what_a_plug_in_prints_is_no_part_of_the_output(tmp_path):
+    case, _ = written(tmp_path, "mass.nodal", "print('HELLO')")
+    done = percuss_command("run", case, "--json", cwd=tmp_path, plain=True)
+    assert json.loads(done.stdout)["status"] == "done"
+    assert "HELLO" in done.stderr
+
+
+def test_a_crash_names_the_line_of_the_plug_in(tmp_path):
+    (tmp_path / "far.py").write_text("\n__import__('ctypes').string_at(0)\n")
+    command = [sys.executable, "-m", "percuss", "plugins", "--plugin", "far.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == -signal.SIGSEGV
+    assert 'far.py", line 2' in done.stderr
+
+
+CASE = {**TWO_BARS, "method": {"contact": "fated"}, "time": {"steps": 4, "courant": 0.5}}
+FATES = """
+import ctypes, os, signal, sys, time
+from dataclasses import dataclass
+from percuss import ContactLaw, LinearLaw
+
+
+@dataclass(frozen=True)
+class Fated(ContactLaw):
+    '''A penalty with a fate.'''
+
+    name = "fated"
+    summary = "A penalty with a fate"
+    fate: str = "none"
+
+    def bind(self, points, dt):
+        if self.fate == "raises":
+            raise RuntimeError("plan B")
+        if self.fate == "exits":
+            os._exit(3)
+        if self.fate == "endless":
+            while True: pass
+        if self.fate == "crashes":
+            os.kill(os.getpid(), signal.SIGSEGV)
+        if self.fate == "is killed":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if self.fate == "prints":
+            os.write(1, b"HELLO")
+            print("HELLO")
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
+"""
+
+
+def line_of(text):
+    return 1 + FATES[: FATES.index(text)].count("\n")
+
+
+@pytest.mark.deep
+def test_a_study_goes_on_whatever_a_plug_in_does(tmp_path):
+    (tmp_path / "case.yaml").write_text(json.dumps(CASE))
+    (tmp_path / "fates.py").write_text(FATES)
+    fates = {
+        "none": ("done", ""),
+        "raises": ("failed", f"fates.py:{line_of('raise Run')}: RuntimeError: plan B"),
+        "exits": ("lost", "its worker process died 3 times"),
+        "endless": ("failed", f"fates.py:{line_of('while')}: no step was completed for 8 s (`stalled_after`"),
+        "crashes": ("failed", f"fates.py:{line_of('os.kill')}: its worker process died 3 times here: Segmentation"),
+        "is killed": ("lost", "its worker process died 3 times"),
+        "prints": ("done", ""),
+    }
+    study = {"percuss-study": 1, "cases": ["case.yaml"], "stalled_after": 8, "vary": {"method.contact.fate": [*fates]}}
+    (tmp_path / "study.yaml").write_text(json.dumps(study))
+    options = ["--plugin", "fates.py", "--json", "--workers", "2"]
+    command = [sys.executable, "-m", "percuss", "study", "study.yaml", *options]
+    plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(command, cwd=tmp_path, env=plain, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    rows = {row["method.contact.fate"]: row for row in json.loads(done.stdout)["rows"]}
+    for fate, (status, reason) in fates.items():
+        assert rows[fate]["status"] == status, rows[fate]
+        assert reason in rows[fate]["reason"]

@@ -5,11 +5,9 @@ import json
 import logging
 import os
 import signal
-import socket
 import sqlite3
 import stat
 import sys
-import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -163,40 +161,6 @@ def test_an_interrupted_run_has_no_finer_run_and_its_twin_tells_nothing(monkeypa
     case = percuss.load({**CASE, "reference": {"refine": 2}})
     result = percuss.run(case, nudge=True, progress=lambda done, _: press() if done == 1 else None)
     assert (result.status, result.summary["steps"], result.summary["fragile"]) == ("interrupted", 1, None)
-
-
-def test_a_plug_in_that_never_returns_is_named(tmp_path, monkeypatch):
-    """The plug-in waits for what is said of it."""
-    monkeypatch.setattr(common, "STANDSTILL", 0.1)
-    (tmp_path / "endless.py").write_text("import sys\nwhile 'the work is in' not in sys.stderr.getvalue(): pass\n")
-    done = percuss_command("plugins", "--plugin", "endless.py", cwd=tmp_path)
-    assert f"; the work is in {tmp_path}/endless.py:2; Ctrl-C ends it\n" in done.stderr
-
-
-def test_a_compiled_loop_that_ctrl_c_waits_for_is_told_and_a_second_ctrl_c_ends_the_process(monkeypatch, capsys):
-    told, ended = threading.Event(), threading.Event()
-    monkeypatch.setattr(common, "REACTION", 0.01)
-    monkeypatch.setattr(common, "where_work_is", lambda: told.set() or "a compiled kernel")
-    monkeypatch.setattr(common.os, "_exit", lambda code: (ended.set(), sys.exit(code)))
-    receiving, sending = socket.socketpair()
-
-    def keep_watch():
-        with pytest.raises(SystemExit, match="130"):
-            common._watch_interrupts(receiving)
-
-    watch = threading.Thread(target=keep_watch)
-    watch.start()
-    sending.send(bytes([signal.SIGINT]))
-    assert told.wait(60)
-    assert not ended.is_set()
-    sending.send(bytes([signal.SIGINT]))
-    watch.join(60)
-    assert ended.is_set()
-    sending.close()
-    assert capsys.readouterr().err == (
-        "Ctrl-C: percuss waits for a compiled kernel; a second Ctrl-C ends the process at once\n"
-        "interrupted in a compiled kernel\n"
-    )
 
 
 # ------------------------------------------------------------------------------------- a folder of somebody else

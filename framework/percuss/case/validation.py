@@ -28,7 +28,6 @@ from percuss.errors import InputError, PluginError, Problem, suggestion
 from percuss.jsonable import Data
 from percuss.methods.blame import SINGULAR, said_by
 from percuss.methods.interfaces import Component, DataFile, Gt, MeshFile, OptionError
-from percuss.methods.process_guard import process_as_before
 from percuss.methods.registry import Registry
 
 T = TypeVar("T")
@@ -272,8 +271,7 @@ def _mapping_schema(cls: Any, handler: GetCoreSchemaHandler) -> core_schema.Core
         except pydantic.ValidationError as error:
             raise failure(*_mapping_mistakes(cls, given, error.errors(include_url=False), info.context)) from None
         try:
-            with process_as_before(cls.__module__):
-                made = cls(**{options[key].field: item for key, item in values.items()})
+            made = cls(**{options[key].field: item for key, item in values.items()})
         except pydantic.ValidationError:
             raise
         except OptionError as error:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-import os
-import signal
-import socket
 import sys
 import threading
 import time
@@ -13,21 +11,14 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
 from percuss.errors import InputError, PercussError, Problem, UnwrittenError, printable, refuse_if_any, shortened
 from percuss.files import expect_writable
-from percuss.heartbeat import beat, heard_by, watched
-from percuss.methods.blame import described, is_ctrl_c, line_in_plugin, plugin_faults
-from percuss.methods.process_guard import (
-    STANDSTILL,
-    guarded_output,
-    plug_ins_cannot_end_the_process,
-    tell_standstill,
-    where_work_is,
-)
+from percuss.heartbeat import beat, heard_by
+from percuss.methods.blame import described, line_in_plugin, plugin_faults
 from percuss.process import INTERRUPTED, ctrl_c_raises
 
 if TYPE_CHECKING:
@@ -60,7 +51,6 @@ AsJson = Annotated[bool, option("--json", "Print one JSON object; the rest goes 
 
 FIRST_LINE, LINES_EVERY = 10.0, 30.0  # seconds until the first line of progress, and between two lines
 MINUTE = 60.0  # seconds over which the pace of the work is taken
-REACTION = 2.0  # seconds that a command has to end after Ctrl-C
 
 COMPILING = "compiling the time loop, once for this kind of model"
 
@@ -130,6 +120,7 @@ class Answer:
 
     def __init__(self, *, as_json: bool) -> None:
         self.as_json = as_json
+        self._results = sys.stdout  # what a plug-in prints goes elsewhere where this holds JSON
         self.unwritten: list[str] = []
         self.exit_code = 0
 
@@ -151,7 +142,7 @@ class Answer:
     def show(self, data: Entries, pieces: Iterable[Piece]) -> None:
         """Print the data as JSON, or what tells the same to a reader."""
         if self.as_json:
-            print_json(data)
+            print_json(data, self._results)
         else:
             from percuss.reporting.tables import show
 
@@ -184,9 +175,8 @@ def reporting(as_json: bool) -> Iterator[Answer]:
         with (
             plugin_faults(),
             np.errstate(all="ignore"),
-            guarded_output(),
-            plug_ins_cannot_end_the_process(),
-            _standstill_told(),
+            contextlib.redirect_stdout(sys.stderr) if as_json else contextlib.nullcontext(),
+            _ctrl_c_ends_it(),
             _compiling_shown(),
         ):
             yield answer
@@ -206,56 +196,15 @@ def reporting(as_json: bool) -> Iterator[Answer]:
 
 
 @contextmanager
-def _standstill_told() -> Iterator[None]:
-    """Say in which line of a plug-in the work stands still, and let a second Ctrl-C end it in any case.
-
-    Python sees no Ctrl-C while a compiled kernel runs: a thread that reads the signals themselves does.
-    """
-    main = threading.main_thread()
-    if threading.current_thread() is not main:
-        yield
-        return
-
-    receiving, sending = socket.socketpair()
-    sending.setblocking(False)
-    before = signal.set_wakeup_fd(sending.fileno(), warn_on_full_buffer=False)
-    threading.Thread(target=_watch_interrupts, args=(receiving,), daemon=True).start()
+def _ctrl_c_ends_it() -> Iterator[None]:
+    """End the command at Ctrl-C, with the line of the plug-in in which it was at work, if it was in one."""
     try:
-        with ctrl_c_raises(), watched(STANDSTILL, tell_standstill):
+        with ctrl_c_raises():
             yield
     except KeyboardInterrupt as interrupt:
-        if not is_ctrl_c(interrupt):
-            raise
         where = line_in_plugin(interrupt)
         print(f"interrupted{f' in {where}' if where else ''}", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
-    finally:
-        signal.set_wakeup_fd(before)
-        sending.close()  # which ends the thread
-
-
-def _watch_interrupts(receiving: socket.socket) -> None:
-    """Say what a Ctrl-C waits for, and end this process if it has not reacted to two of them after a while."""
-    interrupts = 0
-    with receiving:
-        while True:
-            try:
-                received = receiving.recv(64)
-            except TimeoutError:
-                place = where_work_is()
-                if interrupts > 1:
-                    print(f"interrupted{f' in {place}' if place else ''}", file=sys.stderr, flush=True)
-                    os._exit(INTERRUPTED)
-                if place:
-                    message = f"Ctrl-C: percuss waits for {place}; a second Ctrl-C ends the process at once"
-                    print(message, file=sys.stderr, flush=True)
-                receiving.settimeout(None)
-                continue
-            if not received:  # the command has ended
-                return
-            interrupts += received.count(bytes([signal.SIGINT]))
-            if interrupts:
-                receiving.settimeout(REACTION)
 
 
 @contextmanager
@@ -343,11 +292,11 @@ def tell(text: str) -> None:
     print(printable(text), file=sys.stderr, flush=True)
 
 
-def print_json(data: Entries) -> None:
-    """Print one JSON object on standard output."""
+def print_json(data: Entries, file: TextIO | None = None) -> None:
+    """Print one JSON object, by default on standard output."""
     from percuss.jsonable import infinity_as_text
 
-    print(printable(json.dumps(infinity_as_text(data), indent=2, ensure_ascii=False, allow_nan=False)))
+    print(printable(json.dumps(infinity_as_text(data), indent=2, ensure_ascii=False, allow_nan=False)), file=file)
 
 
 def reference_of(text: str) -> dict[str, str]:

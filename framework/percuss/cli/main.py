@@ -27,7 +27,6 @@ from percuss.cli.study import study
 from percuss.cli.verify import verify
 from percuss.cli.waves import waves
 from percuss.files import CANNOT_BE_WRITTEN
-from percuss.methods.process_guard import tell_uncaught
 from percuss.version import CONTRACT, __version__
 
 GARBAGE_THRESHOLD = 50_000  # new objects after which Python looks for garbage
@@ -97,7 +96,6 @@ def main() -> None:
 
     The exit code is 130 for a command that Ctrl-C ended.
     """
-    tell_uncaught()
     start_with_one_blas_thread()
     # Pydantic would look through all installed distributions for plug-ins of its own.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
 from typing import Annotated
 
 from percuss.cli.common import Plugins, option, print_json, reporting
@@ -18,4 +20,6 @@ def schema(
     with reporting(as_json=False):
         from percuss.cli import verbs
 
-        print_json(verbs.schema(study=study, files=plugin or []))
+        with contextlib.redirect_stdout(sys.stderr):  # what plug-ins print
+            schema = verbs.schema(study=study, files=plugin or [])
+        print_json(schema)

@@ -25,7 +25,6 @@ from percuss.mesh import size_limits, spots
 from percuss.mesh.bodies import bodies_of
 from percuss.mesh.loads import Constraint, Held, acts_at, supports_and_loads
 from percuss.methods.interfaces import ContactLaw, Floats, LeapFrog
-from percuss.methods.process_guard import process_as_before
 from percuss.step.integrator_check import scheme
 
 if TYPE_CHECKING:
@@ -78,24 +77,23 @@ class Model(ModelArrays):
 
     @np.errstate(all="ignore")  # numbers that are not finite are refused with their place
     def __init__(self, case: Case) -> None:
-        with process_as_before(*case.registry.packages):
-            bodies = bodies_of(case)
-            self._set(case=case, bodies=bodies, _never_active=(), _whole=None)
-            courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
-            self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / bodies.omega)
-            problems: list[Problem] = []
-            of_loads: list[Problem] = []
-            loads = supports_and_loads(case, bodies, of_loads)
-            held = Held(loads.constraints)
-            points = [
-                point
-                for number, spec in enumerate(case.contacts.values())
-                for point in contact_points_of(case, number, spec, bodies, held, problems)
-            ]
-            problems += [*of_loads, *spots.outside(case, bodies)]
-            refuse_if_any(problems)
-            self._set(contact_points=tuple(points), loads=loads)
-            self._bind()
+        bodies = bodies_of(case)
+        self._set(case=case, bodies=bodies, _never_active=(), _whole=None)
+        courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
+        self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / bodies.omega)
+        problems: list[Problem] = []
+        of_loads: list[Problem] = []
+        loads = supports_and_loads(case, bodies, of_loads)
+        held = Held(loads.constraints)
+        points = [
+            point
+            for number, spec in enumerate(case.contacts.values())
+            for point in contact_points_of(case, number, spec, bodies, held, problems)
+        ]
+        problems += [*of_loads, *spots.outside(case, bodies)]
+        refuse_if_any(problems)
+        self._set(contact_points=tuple(points), loads=loads)
+        self._bind()
 
     # -- construction and derived models -----------------------------------------------------------------
 

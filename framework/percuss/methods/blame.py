@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ast
-import dis
 import inspect
 import re
 import sys
@@ -11,8 +9,8 @@ import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Any, cast
+from types import FrameType
+from typing import TYPE_CHECKING, Any
 
 from percuss import version
 from percuss.errors import PercussError, PluginError, RefusedPair, nearest
@@ -42,51 +40,25 @@ _NAME_MISSING = re.compile(r"cannot import name '(\w+)' from '(percuss(?:\.\w+)*
 
 @contextmanager
 def plugin_faults() -> Iterator[None]:
-    """Turn whatever a third-party plug-in raises inside this context into a PluginError with file and line.
+    """Turn an error that a third-party plug-in raises inside this context into a PluginError with file and line.
 
-    Ctrl-C, a refused pair, and the errors that percuss raises on purpose stay as they are.
+    A refused pair, and the errors that percuss raises on purpose, stay as they are.
     """
     try:
         yield
-    except BaseException as error:
-        where, frame = line_in_plugin(error), _last_call(error)[0]
+    except Exception as error:
+        where = line_in_plugin(error)
+        (*_, (frame, _)) = traceback.walk_tb(error.__traceback__)
         of_percuss = isinstance(error, PercussError) and not is_third_party(frame.f_globals.get("__name__", ""))
-        if not where or of_percuss or isinstance(error, RefusedPair) or is_ctrl_c(error):
+        if not where or of_percuss or isinstance(error, RefusedPair):
             raise
-        text = described(error)
-        if isinstance(error, SystemExit):
-            text = f"a plug-in ends the process ({error.code!r}): raise an error instead"
-        raise PluginError(text, where) from error
-
-
-def is_ctrl_c(error: BaseException) -> bool:
-    """Return whether an error is the KeyboardInterrupt of Ctrl-C, and not one that a statement of a plug-in raises."""
-    if not isinstance(error, KeyboardInterrupt):
-        return False
-    frame, place = _last_call(error)
-    is_raised = dis.opname[frame.f_code.co_code[place]] == "RAISE_VARARGS"
-    return not (is_raised and is_third_party(frame.f_globals.get("__name__", "")))
-
-
-def _last_call(error: BaseException) -> tuple[FrameType, int]:
-    """Return the innermost call of an error that has been caught, and the place of the instruction in its code."""
-    call = cast("TracebackType", error.__traceback__)
-    while call.tb_next is not None:
-        call = call.tb_next
-    return call.tb_frame, call.tb_lasti
+        raise PluginError(described(error), where) from error
 
 
 def described(error: BaseException) -> str:
     """Return the class and the text of an error."""
-    return ": ".join(filter(None, (type(error).__name__, _text_of(error))))
-
-
-def _text_of(error: BaseException) -> str:
-    """Return the text of an error, whose code is that of a plug-in and may raise an error itself."""
-    try:
-        return str(error.msg if isinstance(error, SyntaxError) else error).strip()
-    except BaseException as another:  # noqa: BLE001
-        return f"its text cannot be shown ({type(another).__name__})"
+    text = str(error.msg if isinstance(error, SyntaxError) else error).strip()
+    return ": ".join(filter(None, (type(error).__name__, text)))
 
 
 def line_in_plugin(error: BaseException | None) -> str:
@@ -102,7 +74,7 @@ def line_in_plugin(error: BaseException | None) -> str:
 
 def said_by(error: ValueError) -> str:
     """Return the text of an error about options, with file and line of the third-party plug-in that raises it."""
-    text = _text_of(error) or type(error).__name__
+    text = str(error).strip() or type(error).__name__
     where = line_in_plugin(error)
     # A method that percuss itself defines may be called from generated code, as that of a dataclass, which has no file.
     return text if not where or where.startswith("<") else f"{text} (raised in the plug-in {where})"
@@ -135,22 +107,6 @@ def third_party_files() -> list[str]:
     """Return the files of the modules of third-party plug-ins, in the order in which they were loaded."""
     modules = [module for name, module in list(sys.modules.items()) if is_third_party(name)]
     return [file for module in modules if (file := getattr(module, "__file__", None))]
-
-
-def assignment_place(name: str) -> str:
-    """Return ``file:line`` where a third-party plug-in assigns to an attribute of this name, or an empty text."""
-    named = []
-    for file in reversed(third_party_files()):
-        try:
-            source = ast.parse(Path(file).read_bytes())
-        except (OSError, SyntaxError, ValueError):  # it has been changed, or is machine code
-            continue
-        for node in ast.walk(source):
-            if isinstance(node, ast.Attribute) and node.attr == name and not isinstance(node.ctx, ast.Load):
-                return f"{file}:{node.lineno}"
-            if isinstance(node, ast.Constant) and node.value == name:  # as in `setattr` and `vars`
-                named.append(f"{file}:{node.lineno}")
-    return next(iter(named), "")
 
 
 def breach(component: Component, method: str, message: str, place: str = "") -> PluginError:
@@ -199,7 +155,7 @@ def error_text(error: BaseException) -> str:
     """Return the text of a plug-in's error; for a name that percuss does not have, suggest the nearest one."""
     if isinstance(error, PluginError):
         return str(error).removeprefix(f"{error.place}: ")
-    text = _text_of(error)
+    text = str(error.msg if isinstance(error, SyntaxError) else error).strip()
     present = f"percuss {version.__version__} (contract {version.CONTRACT})"
     if isinstance(error, ModuleNotFoundError) and (error.name or "").startswith("percuss."):
         text = f"{present} has no module '{error.name}'; a plug-in imports only from percuss and percuss.testing"

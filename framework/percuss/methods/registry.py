@@ -22,10 +22,9 @@ from pluggy import HookimplOpts, PluginManager
 from percuss.compiling import LOCK
 from percuss.errors import PluginError, nearest, suggestion
 from percuss.methods.admission import PREFIX, admitted
-from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, is_ctrl_c, place_of
+from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, place_of
 from percuss.methods.hooks import GROUP
 from percuss.methods.interfaces import FAMILIES, Component
-from percuss.methods.process_guard import process_as_before
 from percuss.methods.provenance import Broken, Provenance
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import remember
@@ -82,11 +81,6 @@ class Registry:
                 read = SingleFile.read(Path(file))
                 given.setdefault(read.path, read)
             return _load(_environment(), tuple(given.values()))
-
-    @functools.cached_property
-    def packages(self) -> frozenset[str]:
-        """The packages, and the modules of single files, from which the components are."""
-        return frozenset(source.module.partition(".")[0] for source in self.sources.values())
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -170,7 +164,7 @@ def _load(environment: tuple[tuple[str, int], ...], files: tuple[SingleFile, ...
         with _isolate(broken, source, f"entry point '{point.name} = {point.value}'"):
             top = source.module.partition(".")[0]
             PLUGIN_MODULES.add(top)
-            with _undoing_failed_import(top), process_as_before(top):
+            with _undoing_failed_import(top):
                 plugin = point.load()
             for registered in _components_of(manager, plugin, source, broken):
                 by_key.setdefault(registered.key, []).append(registered)
@@ -239,7 +233,7 @@ def _import_file(file: SingleFile) -> ModuleType:
     name = file.source.module
     if name not in sys.modules:
         PLUGIN_MODULES.add(name)
-        with _undoing_failed_import(name), process_as_before(name):
+        with _undoing_failed_import(name):
             file.import_as(name)
     return sys.modules[name]
 
@@ -286,7 +280,7 @@ def _components_of(manager: PluginManager, plugin: Any, source: Provenance, brok
     offers: list[tuple[str, object]] = []
     broken += [Broken(source.label, fault, definition_place(function) or source.file) for fault, function in faults]
     for family, function in hooks:
-        with _isolate(broken, source, PREFIX + family, function), process_as_before(source.module):
+        with _isolate(broken, source, PREFIX + family, function):
             offers += [(family, offer) for offer in _offers_of(function)]
     if not hooks and not faults:
         offers = [] if source.distribution else [(offer.family, offer) for offer in _finished_components(plugin)]
@@ -336,8 +330,6 @@ def _isolate(broken: list[Broken], source: Provenance, part: str = "", culprit: 
     """
     try:
         yield
-    except BaseException as error:  # no error of a plug-in may stop the others
-        if is_ctrl_c(error):
-            raise
+    except Exception as error:  # noqa: BLE001  no error of a plug-in may stop the others
         place = place_of(error) or definition_place(culprit) or source.file
         broken.append(Broken(source.label, ": ".join(filter(None, (part, error_text(error)))), place))

@@ -21,7 +21,6 @@ from percuss.march.model import Model
 from percuss.march.recording import recordable
 from percuss.march.stop import NOT_STARTED
 from percuss.methods.interfaces import Floats
-from percuss.methods.process_guard import process_as_before
 from percuss.results.assemble import result_of
 from percuss.results.result import Result
 from percuss.results.saved_state import SavedState
@@ -152,53 +151,50 @@ def _run(
     certify: verdict.Certify = verdict.verdict_alone,
     keeper: SavedState | None = None,
 ) -> Result:
-    with process_as_before(*case.registry.packages):
-        model, criterion = verdict.settled(case)
-        march = March(recordable(model), compiled=compiled)
-        seconds = march.seconds
-        seconds["build"] = watch.lap()
-        certificate = certify(model, criterion)
-        seconds["certificate"] = watch.lap()
-        if certificate["stable"] == "no" and case.time.on_unstable == "stop":
-            outcome = march.refuse(cause.not_started(march.model, certificate))
+    model, criterion = verdict.settled(case)
+    march = March(recordable(model), compiled=compiled)
+    seconds = march.seconds
+    seconds["build"] = watch.lap()
+    certificate = certify(model, criterion)
+    seconds["certificate"] = watch.lap()
+    if certificate["stable"] == "no" and case.time.on_unstable == "stop":
+        outcome = march.refuse(cause.not_started(march.model, certificate))
+    else:
+        marginal = certificate["stable"] == "marginal"
+        march.compile()  # before the lock is taken, so that no other thread waits for the compilation
+        if timed:
+            march.keep_beginning()
+        with MARCH_LOCK if timed else nullcontext(), interruptible() as interrupted:
+            outcome = march.run(
+                progress, marginal=marginal, interrupted=interrupted, interrupt_after=interrupt_after, keeper=keeper
+            )
+            if timed and outcome.status == "done":
+                _repeat(march, outcome, repeats, interrupted, marginal=marginal)
+            if interrupted.is_set() and outcome.status == "done":  # in the last steps
+                outcome.status = "interrupted"
+    watch.lap()
+    with interruptible() as interrupted, heard_by(partial(_end_if, interrupted)):
+        result = result_of(march, outcome, certificate)
+    if nudge and outcome.status == "done":
+        try:
+            with MARCH_LOCK if timed else nullcontext():  # the twin is not timed but would slow down a march that is
+                twin = run(nudged(case, model.courant), compiled=compiled)
+        except RunError as error:  # the twin is unstable although the run is not
+            twin = error.result
+        if twin.status == "interrupted":
+            interrupted.set()
         else:
-            marginal = certificate["stable"] == "marginal"
-            march.compile()  # before the lock is taken, so that no other thread waits for the compilation
-            if timed:
-                march.keep_beginning()
-            with MARCH_LOCK if timed else nullcontext(), interruptible() as interrupted:
-                outcome = march.run(
-                    progress, marginal=marginal, interrupted=interrupted, interrupt_after=interrupt_after, keeper=keeper
-                )
-                if timed and outcome.status == "done":
-                    _repeat(march, outcome, repeats, interrupted, marginal=marginal)
-                if interrupted.is_set() and outcome.status == "done":  # in the last steps
-                    outcome.status = "interrupted"
-        watch.lap()
-        with interruptible() as interrupted, heard_by(partial(_end_if, interrupted)):
-            result = result_of(march, outcome, certificate)
-        if nudge and outcome.status == "done":
-            try:
-                with (
-                    MARCH_LOCK if timed else nullcontext()
-                ):  # the twin is not timed but would slow down a march that is
-                    twin = run(nudged(case, model.courant), compiled=compiled)
-            except RunError as error:  # the twin is unstable although the run is not
-                twin = error.result
-            if twin.status == "interrupted":
-                interrupted.set()
-            else:
-                compared = "contact_force" if result.arrays["contact_force"].size else "displacement"
-                result.summary["fragile"] = differs(result.arrays[compared], twin.arrays[compared])
-        if interrupted.is_set() and outcome.status == "done":
-            outcome.status = result.summary["status"] = "interrupted"
-        result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
-        if keeper is not None and outcome.status != "interrupted":
-            keeper.forget()
-        stop = result.summary["stop"]
-        if stop is not None:
-            raise RunError(stop_message(stop), result)
-        return result
+            compared = "contact_force" if result.arrays["contact_force"].size else "displacement"
+            result.summary["fragile"] = differs(result.arrays[compared], twin.arrays[compared])
+    if interrupted.is_set() and outcome.status == "done":
+        outcome.status = result.summary["status"] = "interrupted"
+    result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
+    if keeper is not None and outcome.status != "interrupted":
+        keeper.forget()
+    stop = result.summary["stop"]
+    if stop is not None:
+        raise RunError(stop_message(stop), result)
+    return result
 
 
 def _end_if(interrupted: threading.Event, share: float) -> None:  # noqa: ARG001 - told to all who listen

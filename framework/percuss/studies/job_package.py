@@ -29,7 +29,6 @@ from percuss.errors import PercussError, PluginError
 from percuss.heartbeat import beat
 from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import plugin_faults
-from percuss.methods.process_guard import process_as_before
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
@@ -357,7 +356,7 @@ def record(key: str, run: Run, settings: RowSettings, wall: float, registry: Reg
     measures = {}
     for column in settings.columns:
         try:
-            with plugin_faults(), process_as_before(*registry.packages):
+            with plugin_faults():
                 measures[column.name] = plain(column.take(run.result, registry))
         except Exception as error:  # noqa: BLE001 - an error of a plug-in's measure costs this run alone
             status, reason = failure_status(error, registry)

@@ -29,15 +29,7 @@ from percuss.blas import ONE_THREAD
 from percuss.errors import RunError
 from percuss.heartbeat import beat, watched
 from percuss.jsonable import Data
-from percuss.methods.blame import third_party_files
-from percuss.methods.process_guard import (
-    STANDSTILL,
-    guarded_output,
-    plug_ins_cannot_end_the_process,
-    tell_standstill,
-    tell_uncaught,
-    where_work_is,
-)
+from percuss.methods.blame import running_line, third_party_files
 from percuss.process import processes_with
 from percuss.studies.job_package import Bench, Job, Record
 from percuss.studies.perform import LOST
@@ -391,10 +383,6 @@ class _Desk:
             os._exit(1)
         # Standard output belongs to the results of the process that hands out the work.
         os.dup2(2, 1)
-        guards.enter_context(guarded_output(shown=False))
-        guards.enter_context(plug_ins_cannot_end_the_process())
-        tell_uncaught()
-        guards.enter_context(watched(STANDSTILL, tell_standstill))
         faulthandler.enable(crash)
         guards.enter_context(watched(stalled_after, lambda: self._give_up(stalled_after)))
 
@@ -435,7 +423,7 @@ class _Desk:
         """Say of the run that has not completed a step for long at which line it stands, and end this process."""
         if not self._key:
             return  # nothing is asked of this process
-        place = where_work_is()
+        place = running_line(sys._current_frames().get(threading.main_thread().ident or 0))
         reason = f"no step was completed for {stalled_after:g} s (`stalled_after` of the study)"
         self.say(_Stall(self._key, f"{place}: {reason}" if place else reason))
         os._exit(1)
