@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 
 import percuss
-from percuss import version
 from percuss.errors import PluginError
 from percuss.methods import admission
 from percuss.methods.interfaces import FAMILIES
@@ -485,54 +484,33 @@ def stating(version, text=LAWS):
     return text.replace('    name = "my-law"\n', f'    name = "my-law"\n    contract_version = {version}\n')
 
 
-@pytest.fixture
-def contract(monkeypatch):
-    """Let percuss have another contract, and keep those from another one on."""
-
-    def do(here, oldest=1):
-        monkeypatch.setattr(version, "CONTRACT", here)
-        monkeypatch.setattr(admission, "OLDEST", oldest)
-        monkeypatch.setattr(admission, "CHANGES", {n: f"`bind` takes {n} arguments" for n in range(1, here + 1)})
-
-    return do
-
-
-def test_the_table_of_changes_says_every_contract():
-    assert list(admission.CHANGES) == list(range(1, percuss.CONTRACT + 1))
-    assert 1 <= admission.OLDEST <= percuss.CONTRACT
-    assert all(text.strip() for text in admission.CHANGES.values())
-
-
-@pytest.mark.parametrize("stated", [None, 2, 3])
-def test_a_contract_that_is_kept_is_fine(install, contract, stated):
-    contract(3, oldest=2)
-    install("fake-laws", {"fake_laws.py": LAWS if stated is None else stating(stated)})
+@pytest.mark.parametrize("stated", [None, 1, 5])
+def test_a_contract_that_is_kept_is_fine(install, capsys, stated):
+    """A contract before the first release is taken as the first, with one note."""
+    admission._note_on_unreleased_contracts.cache_clear()
+    text = stating(stated, IMPORTS + law()) + law("Other", "other").replace(
+        "summary", f"contract_version = {stated}\n    summary"
+    )
+    install("fake-laws", {"fake_laws.py": text + hook("return [MyLaw, Other]")})
     registry = Registry.load()
     assert registry.broken == ()
-    assert registry.get("contacts", "my-law").contract_version == stated
+    contract = 1 if stated else None
     told = next(one for one in registry_data(registry)["components"] if one["name"] == "my-law")
-    assert told["contract_version"] == stated
-    assert (registry_data(registry)["contract"], registry_data(registry)["percuss"]) == (3, percuss.__version__)
-    words = component_text(registry, "contacts", "my-law")
-    assert (f"written for contract {stated}" in words) == (stated is not None)
+    assert told["contract_version"] == contract
+    assert (registry_data(registry)["contract"], registry_data(registry)["percuss"]) == (1, percuss.__version__)
+    assert ("written for contract 1" in component_text(registry, "contacts", "my-law")) == (contract == 1)
+    assert capsys.readouterr().err.count("are taken as contract 1") == (stated == 5)
 
 
 VERSIONS = {
-    "newer": ("4", "MyLaw is written for contract 4, this percuss has contract 3: upgrade percuss"),
-    "older": (
-        "1",
-        "MyLaw is written for contract 1, this percuss has contract 3 and accepts 2 and later: change it "
-        "(contract 2: `bind` takes 2 arguments; contract 3: `bind` takes 3 arguments), then state contract_version = 3",
-    ),
-    "no number": ("'two'", "MyLaw has the contract_version 'two'; expected a whole number from 1, now 3"),
-    "a truth": ("True", "MyLaw has the contract_version True; expected a whole number from 1, now 3"),
-    "zero": ("0", "MyLaw has the contract_version 0; expected a whole number from 1, now 3"),
+    "newer": ("6", "MyLaw is written for contract 6, this percuss has contract 1: upgrade percuss"),
+    "no number": ("'two'", "MyLaw has the contract_version 'two'; expected a whole number from 1, now 1"),
+    "zero": ("0", "MyLaw has the contract_version 0; expected a whole number from 1, now 1"),
 }
 
 
 @pytest.mark.parametrize("case", VERSIONS)
-def test_a_contract_that_is_not_kept_costs_that_component_alone(install, contract, write, case):
-    contract(3, oldest=2)
+def test_a_contract_that_is_not_kept_costs_that_component_alone(install, write, case):
     stated, said = VERSIONS[case]
     text = stating(stated, IMPORTS + law()) + law("Other", "other") + hook("return [MyLaw, Other]")
     site = install("fake-laws", {"fake_laws.py": text})
@@ -546,13 +524,12 @@ def test_a_contract_that_is_not_kept_costs_that_component_alone(install, contrac
     assert str(raised.value) == f"my_law.py:{line_of(IMPORTS + law(), '@dataclass')}: {said}"
 
 
-def test_the_contract_comes_before_what_it_asks_for(install, contract):
+def test_the_contract_comes_before_what_it_asks_for(install):
     """A method of a later contract may lack what this one asks for: the contract is what is told."""
-    contract(3)
-    text = stating(4, IMPORTS + ABSTRACT.format(base="Load").replace('"bad"', '"my-law"', 1))
+    text = stating(6, IMPORTS + ABSTRACT.format(base="Load").replace('"bad"', '"my-law"', 1))
     install("fake-laws", {"fake_laws.py": text + hook("return [Bad]", "percuss_loads")})
     (broken,) = Registry.load().broken
-    assert broken.error.endswith("Bad is written for contract 4, this percuss has contract 3: upgrade percuss")
+    assert broken.error.endswith("Bad is written for contract 6, this percuss has contract 1: upgrade percuss")
 
 
 HERE = f"percuss {percuss.__version__} (contract {percuss.CONTRACT})"
@@ -560,10 +537,6 @@ NAMES = {
     "near": (
         "from percuss import LinearLew",
         f"ImportError: {HERE} has no 'LinearLew' in percuss; did you mean 'LinearLaw'?",
-    ),
-    "renamed": (
-        "from percuss import Rows",
-        f"ImportError: {HERE} has no 'Rows' in percuss; it is called `LinearLaw` since contract 2",
     ),
     "not near": (
         "from percuss import Frictional",

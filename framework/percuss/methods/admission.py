@@ -1,9 +1,12 @@
-"""Checks that a component registered by a plug-in keeps the contract, in a version that percuss still supports."""
+"""Checks that a component registered by a plug-in keeps the contract."""
 
 from __future__ import annotations
 
+import functools
 import inspect
 import math
+import multiprocessing
+import sys
 
 from percuss import version
 from percuss.errors import PluginError, suggestion
@@ -11,23 +14,7 @@ from percuss.methods.blame import plain_function
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component, ContactLaw, Material
 
 PREFIX = "percuss_"
-# For each contract, the changes that a plug-in written for the contract before has to make. No entry is ever removed,
-# so that a plug-in for any contract can be brought up to date.
-CHANGES = {
-    1: "the first",
-    2: "`Rows` is `LinearLaw`, `Judged` is `ContactState` with `response` in place of `answer`, `Trial.gap_answer` and "
-    "`Trial.rate_answer` are `gap_response` and `rate_response`, `DataFile.columns` is `as_columns`",
-    3: "kernels of elements call `stress(material, point, strain)` and `energy_density(material, point, before, "
-    "after)`, where `material` is what they receive instead of the parameters, and `point` is `first` plus the "
-    "number of the element in the call",
-    4: "a mass is `nodal(element_mass, lumping)`: `lumping.at_nodes(element_mass)` gives the mass of each element to "
-    "its nodes, half to each of two",
-    5: "a shape along a line returns `Mesh.of_line(nodes, lengths, direction, regions)`, `BodyMesh.area` is "
-    "`BodyMesh.section`, `mass_shares` of an element of cells receives the body, `nodal_in_contact` of a mass receives "
-    "one array, which says of each node whether it is in contact, and `inverse` returns a sparse array",
-}
-OLDEST = 2  # oldest supported contract; a method that states an older one is refused
-OLDEST_OF = {"shapes": 5, "elements": 5, "masses": 5}  # the same for families whose methods had to change later
+LAST_UNRELEASED = 5  # Contracts 2 to 5 were those of versions before the first release, which begins anew with 1.
 
 
 def admitted(family: str, offer: object) -> type[Component]:
@@ -131,8 +118,14 @@ def _check_solid(material: type[Material]) -> None:
             raise PluginError(f"{material.__name__} is not linear; say with `stored_{which}` what energy it stores")
 
 
+def contract_of(component: type[Component]) -> int | None:
+    """Return the contract for which a component is written, None if it does not say so."""
+    stated = component.contract_version
+    return 1 if stated is not None and version.CONTRACT < stated <= LAST_UNRELEASED else stated
+
+
 def _check_version(component: type[Component]) -> None:
-    """Raise PluginError if a component states a contract that is newer than this percuss or no longer supported."""
+    """Raise PluginError if a component states a contract that is newer than this percuss, or none at all."""
     stated, current = component.contract_version, version.CONTRACT
     if stated is None:
         return
@@ -140,12 +133,17 @@ def _check_version(component: type[Component]) -> None:
         raise PluginError(
             f"{component.__name__} has the contract_version {stated!r}; expected a whole number from 1, now {current}"
         )
-    written = f"{component.__name__} is written for contract {stated}, this percuss has contract {current}"
-    if stated > current:
+    contract = contract_of(component)
+    if contract != stated:
+        _note_on_unreleased_contracts()
+    elif stated > current:
+        written = f"{component.__name__} is written for contract {stated}, this percuss has contract {current}"
         raise PluginError(f"{written}: upgrade percuss")
-    oldest = OLDEST_OF.get(component.family, OLDEST)
-    if stated < oldest:
-        since = "; ".join(f"contract {version}: {CHANGES[version]}" for version in range(stated + 1, current + 1))
-        raise PluginError(
-            f"{written} and accepts {oldest} and later: change it ({since}), then state contract_version = {current}"
-        )
+
+
+@functools.cache
+def _note_on_unreleased_contracts() -> None:
+    """Say once, and not in each worker process of a study, what is made of a contract before the first release."""
+    if multiprocessing.parent_process() is None:
+        words = f"contracts 2 to {LAST_UNRELEASED} are those before the first release, and are taken as contract 1"
+        print(f"note: {words}: write `contract_version = 1`", file=sys.stderr)

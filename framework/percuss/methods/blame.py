@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Component
 
 OWN_PACKAGES = {"percuss", "percuss_methods"}
-RENAMED = {"Rows": "LinearLaw", "Judged": "ContactState"}  # names that contract 2 changed
 PLUGIN_MODULES: set[str] = set()  # top-level modules of all plug-ins, from their import on; the registry adds to it
 
 SINGULAR = {
@@ -164,6 +163,5 @@ def error_text(error: BaseException) -> str:
         near = nearest(name, getattr(sys.modules.get(module), "__all__", ()))
         advice = f"did you mean '{near}'?" if near else "was it written for another percuss?"
         advice = "it stands in percuss itself" if name in sys.modules["percuss"].__all__ else advice
-        advice = f"it is called `{RENAMED[name]}` since contract 2" if name in RENAMED else advice
         text = f"{present} has no '{name}' in {module}; {advice}"
     return ": ".join(filter(None, (type(error).__name__, text)))

@@ -19,7 +19,7 @@ from percuss.case.type_words import describe, fact
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, printable, suggestion
 from percuss.jsonable import Entries
-from percuss.methods.admission import OLDEST, OLDEST_OF
+from percuss.methods.admission import contract_of
 from percuss.methods.interfaces import FAMILIES, AllowInf, Component
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def _origin(registry: Registry, family: str, name: str) -> Entries:
         "version": source.version,
         "module": source.module,
         "file": source.file,
-        "contract_version": component.contract_version,
+        "contract_version": contract_of(component),
     }
 
 
@@ -181,7 +181,7 @@ def component_text(registry: Registry, family: str, name: str) -> str:
     lines = [piece for line in "\n".join(lines).splitlines() for piece in _folded(line)]
     lines += ["", _USE_HEADINGS.get(family, "In a case"), *_indented_lines(data["snippet"])]
     origin = f"{data['distribution']} {data['version']}" if data["distribution"] else f"a file, {data['version']}"
-    origin += f", written for contract {component.contract_version}" if component.contract_version else ""
+    origin += f", written for contract {contract}" if (contract := contract_of(component)) else ""
     return "\n".join([*lines, "", *_folded(f"From {origin}, module {data['module']}, {data['file']}")])
 
 
@@ -249,7 +249,6 @@ def registry_data(registry: Registry) -> Entries:
     return {
         "percuss": version.__version__,
         "contract": version.CONTRACT,
-        "oldest_contract": OLDEST,
         "components": [_origin(registry, *key) for key in registry.components],
         "broken": [{"source": plugin.source, "error": plugin.error, "file": plugin.file} for plugin in registry.broken],
     }
@@ -263,7 +262,7 @@ def registry_text(registry: Registry) -> str:
         for name in registry.names(family):
             component, source = registry.get(family, name), registry.sources[family, name]
             facts = [f"{source.distribution} {source.version}" if source.distribution else source.file]
-            facts += [f"contract {component.contract_version}"] if component.contract_version else []
+            facts += [f"contract {contract}"] if (contract := contract_of(component)) else []
             origin = "" if source.distribution == "percuss" else f" (from {', '.join(facts)})"
             head = f"  {name}"
             if len(head) > NAMES - 2:
@@ -273,7 +272,5 @@ def registry_text(registry: Registry) -> str:
         lines.append("")
     for broken in registry.broken:
         lines += _folded(f"not usable: {broken.source}{f' ({broken.file})' if broken.file else ''}: {broken.error}")
-    later = "".join(f", {family} {oldest}" for family, oldest in OLDEST_OF.items() if oldest > OLDEST)
-    contracts = f"contract {version.CONTRACT}; the oldest that still works: {OLDEST}{later}"
-    lines += _folded(f"percuss {version.__version__}, {contracts}")
+    lines += _folded(f"percuss {version.__version__}, contract {version.CONTRACT}")
     return "\n".join([*lines, "`percuss plugins NAME` describes one; --json gives the file of each."])

@@ -28,7 +28,7 @@ class Leaking(Element):
     summary = "Two-node bar"
     linear = True
     references = ("Hughes: The Finite Element Method, Dover 2000, ch. 1",)
-    contract_version = 5
+    contract_version = 1
 
     def bind(self, body: BodyMesh) -> LeakingArrays:
         """Return length, area and direction of each element."""

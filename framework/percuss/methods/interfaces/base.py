@@ -231,8 +231,8 @@ class Component(ABC):
         Reasons for the checks that the method is known to fail, by check: ``"energy-never-grows"``, or for a single
         partner ``"energy-never-grows with penalty"``. A declared failure that does not occur is an error.
     contract_version
-        The `percuss.CONTRACT` for which the component was written; may be left out. A percuss that no longer supports
-        that contract refuses the component and lists the changes; an older percuss asks for an upgrade.
+        The `percuss.CONTRACT` for which the component was written; may be left out. An older percuss asks for an
+        upgrade.
     """
 
     family: ClassVar[str]
