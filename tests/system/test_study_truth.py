@@ -227,22 +227,6 @@ except percuss.InputError as error:
     assert "Start Python anew" in done.stdout
 
 
-def test_a_data_file_that_a_single_file_reads_counts(tmp_path):
-    law = LAW.replace("from {util} import SOFT", "from pathlib import Path").replace("SOFT", "SIZE")
-    place = "\nSIZE = float(Path(__file__).with_name('size.txt').read_text())\n\n\n@dataclass"
-    (tmp_path / "mine.py").write_text(law.replace("\n\n@dataclass", place, 1))
-    (tmp_path / "size.txt").write_text("1.0")
-    study = {"percuss-study": 1, "cases": [str(write_case(tmp_path, contact="mine"))], "repeats": 1}
-    files = [tmp_path / "mine.py"]
-    first = percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=files)
-    assert first.counts == {"done": 1}, first.table.reason[0]
-    peak = first.table.peak_force[0]
-    (tmp_path / "size.txt").write_text("0.5")
-    again = percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=files)
-    assert again.found == 0
-    assert abs(again.table.peak_force[0] - peak) > 0.01
-
-
 def test_versions_and_own_sources_in_all_folders_count(monkeypatch):
     from percuss.methods import source_digest
 

@@ -752,66 +752,11 @@ def test_an_edited_file_is_seen_anew(write, tmp_path):
     assert not (tmp_path / "__pycache__").exists()
 
 
-BESIDE = {
-    "plainly": ("import fake_beside as h\n", 1),
-    "by a name in it": ("\nfrom fake_beside import C\n", 2),
-    "a module of a package": ("import json\nimport fake_folder.part\n", 2),
-    "relatively": ("from . import fake_beside\n", 1),
-    "by a relative name": ("from .fake_beside import C\n", 1),
-    "by import_module": ("import importlib\nh = importlib.import_module('fake_beside')\n", 2),
-    "when it is called": ("def f():\n    import fake_beside\n", 2),
-    "twice": ("import fake_beside\nimport fake_beside\n", 1),
-}
-
-
-@pytest.mark.parametrize("on_path", [False, True], ids=["", "on the path"])
-@pytest.mark.parametrize("case", BESIDE)
-def test_a_file_that_imports_another_beside_it_is_refused(write, tmp_path, monkeypatch, case, on_path):
-    """Python imports a module once per process: an edit of the other file would not be seen."""
-    text, line = BESIDE[case]
-    (tmp_path / "fake_folder").mkdir()
+def test_a_file_does_not_find_another_beside_it(write):
+    """Its folder is not on the path of Python: make a package of both."""
     write("C = 1.0\n", "fake_beside.py")
-    write("C = 1.0\n", "fake_folder/part.py")
-    if on_path:
-        monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(PluginError) as raised:
-        Registry.load([write(text + IMPORTS + law())])
-    name = "fake_folder" if "fake_folder" in text else "fake_beside"
-    assert str(raised.value) == (
-        f"my_law.py:{line}: imports '{name}' from beside it, and a single-file plug-in is one file: move what it needs "
-        "into this file, or make a package of both, which `percuss new` begins"
-    )
-    assert not [name for name in sys.modules if name.startswith(("fake_folder", "fake_beside"))]
-
-
-def test_every_file_beside_is_named_at_once_on_the_command_line(write):
-    for name in ("fake_one", "fake_two"):
-        write("", f"{name}.py")
-    write("import fake_two\nimport fake_one\n" + IMPORTS + law())
-    command = [sys.executable, "-m", "percuss", "plugins", "--plugin", "my_law.py"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert re.findall(r"my_law\.py:(\d): imports '(\w+)'", done.stderr) == [("1", "fake_two"), ("2", "fake_one")]
-
-
-def test_a_file_beside_that_is_not_what_is_imported_is_no_matter(write, tmp_path, monkeypatch):
-    """The standard library, installed packages, and what is installed as editable from the folder itself."""
-    for name in ("json", "numpy", "percuss", "fake_installed", "fake_editable"):
-        write("C = 1.0\n", f"{name}.py")
-    site = tmp_path / "site"
-    info = site / "fake_editable-1.0.dist-info"
-    info.mkdir(parents=True)
-    (site / "fake_installed.py").write_text("C = 2.0\n")
-    monkeypatch.syspath_prepend(site)
-    text = "import json, numpy\nfrom fake_installed import C\n" + IMPORTS + law().replace("1.0", "C")
-    assert Registry.load([write(text)]).get("contacts", "my-law")().bind(None, 0.1).sigma == 2.0
-    file = write("import fake_editable\n" + IMPORTS + law())
-    with pytest.raises(PluginError, match="imports 'fake_editable' from beside it"):
-        Registry.load([file])
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: fake-editable\nVersion: 1.0\n")
-    (info / "direct_url.json").write_text(f'{{"url": "{tmp_path.as_uri()}", "dir_info": {{"editable": true}}}}')
-    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
-    assert "my-law" in Registry.load([file]).names("contacts")
+    with pytest.raises(PluginError, match=r"^my_law\.py:1: ModuleNotFoundError: No module named 'fake_beside'$"):
+        Registry.load([write("import fake_beside\n" + IMPORTS + law())])
 
 
 def test_a_file_given_twice_counts_once(write, tmp_path):

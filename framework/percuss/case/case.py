@@ -76,11 +76,10 @@ class Case(CaseSection):
 
     @property
     def inputs(self) -> list[tuple[str, Path]]:
-        """Role and path of each file that the case was read from: its own, its plug-ins and their data, its data."""
+        """Role and path of each file that the case was read from: its own, its plug-ins, its data."""
         own = [("case", Path(self.origin.name))] if self.origin.text else []
         plugins = [("plug-in", file.path) for file in self.registry.single_files]
-        beside = [("data file", path) for file in self.registry.single_files for path, _ in file.data]
-        return [*own, *plugins, *beside, *(("data file", self.origin.folder / path) for path in self.data_files)]
+        return [*own, *plugins, *(("data file", self.origin.folder / path) for path in self.data_files)]
 
     @property
     def of_bars(self) -> bool:

@@ -191,14 +191,9 @@ def _origin(source: Provenance) -> dict[str, str | None]:
     return {"distribution": source.distribution, "version": source.version, "file": source.file, "digest": digest}
 
 
-@cache
 def _content(file: SingleFile) -> Entries:
-    """Return the digest of a single-file plug-in, and the texts of it and of its data files."""
-    texts = {}
-    for name, content in file.files.items():
-        with contextlib.suppress(UnicodeDecodeError):  # data that are no text count by the digest alone
-            texts[name] = content.decode("utf-8")
-    return {"digest": file.digest, "texts": texts}
+    """Return the digest of a single-file plug-in, and its text by the name of the file."""
+    return {"digest": file.digest, "texts": {file.path.name: file.content.decode("utf-8")}}
 
 
 def case_inside(provenance: Data, *, plugins: Sequence[Path] = (), name: str = "the result") -> Case:

@@ -30,7 +30,6 @@ from percuss.heartbeat import beat
 from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import plugin_faults
 from percuss.methods.registry import Registry
-from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
 from percuss.results.provenance import components_used, processor_model
 from percuss.results.result import Result
@@ -149,7 +148,7 @@ class Bench:
     files
         Texts of the data files that each case names, by label and by the path written in the case.
     plugins
-        Single-file plug-ins of each case, by label: path, and contents of the file and of its data files.
+        Single-file plug-ins of each case, by label: path, and content by the name of the file.
     settings
         Settings on which every row depends.
     components, surroundings
@@ -246,7 +245,7 @@ class Bench:
 def packed(cases: Mapping[str, Case], settings: RowSettings, keys: Keys) -> Bench:
     """Return the bench of a study; `keys` must have made the keys of all its tasks."""
     plugins = {
-        label: tuple((str(file), SingleFile.read(file).files) for file in case.registry.files)
+        label: tuple((str(file.path), {file.path.name: file.content}) for file in case.registry.single_files)
         for label, case in cases.items()
     }
     # The plug-ins that a case names travel as text.
