@@ -34,7 +34,6 @@ from percuss.methods.interfaces import Floats as Floats
 from percuss.methods.interfaces import FollowingLoad as FollowingLoad
 from percuss.methods.interfaces import Ge as Ge
 from percuss.methods.interfaces import Gt as Gt
-from percuss.methods.interfaces import Implicit as Implicit
 from percuss.methods.interfaces import Integers as Integers
 from percuss.methods.interfaces import Integrator as Integrator
 from percuss.methods.interfaces import Le as Le

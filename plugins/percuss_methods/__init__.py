@@ -35,7 +35,6 @@ from percuss_methods.integrators.chung_lee import ChungLee
 from percuss_methods.integrators.explicit_hht import ExplicitHHT
 from percuss_methods.integrators.explicit_newmark import ExplicitNewmark
 from percuss_methods.integrators.hulbert_chung import HulbertChung
-from percuss_methods.integrators.implicit_hht import ImplicitHHT
 from percuss_methods.integrators.noh_bathe import NohBathe
 from percuss_methods.integrators.tchamwa_wielgosz import TchamwaWielgosz
 from percuss_methods.integrators.velocity_verlet import VelocityVerlet
@@ -82,7 +81,6 @@ def percuss_integrators() -> list[type]:
         ExplicitHHT,
         ExplicitNewmark,
         HulbertChung,
-        ImplicitHHT,
         NohBathe,
         TchamwaWielgosz,
         VelocityVerlet,

@@ -36,10 +36,6 @@ HELD: dict[str, dict[str, tuple[str, str]]] = {
             "where the roots meet in the paper; its limit is not the one that is often quoted",
             "test_integrators.py::test_the_roots_meet_where_the_paper_says",
         ),
-        "implicit-hht": (
-            "spectral radius (1 + alpha)/(1 - alpha) of the paper; multipliers that oscillate (Doyen, Ern and Piperno)",
-            "test_implicit.py::test_the_alpha_method_damps_the_highest_frequencies_as_published",
-        ),
         "noh-bathe": (
             "dense matrices, limit and order of the paper",
             "test_stages.py::test_the_free_limit_is_that_of_the_scheme",

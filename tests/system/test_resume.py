@@ -39,7 +39,6 @@ SOME = (
     "bars turned in a plane, with gravity | central-difference | penalty",
     "load spring-dashpot as declared on a.left | central-difference",
     "equal bars | central-difference | decomposition-contact-response",
-    "equal bars | implicit-hht | penalty",
 )
 
 

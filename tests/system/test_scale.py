@@ -123,10 +123,6 @@ def test_the_estimate_follows_elements_steps_and_records():
     assert finer == pytest.approx(100 * 4**3 * (seconds - 1e-3), rel=0.1)
     assert f"the steps take about {finer:.0f} s" in text
     assert more > 10 * size
-    implicit = {"method.integrator": "implicit-hht", "method.contact": "lagrange"}
-    found = percuss.check(percuss.load(ROOT / "cases" / "hunek.yaml").with_overrides(implicit))
-    assert found.data["estimate"]["seconds"] is None
-    assert "take an unknown time" in found.text
 
 
 def test_the_page_states_the_memory_of_a_node():

@@ -39,7 +39,6 @@ def bar(at, speed, area=0.4, elements=10, direction=None, length=1.0, **more):
 # What does not go together on surfaces, beside what pairs of methods refuse each other whatever the bodies.
 NOT_BUILT = {
     "asynchronous": "It works for bars only",
-    "implicit-hht": "It works for bars only",
     "nitsche": "has no compliance and is not evaluated at the end of the step, which works for bars only",
     "uzawa": "uses the coupling of contacts, which works for bars only",
     "energy-conserving-penalty": "uses the coupling of contacts, which works for bars only",

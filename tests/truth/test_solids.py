@@ -544,7 +544,6 @@ REFUSED = {
         "expected bodies along a line with absorbing, found 'left'",
     ),
     "steps of their own": ({"method.integrator": "asynchronous"}, "expected another integrator for 'left'"),
-    "an implicit scheme": ({"method.integrator": "implicit-hht"}, "expected another integrator for 'left'"),
     "no compliance": ({"method.contact": "nitsche"}, "expected another law for 'left', which is no bar, found nitsche"),
     "coupling": ({"method.contact": "uzawa"}, "expected another law for 'left', which is no bar, found uzawa"),
     "rigid on many points": (

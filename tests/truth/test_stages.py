@@ -677,7 +677,7 @@ WRONG = {
     "one stage or more": (GOOD, "Stages(())", "kept = 1"),
     "three numbers": (GOOD, "Stages((1.0,), end=((dt, 0.0, dt),))", "kept = 1"),
     "three numbers greater": (GOOD, "Stages((1.0,), end=((dt, dt, dt), (dt, dt, dt)))", "kept = 1"),
-    "expected LeapFrog, Stages or Implicit": (GOOD, "(1.0,)", "kept = 1"),
+    "expected LeapFrog or Stages": (GOOD, "(1.0,)", "kept = 1"),
 }
 
 

@@ -223,7 +223,7 @@ def test_a_layout_of_the_loop_is_part_of_every_tag(monkeypatch):
     specialise._versions.cache_clear()
 
 
-SCHEMES = [{"method.integrator": name} for name in REGISTRY.names("integrators") if name != "implicit-hht"]
+SCHEMES = [{"method.integrator": name} for name in REGISTRY.names("integrators")]
 BODIES = [
     *({"bodies.short.element": name} for name in REGISTRY.names("elements")),
     {"bodies.short.material": {"name": "bilinear-plastic", "young": 100.0, "density": 0.01, "yield_stress": 0.02}},

@@ -422,7 +422,7 @@ def test_results_of_runs_without_contact_or_probes_are_saved_too(tmp_path):
 
 
 @pytest.mark.parametrize("every", [1, 4])
-@pytest.mark.parametrize("integrator", ["central-difference", "asynchronous", "noh-bathe", "implicit-hht"])
+@pytest.mark.parametrize("integrator", ["central-difference", "asynchronous", "noh-bathe"])
 def test_the_numbers_of_a_contact_count_the_last_record(integrator, every):
     """The force grows until the end; the bar closes at about 0.01, the time of its waves."""
     push = {"p": {"ramp": {"value": 0.01, "duration": 0.04}, "on": "a.left"}}

@@ -136,7 +136,6 @@ def _with_step(case: Case) -> SettledRun:
     unknown = "No step is known to be stable: give one."
     changes = f"The highest frequency changes with the strain, so that {unknown[0].lower()}{unknown[1:]}"
     for expected, found, advice in (
-        model.facts.no_choice_of_step,
         ("loads of which the critical step is known, found that", model.facts.effect_unknown(), unknown),
         ("a diagonal mass and ends in contact with mass, or linear laws, found that", unknown_by_mass(model), unknown),
         ("linear bodies, found that", model.bodies.why_not_linear, changes),
@@ -198,9 +197,6 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
         Whether to search the critical step too where only the step itself can tell it and `criterion` is None, which
         takes many times as long as to examine the step of the run; without it that is not known.
     """
-    if model.facts.verdict is not None:
-        stable, why = model.facts.verdict()
-        return _unknown_certificate(model, why) | {"stable": stable}
     large = too_large(model)
     if model.bodies.why_not_linear and not large:
         found = _certificate_of_nonlinear_bodies(model)

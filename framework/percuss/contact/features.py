@@ -47,14 +47,6 @@ class Feature:
         Whether the kernel for bars of equal elements, which knows nothing but these, cannot advance them.
     built_for_bars
         Whether it is built for bars alone.
-    keeps_constraints
-        Whether a support or drive that is not active stays in the list of constraints of the loop. An acceleration kept
-        from the step before may contain the reaction of one that is no longer active: its impulse still has to be
-        counted.
-    solves_contact
-        How the scheme solves for its contacts at the end of the step, as a run explains it.
-    not_compiled
-        Why its steps are not compiled.
     sums_internal_work, dissipates
         Whether the energy ledger counts the work of the internal forces instead of the elastic energy, and whether
         linear bodies dissipate what they do not store of it.
@@ -77,10 +69,6 @@ class Feature:
         With which laws alone it is examined.
     no_critical_step
         Why the model has no critical step, or none that can be found by a search.
-    no_choice_of_step
-        What is expected and what was found where a case leaves its step open, and what to do.
-    verdict
-        Returns the stability of any step and the reason for it, where these follow from the scheme.
     unknown
         Returns why no criterion covers the model; empty if one does.
     cure
@@ -102,9 +90,6 @@ class Feature:
     effect_unknown: Callable[[], str] = str
     no_row_kernel: bool = False
     built_for_bars: bool = False
-    keeps_constraints: bool = False
-    solves_contact: str = ""
-    not_compiled: str = ""
     sums_internal_work: bool = False
     dissipates: bool = False
     loses_energy: str = ""
@@ -118,8 +103,6 @@ class Feature:
     unknown_above_theta_of_one: str = ""
     examined: str = ""
     no_critical_step: str = ""
-    no_choice_of_step: tuple[str, str, str] = ("", "", "")
-    verdict: Callable[[], tuple[Verdict, str]] | None = None
     unknown: Callable[[], str] = str
     cure: str = ""
     explained: tuple[str, ...] = ()

@@ -109,7 +109,7 @@ class Arrays:
         constraints = [
             (index, constraint)
             for index, constraint in enumerate(model.loads.constraints)
-            if model.multistage or model.facts.keeps_constraints or constraint.active(midpoint)
+            if model.multistage or constraint.active(midpoint)
         ]
         self.active_constraints = [index for index, _ in constraints]
         of_points = model.rows.at(midpoint).sides

@@ -19,14 +19,12 @@ LINEAR_BAR, STAGE_OF_BAR = 0.7e-9, 3e-9  # a two-node element: in a leap-frog st
 POINT_OF_BAR = 6e-9  # a quadrature point of other elements of bars
 
 
-def seconds_of_steps(model: Model) -> float | None:
-    """Return roughly how long the compiled steps of a run take [s]; None where contact is solved for implicitly.
+def seconds_of_steps(model: Model) -> float:
+    """Return roughly how long the compiled steps of a run take [s].
 
     A recorded step computes the energies, which costs as much as the forces. A material with a kernel of its own may
     take longer, and so do sweeps over contact points that share nodes, of which nobody knows how many there will be.
     """
-    if model.facts.solves_contact:
-        return None
     bodies = sum(body.volumes.size * _seconds_of_point(body, model) for body in model.bodies.values())
     evaluations = len(model.tables) * model.steps
     points = STEP + CONTACT_POINT * len(model.contact_points)

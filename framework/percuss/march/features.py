@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from percuss.march import implicit_check
 from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
 from percuss.step.parts import coupled_masses, ends_without_mass, followers, own_steps, shifts, viscosity
@@ -34,7 +33,6 @@ PARTS: tuple[type[Part[Any]], ...] = (
 FEATURES: tuple[Callable[[ModelArrays], Feature | None], ...] = (
     viscosity.feature,
     own_steps.feature,
-    implicit_check.feature,
     coupled_masses.feature,
     ends_without_mass.feature,
     followers.feature,
@@ -42,7 +40,7 @@ FEATURES: tuple[Callable[[ModelArrays], Feature | None], ...] = (
 )
 # What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
 BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)
-WITH_LAWS = (ends_without_mass.refusals, laws_refused, implicit_check.refusals)
+WITH_LAWS = (ends_without_mass.refusals, laws_refused)
 
 
 def features_of(model: ModelArrays) -> tuple[Feature, ...]:

@@ -22,8 +22,6 @@ from percuss.heartbeat import beat
 from percuss.march import diagnosis
 from percuss.march.arrays import Arrays
 from percuss.march.estimate import seconds_in_solids
-from percuss.march.implicit import ImplicitStepper
-from percuss.march.implicit_check import ImplicitSteps
 from percuss.march.leapfrog import LeapFrogStepper
 from percuss.march.multistage import MultistageStepper
 from percuss.march.starting_state import initial_velocity
@@ -113,8 +111,6 @@ class March:
         self.dim = model.dim
         self._beginning: list[bytes] = []
         self.kernels = kernels(compiled=compiled)
-        if model.facts.not_compiled:
-            self.kernels = Kernels(False, (model.facts.not_compiled,))
         self.arrays = Arrays(model)
         self._is_compiled = False
         self._begin()
@@ -143,9 +139,6 @@ class March:
         self.reactions = np.zeros(len(model.loads.constraints))
         self.stepper: Stepper
         self.stepper = LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
-        for feature in model.features:
-            if isinstance(feature, ImplicitSteps):
-                self.stepper = ImplicitStepper(model, feature.scheme)
         self.u, self.v = self.stepper.u, self.stepper.v
         self.arrays.begin(self._momenta() if model.loads.body_forces else np.zeros(0))
         for part in self.arrays.parts:

@@ -244,10 +244,8 @@ class Model(ModelArrays):
         order = [point for bound_law in self.laws for point in bound_law.where]
         parts = [self.records_of(bound_law, table, delassus[list(bound_law.where)]) for bound_law in self.laws]
         records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
-        if self.stages is not None or self.facts.solves_contact:
+        if self.stages is not None:
             records["stores"] = NOTHING
-        if self.facts.solves_contact:
-            records["end_stiffness"] = np.nan
         return order, records
 
     def records_of(self, bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:

@@ -87,9 +87,9 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     yield _group("loads", "Loads" if case.loads else "", (_load(spec) for spec in case.loads.values()))
     yield _step(model, verdict)
     seconds, size = seconds_of_steps(model), bytes_of_run(model)
-    time = "an unknown time" if seconds is None else "less than 1 s" if seconds < 1.0 else f"about {duration(seconds)}"
+    time = "less than 1 s" if seconds < 1.0 else f"about {duration(seconds)}"
     takes = f"the steps take {time} once they are compiled"
-    if seconds is not None and any(model.rows.at(0.5 * model.dt).others):
+    if any(model.rows.at(0.5 * model.dt).others):
         takes += ", more if many coupled contact points press"  # the number of sweeps over them is not known
     takes += f", and the run about {bytes_in_words(size)} of memory, estimated"
     yield Fact("estimate", {"seconds": seconds, "bytes": size}, [], [takes])
@@ -285,9 +285,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
         details.append(f"{len(points)} points on {covered:.6g} of the area {area:.6g} of {spec.sides[0]}, {gaps}")
         value |= {"points": len(points), "area": area, "covered": covered}
     details += filter(None, [_assignments(_per_area(model, law, _numbers_as_text(value["resolved"])))])
-    if solved := model.facts.solves_contact:
-        details.append(solved)
-    elif value["row"] is None:
+    if value["row"] is None:
         details.append(f"{law.name} is no row of the contact equation: its own kernel gives the force")
     else:
         details += _linear_law_lines(value["row"])
@@ -300,7 +298,7 @@ def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
     """Return the linear law of a contact as the integrator evaluates it, or None where the law has its own kernel."""
     bound_law = next(bound_law for bound_law in model.laws if number in bound_law.where)
     linear = bound_law.linear
-    if linear is None or model.facts.solves_contact:
+    if linear is None:
         return None
     record = model.records_of(bound_law, model.tables[-1], bound_law.points.delassus)[bound_law.where.index(number)]
     numbers = {name: float(record[field]) for name, field in OF_RECORD.items()}

@@ -152,8 +152,6 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
         warnings.append(
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
         )
-    if facts.not_compiled:
-        warnings.append(f"{facts.not_compiled}, and its time is that of these")
     bodies_error = energy["bodies_error"] or 0.0
     if facts.loses_energy and bodies_error > ledger.BODIES_TOLERANCE:
         warnings.append(f"{facts.loses_energy} {percent(bodies_error)} of the largest energy")

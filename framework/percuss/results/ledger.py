@@ -9,9 +9,8 @@ dissipated energy are given beside it, and differ from the internal work by an e
 So it is where bodies have steps of their own, ``m f_int(u_n) (u_{n+1} - u_{n-1}) / 2`` over the steps in which the
 forces of a body act: elastic energy is then that between the two such steps around t_{n+1/2}, along the velocities
 there, and differs from the internal work where a contact or load has changed these between the two.
-Of an implicit scheme (`percuss.march.implicit`) energies are those of the state at t_n. With it, and with a viscous
-leap-frog scheme, the internal work contains what the scheme takes, and the energy dissipated in linear bodies is the
-internal work that they do not store.
+With a viscous leap-frog scheme the internal work contains what the scheme takes, and the energy dissipated in linear
+bodies is the internal work that they do not store.
 
 For multi-stage schemes (`percuss.step.stages`) energies are those of the state at t_{n+1}, and the
 work of a force is its impulse in the step times ``(v_n + v_{n+1}) / 2``, which equals the kinetic energy it adds, to

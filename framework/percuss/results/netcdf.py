@@ -33,7 +33,7 @@ _AXES = {
     "probe": ("probe", "component"),
     "run": (),
 }
-Source = Literal["leap-frog", "multistage", "implicit", "exact"]  # kind of scheme, or none
+Source = Literal["leap-frog", "multistage", "exact"]  # kind of scheme, or none
 _POINTS = "point_contact"  # contact of each contact point
 _TIMES = ("time", "time_half")  # a result without steps has no second one
 
@@ -49,10 +49,6 @@ def definition_attributes(source: Source, units: Mapping[str, str]) -> dict[str,
         definition = quantity.definition
         if source == "multistage":
             definition = quantity.definition_multistage or definition
-        elif source == "implicit" and quantity.of != "contact":
-            # Forces are those of steps around t_n, as of a leap-frog scheme, and everything else that at t_n.
-            definition = quantity.definition_multistage or definition
-            definition = definition.replace("t_n+1/2", "t_n").replace("t_n+1", "t_n")
         elif source == "exact":
             definition = quantity.definition_exact
         if definition:

@@ -128,14 +128,14 @@ class Result:
     def _source(self) -> netcdf.Source:
         """Return the kind of source of the histories, on which their definitions depend.
 
-        That of a run shows in the time of its energies: t_{n+1/2}, t_{n+1} or t_n.
+        That of a run shows in the time of its energies: t_{n+1/2} or t_{n+1}.
         """
         if not self.marched:
             return "exact"
         if not self.arrays["time_half"].size:
             return "leap-frog"
         after = float(self.arrays["time_half"][0] - self.arrays["time"][0]) / self.summary["dt"]
-        return "multistage" if after > 0.75 else "leap-frog" if after > 0.25 else "implicit"
+        return "multistage" if after > 0.75 else "leap-frog"
 
     @cached_property
     def histories(self) -> xr.Dataset:

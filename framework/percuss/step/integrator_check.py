@@ -11,7 +11,7 @@ from percuss.compiler.specialise import Specialiser
 from percuss.errors import PluginError, RefusedPair
 from percuss.methods import slots
 from percuss.methods.blame import breach
-from percuss.methods.interfaces import ContactLaw, ContactState, Implicit, Integrator, LeapFrog, Stages
+from percuss.methods.interfaces import ContactLaw, ContactState, Integrator, LeapFrog, Stages
 from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ NO_END = "its stages do not say (`end`) at which state a law evaluated at the en
 def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[LeapFrog, ...]]:
     """Return the stages of an integrator, None for a leap-frog scheme, and the states that its contact laws use.
 
-    There is one table of states for a leap-frog or an implicit scheme, and one for each stage of a multi-stage scheme.
+    There is one table of states for a leap-frog scheme, and one for each stage of a multi-stage scheme.
 
     Raises
     ------
@@ -50,16 +50,8 @@ def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[Leap
                 "is not known of a body whose forces do not act in every step",
             )
         return None, (definition,)
-    if isinstance(definition, Implicit):
-        if not (np.isfinite(definition).all() and definition.beta > 0.0 and -1.0 <= definition.alpha <= 0.0):
-            message = "Implicit needs finite numbers, beta greater than 0 and alpha from -1 to 0"
-            raise step_error(integrator, f"{message}; found {tuple(definition)}")
-        response = (definition.beta * dt * dt, definition.gamma * dt, 1.0)  # of the mass alone, as dt vanishes
-        state = ContactState("predicted", "predicted", "none", response)
-        return None, (LeapFrog(state, state),)
     if not isinstance(definition, Stages):
-        expected = "LeapFrog, Stages or Implicit"
-        raise step_error(integrator, f"bind returned {type(definition).__name__}, expected {expected}")
+        raise step_error(integrator, f"bind returned {type(definition).__name__}, expected LeapFrog or Stages")
     ends = ends_of(definition, dt)
     velocities = velocities_of(definition)
     start = np.array(definition.start, dtype=float)

@@ -17,7 +17,7 @@ import numpy as np
 
 from percuss.contact.law_trials import multipliers_of, plain_kernel, trial_of
 from percuss.jsonable import Data
-from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages
+from percuss.methods.interfaces import ContactPoints, ContactState, LeapFrog, LinearLaw, Stages
 from percuss.methods.plugin_calls import read_only
 from percuss.step.integrator_check import ends_of, plain_step, table_of_stage
 from percuss.testing.subject import NotApplicable
@@ -155,8 +155,6 @@ class StrictSystem:
 
     def march(self) -> Histories:
         """Return the histories of all steps and of one more step, whose force is the last one of the histories."""
-        if isinstance(self.scheme, Implicit):
-            raise NotApplicable("the scheme is implicit; this system makes explicit steps only")
         records = self._leap_frog(self.scheme) if isinstance(self.scheme, LeapFrog) else self._in_stages(self.scheme)
         return Histories(*(np.array(column) for column in zip(*records, strict=True)))
 

@@ -16,13 +16,13 @@ from percuss.case.case import Case
 from percuss.certificate.verdict import Certify, verdict_alone
 from percuss.errors import PluginError, RefusedPair, RunError
 from percuss.jsonable import Data, Entries
-from percuss.methods.interfaces import FAMILIES, Component, DataFile, Implicit, Integrator, LeapFrog, MeshFile, Stages
+from percuss.methods.interfaces import FAMILIES, Component, DataFile, Integrator, LeapFrog, MeshFile, Stages
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.results.result import Result
 
 DRAWS = 12  # number of cases that a check draws
-Scheme = LeapFrog | Stages | Implicit
+Scheme = LeapFrog | Stages
 PARTNERS = {"integrators": "contacts", "contacts": "integrators"}
 # Keys of methods in the section `method` of a case, or in a body.
 KEYS_IN_CASE = {

@@ -38,7 +38,7 @@ from percuss.methods.interfaces.body import (
     SolidMaterial,
 )
 from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, LinearLaw, Trial
-from percuss.methods.interfaces.integrator import ContactState, Implicit, Integrator, LeapFrog, Stages, end_of_step
+from percuss.methods.interfaces.integrator import ContactState, Integrator, LeapFrog, Stages, end_of_step
 from percuss.methods.interfaces.load import FollowingLoad, Load, LoadedEnd
 from percuss.methods.interfaces.measure import Measure
 from percuss.methods.interfaces.pairing import PairedPoints, Pairing, Surface, Wall

@@ -104,42 +104,8 @@ class Stages(NamedTuple):
         )
 
 
-class Implicit(NamedTuple):
-    """An implicit scheme of Newmark's family, contact solved at the end of the step: a reference in NumPy and SciPy.
-
-    ``M a_{n+1} + (1 + alpha) K u_{n+1} - alpha K u_n = (1 + alpha) f_{n+1} - alpha f_n + N lambda_{n+1}``, with
-    ``u_{n+1} = u_n + dt v_n + dt^2 ((1/2 - beta) a_n + beta a_{n+1})`` and
-    ``v_{n+1} = v_n + dt ((1 - gamma) a_n + gamma a_{n+1})``.
-
-    It takes linear bodies, supports and forces, and laws that are a line in the gap, or a tie of rates, at the end of
-    the step; a penalty is one there too.
-
-    Attributes
-    ----------
-    beta, gamma
-        Weights of the coming acceleration in displacement and velocity; beta is greater than 0.
-    alpha
-        Weight by which internal forces and loads lag behind, -1 to 0.
-    """
-
-    beta: float
-    gamma: float
-    alpha: float = 0.0
-
-    @property
-    def in_words(self) -> tuple[str, ...]:
-        """What is special about such a scheme, in sentences for a reader of a case."""
-        return (
-            "implicit, in NumPy and SciPy: a reference that shows what implicit costs, and no contender; contact "
-            "is solved at the end of each step, an explicit penalty too",
-            "forces, works and energies are those at t_n; what the scheme takes from bodies is dissipated energy",
-        )
-
-
 class Integrator(Component, contract="integrators"):
     """A time integrator: a leap-frog scheme, defined by `bind` alone, or a multi-stage scheme with a kernel.
-
-    A scheme whose `bind` returns `Implicit` is complete as well. It is no contender, and shows what implicit costs.
 
     A scheme whose `bind` returns `LeapFrog` is complete; the framework makes the step. A multi-stage scheme returns
     `Stages` and has a static method ``step(numbers, system, u, v, kept, dt)``, a kernel that advances displacement u
@@ -193,7 +159,7 @@ class Integrator(Component, contract="integrators"):
     kept: ClassVar[int] = 0
 
     @abstractmethod
-    def bind(self, dt: float) -> LeapFrog | Stages | Implicit:
+    def bind(self, dt: float) -> LeapFrog | Stages:
         """Return the description of a step of length `dt`.
 
         Parameters
@@ -208,8 +174,6 @@ class Integrator(Component, contract="integrators"):
         Stages
             A multi-stage scheme: the framework computes accelerations that include contact, and the class has a kernel
             `step`.
-        Implicit
-            An implicit scheme for linear bodies: the framework solves for motion and contact at the end of the step.
         """
 
     def refuses(self, law: object) -> str | None:  # noqa: ARG002

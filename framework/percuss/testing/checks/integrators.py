@@ -189,7 +189,7 @@ def check_stages(subject: Subject) -> None:
     for options, integrator in subject.made():
         stages = integrator.bind(STEP)
         if not isinstance(stages, Stages):
-            raise NotApplicable("it is a leap-frog or an implicit scheme")
+            raise NotApplicable("it is a leap-frog scheme")
         _check_stage_times(integrator, stages)
         if stages.end:
             start = bool(type(integrator).kept and (stages.start or not _refuses_exact_laws(subject, options)))

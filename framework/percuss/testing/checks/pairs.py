@@ -352,8 +352,6 @@ def check_certificate(subject: Subject, case: Entries) -> None:
     grow. If the linear laws of a pair do not describe what its runs do, its certificate is wrong.
     """
     model = Model(subject.load(subject.placed(case)))
-    if model.facts.verdict is not None:
-        raise NotApplicable("the scheme is implicit, and has no critical step")
     if doubts := "; ".join(closed_contacts(model, model.dt).doubts):
         raise NotApplicable(f"the pencil does not cover this: {doubts}; only the step itself can decide")
     by_pencil, by_black_box = operator_criterion(model).critical_step, step_criterion(model).critical_step
