@@ -10,7 +10,7 @@ import yaml
 
 import percuss
 from command_line import percuss_command
-from percuss.methods import source_digest
+from percuss import digest
 from percuss.results import provenance
 from strategies import hunek
 
@@ -177,7 +177,7 @@ def test_what_has_changed_is_told_although_the_bits_agree(tmp_path, monkeypatch)
     changed = {one["what"]: (one["then"], one["now"]) for one in compared["changes"]}
     assert changed["version of numpy"] == ("1.0", np.__version__)
     assert changed["setting NUMBA_CPU_NAME"] == ("generic", None)
-    assert changed["sources of percuss"] == ("0" * 64, source_digest.own_digest())
+    assert changed["sources of percuss"] == ("0" * 64, digest.own_digest())
     assert changed["processor"][0] == "another"
     assert "sse2" not in changed["instructions of the processor that numba uses"][0]
     assert changed["plug-in contacts/bipenalty"][0].endswith("f" * 64)

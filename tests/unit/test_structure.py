@@ -82,6 +82,7 @@ GROUND = {
         "blas",
         "cache",
         "compiling",
+        "digest",
         "errors",
         "files",
         "heartbeat",

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 from percuss.cache import keep, kept
 from percuss.compiling import LOCK
+from percuss.digest import content_digest, surroundings
 from percuss.files import PACKAGE
-from percuss.methods.source_digest import content_digest, surroundings
 
 OWN_NAMES = ("Py", "_Py", "numba", "NRT_")  # beginnings of the names that Python and numba provide to compiled code
 

@@ -24,9 +24,10 @@ from percuss.compiler.fingerprint import Fingerprint, contents, is_foreign, name
 from percuss.compiler.machine_code import jit_disabled
 from percuss.compiler.readings import Readings
 from percuss.compiling import Kernel, compiler, numba_inside
+from percuss.digest import content_digest
 from percuss.jsonable import Data, Entries
 from percuss.methods import slots as slot_functions
-from percuss.methods.source_digest import content_digest, function_digest
+from percuss.methods.source_digest import function_digest
 from percuss.version import __version__, installed_version
 
 AnyKernel = TypeVar("AnyKernel", bound=Kernel)

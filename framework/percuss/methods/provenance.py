@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
+from percuss.digest import content_digest, source_digest
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -29,6 +31,12 @@ class Provenance:
     def label(self) -> str:
         """Name and version of the distribution, or path of the single file."""
         return f"{self.distribution} {self.version}" if self.distribution else display_path(self.file)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the version and the sources of its package, or of its single file."""
+        sources = source_digest(self.file) if self.distribution else ""
+        return content_digest(f"{self.version} {sources}".encode())
 
     def __str__(self) -> str:
         return f"{self.label} ({self.module if self.distribution else self.version})"

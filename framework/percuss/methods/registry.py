@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 from pluggy import HookimplOpts, PluginManager
 
 from percuss.compiling import LOCK
+from percuss.digest import source_digest
 from percuss.errors import PluginError, nearest, suggestion
 from percuss.methods.admission import PREFIX, admitted
 from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, place_of
@@ -27,7 +28,6 @@ from percuss.methods.hooks import GROUP
 from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.provenance import Broken, Provenance
 from percuss.methods.single_file import SingleFile
-from percuss.methods.source_digest import remember
 
 NONE_USED = "none is used: have one renamed, or uninstall it"
 HOOKS = {PREFIX + family: family for family in FAMILIES}
@@ -177,7 +177,8 @@ def _load(environment: tuple[tuple[str, int], ...], files: tuple[SingleFile, ...
         labels = dict.fromkeys(source.label for source in sources)
         broken.append(Broken(" and ".join(labels), f"{_registered_by(key, sources)}; {NONE_USED}", sources[-1].file))
     chosen = {key: candidates[0] for key, candidates in by_key.items() if len(candidates) == 1}
-    remember()
+    for registered in chosen.values():
+        source_digest(registered.source.file)  # of the sources that were imported now, and not after a later edit
     for file in files:
         _add_file(manager, file, chosen, clashes)
     return Registry(

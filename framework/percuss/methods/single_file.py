@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 
+from percuss.digest import content_digest
 from percuss.errors import PluginError, nearest, shortened
 from percuss.files import found_instead
 from percuss.methods.provenance import Provenance, display_path
-from percuss.methods.source_digest import content_digest, record_import
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,15 @@ class SingleFile:
         stem = re.sub(r"[^A-Za-z0-9_]", "_", self.path.stem)
         return Provenance("", self.digest[:12], f"percuss_file_{stem}_{unique}", str(self.path))
 
+    @property
+    def files(self) -> dict[str, bytes]:
+        """Content of the plug-in by its name."""
+        return {self.path.name: self.content}
+
     def import_as(self, name: str) -> None:
         """Import the file as the module called `name`."""
         module = ModuleType(name)
         module.__file__ = str(self.path)
         sys.modules[name] = module  # Dataclasses and pickle look the module up there.
-        record_import(name, self.content)
         # Python's own loader is not used: its bytecode cache misses an edit within one second that keeps the size.
         exec(compile(self.content, str(self.path), "exec", dont_inherit=True), vars(module))  # noqa: S102

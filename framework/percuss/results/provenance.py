@@ -11,7 +11,7 @@ import datetime as dt
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,13 +19,13 @@ from typing import Any
 from percuss.case.case import Case, load
 from percuss.case.source import Source
 from percuss.contact.paired_surfaces import walls_of
-from percuss.errors import InputError, PluginError, Problem, refuse_if_any, wrong_input
+from percuss.digest import numeric_settings, own_digest
+from percuss.errors import PluginError, Problem, refuse_if_any, wrong_input
 from percuss.jsonable import Data, Entries, as_lists, plain
 from percuss.march.model import Model
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
-from percuss.methods.source_digest import SourceDigests, numeric_settings, own_digest
 from percuss.version import installed_version
 
 PACKAGES = ("percuss", "numpy", "numba", "llvmlite", "scipy", "xarray", "netCDF4")  # on which numbers may depend
@@ -56,7 +56,7 @@ def _instructions() -> tuple[str, str]:
     return binding.get_host_cpu_name(), " ".join(sorted(name for name, present in features.items() if present))
 
 
-_settings, _own_digest = cache(numeric_settings), cache(own_digest)
+_settings = cache(numeric_settings)
 
 
 def machine() -> Entries:
@@ -75,7 +75,7 @@ def machine() -> Entries:
     return {
         "versions": {"python": platform.python_version(), **{name: installed_version(name) for name in PACKAGES}},
         "settings": dict(_settings()),
-        "source_digest": _unless_edited(_own_digest),
+        "source_digest": own_digest(),
         "machine": described,
         "time": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
     }
@@ -134,14 +134,14 @@ def origins(case: Case, components: Iterable[tuple[str, str]]) -> Entries:
     Returns
     -------
     dict
-        ``plugins``: distribution, version, file and digest of the sources of each component, by family and name;
-        the digest is None where a source was edited after this process imported it. ``single_files``: digest and texts
-        of each single-file plug-in among them, by its path. ``data_files``: texts of the files that the case names.
+        ``plugins``: distribution, version, file and digest of the sources of each component, by family and name.
+        ``single_files``: digest and text of each single-file plug-in among them, by its path. ``data_files``: texts of
+        the files that the case names.
     """
     sources = {"/".join(key): case.registry.sources[key] for key in components}
     files = {source.file for source in sources.values() if not source.distribution}
     return {
-        "plugins": {name: dict(_origin(source)) for name, source in sources.items()},
+        "plugins": {name: _origin(source) for name, source in sources.items()},
         "single_files": {
             str(file.path): _content(file) for file in case.registry.single_files if str(file.path) in files
         },
@@ -174,21 +174,9 @@ def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: 
     return {**machine(), "case": as_lists(case.data), **origins(case, components), **plain(found)}
 
 
-def _unless_edited(digest: Callable[[], str]) -> str | None:
-    """Return a digest of sources, None if one of them was edited after this process imported it."""
-    try:
-        return digest()
-    except InputError:
-        return None
-
-
-_DIGESTS = SourceDigests()  # of this process, which runs the sources that it imported first
-
-
-@cache
-def _origin(source: Provenance) -> dict[str, str | None]:
-    digest = _unless_edited(lambda: _DIGESTS.of(source))
-    return {"distribution": source.distribution, "version": source.version, "file": source.file, "digest": digest}
+def _origin(source: Provenance) -> dict[str, str]:
+    names = "distribution", "version", "file", "digest"
+    return {name: getattr(source, name) for name in names}
 
 
 def _content(file: SingleFile) -> Entries:

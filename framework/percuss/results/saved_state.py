@@ -19,11 +19,11 @@ import numpy as np
 
 from percuss.cache import cache_folder
 from percuss.case.case import Case
+from percuss.digest import content_digest
 from percuss.errors import InputError, UnwrittenError, wrong_input
 from percuss.files import replacing
 from percuss.jsonable import Entries, as_lists
 from percuss.methods.interfaces import Array
-from percuss.methods.source_digest import content_digest
 from percuss.results.differences import changes
 from percuss.results.provenance import components_used, machine, origins
 

@@ -25,12 +25,12 @@ from percuss.case import overrides
 from percuss.case.case import Case, load
 from percuss.case.source import Source
 from percuss.compiling import LOCK as ONE_AT_A_TIME
+from percuss.digest import content_digest, own_digest, surroundings
 from percuss.errors import PercussError, PluginError
 from percuss.heartbeat import beat
 from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import plugin_faults
 from percuss.methods.registry import Registry
-from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
 from percuss.results.provenance import components_used, processor_model
 from percuss.results.result import Result
 from percuss.studies.columns import RowSettings
@@ -73,17 +73,10 @@ class Keys:
         self.measures = {column.name for column in columns if column.kind == "plug-in"}
         self.components: dict[str, dict[str, str]] = {}
         self.files: dict[str, dict[str, str]] = {}
-        self._digests = SourceDigests()
         self._inputs: dict[str, tuple[dict[str, str], dict[str, str]]] = {}
 
     def of(self, label: str, case: Case, task: Task) -> str:
-        """Return the key of a task of `case`, whose label is `label`.
-
-        Raises
-        ------
-        InputError
-            If a source was edited after this process imported it.
-        """
+        """Return the key of a task of `case`, whose label is `label`."""
         try:
             changed = overrides.apply(case.origin, task.changes, case.registry)[0]
         except PercussError:  # the run will fail and report it
@@ -127,7 +120,7 @@ class Keys:
         used |= {("contacts", tying_law(case.registry).name)} if task.tied else set()
         for family, name in sources:
             if (family, name) in used:
-                yield f"{family}/{name}", self._digests.of(sources[family, name])
+                yield f"{family}/{name}", sources[family, name].digest
 
 
 class Job(NamedTuple):
@@ -220,12 +213,11 @@ class Bench:
 
     def _check_environment(self, registry: Registry, components: Mapping[str, str]) -> None:
         """Raise PluginError if numbers computed here could differ from those where the study began."""
-        digests = SourceDigests()
         sources = {f"{family}/{name}": source for (family, name), source in registry.sources.items()}
         for name, digest in components.items():
             if name not in sources:
                 raise PluginError(f"{name} is not installed here, but was where the study was started")
-            if digests.of(sources[name]) != digest:
+            if sources[name].digest != digest:
                 raise PluginError(f"the sources of {name} differ here from those where the study was started")
         environment = {**surroundings(), "percuss": f"{__version__} {own_digest()}"} if self.surroundings else {}
         for name in sorted({*environment, *self.surroundings}):

@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from percuss.case.hints import file_advice
+from percuss.digest import content_digest
 from percuss.errors import InputError, UnwrittenError, nearest, shortened, wrong_input
 from percuss.files import is_file, is_folder, replacing
 from percuss.jsonable import Data, Entries
-from percuss.methods.source_digest import content_digest
 from percuss.studies.job_package import Record, unpacked
 from percuss.studies.perform import LOST, WAITING
 from percuss.studies.study_files import StudyFile

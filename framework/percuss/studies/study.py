@@ -16,12 +16,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from percuss.case.arguments import expect_files, expect_mapping_or_path
+from percuss.digest import content_digest
 from percuss.errors import InputError, shortened, wrong_input
 from percuss.files import expect_no_input, expect_place, expect_writable
 from percuss.jsonable import Data, Entries
 from percuss.locks import NotWritableError, locked
 from percuss.methods.blame import OWN_PACKAGES
-from percuss.methods.source_digest import content_digest
 from percuss.results.provenance import machine
 from percuss.studies.dispatch import Progress, local_workers, make, number_of_workers, row_counter, summaries_of
 from percuss.studies.job_package import Bench, Job

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from percuss.methods.source_digest import content_digest
+from percuss.digest import content_digest
 from percuss.studies.job_package import Bench
 from percuss.studies.row_command import named_path
 from percuss.studies.spec import StudySpec

@@ -1,0 +1,110 @@
+"""Digests of sources: a stored number, or stored machine code, is used as long as the code behind it has its digest.
+
+The digest of a method is that of its package, of all its Python files, or of its single file. What it imports from
+elsewhere counts by its version if it computes numbers, and else not at all.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import platform
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from percuss.files import PACKAGE
+from percuss.version import installed_version
+
+COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "scipy")
+SOURCES = {".py", ".toml"}
+SHOWN_ALONE = {"cli", "reporting", "testing"}  # rooms of percuss on which no number of a run depends
+OF_THE_LOOP = ("contact", "mesh", "step", "methods/slots.py", "digest.py")  # what is compiled, and how
+# Environment variables of numba with these prefixes change no number.
+HARMLESS_PREFIXES = (
+    "NUMBA_CACHE", "NUMBA_DEBUG", "NUMBA_DUMP", "NUMBA_NUM_THREADS", "NUMBA_WARNINGS", "NUMBA_COLOR",
+    "NUMBA_FULL_TRACEBACKS", "NUMBA_SHOW_HELP", "NUMBA_HIGHLIGHT", "NUMBA_DISABLE_PERFORMANCE", "NUMBA_TRACE",
+    "NUMBA_ENABLE_PROFILING", "NUMBA_DEVELOPER_MODE", "NUMBA_JIT_COVERAGE", "NUMBA_GDB", "NUMBA_THREADING_LAYER",
+)  # fmt: skip
+# Environment variables with these prefixes can change numbers.
+NUMERIC_PREFIXES = (
+    "NUMBA_",
+    "NPY_DISABLE_CPU",
+    "NPY_ENABLE_CPU",
+    "OPENBLAS_CORETYPE",
+    "MKL_CBWR",
+    "MKL_ENABLE_INSTRUCTIONS",
+)
+
+
+def content_digest(content: bytes) -> str:
+    """Return the SHA-256 digest of `content` in hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+@functools.cache
+def source_digest(file: str) -> str:
+    """Return the digest of all sources of the package in which a file lies, or of a file in no package.
+
+    A process reads them once, as Python does: after an edit its numbers are still those of the code before. What has no
+    file, as code that was typed at a prompt, has the digest of nothing.
+    """
+    path = Path(file).absolute()
+    if path.is_relative_to(PACKAGE):
+        of_the_loop = path.relative_to(PACKAGE).as_posix().startswith(OF_THE_LOOP)
+        return loop_digest() if of_the_loop else own_digest()
+    if not path.is_file():
+        return _digest((), path)
+    folder = path.parent
+    while (folder / "__init__.py").is_file():
+        path, folder = folder, folder.parent
+    return _package_digest(path)
+
+
+@functools.cache
+def _package_digest(path: Path) -> str:
+    return _digest(_sources(path), path)
+
+
+@functools.cache
+def loop_digest() -> str:
+    """Return the digest of percuss's own sources from which the time loop is compiled."""
+    return _digest((file for part in OF_THE_LOOP for file in _sources(PACKAGE / part)), PACKAGE)
+
+
+@functools.cache
+def own_digest() -> str:
+    """Return the digest of percuss's own sources on which a number may depend."""
+    files = (file for file in _sources(PACKAGE) if file.relative_to(PACKAGE).parts[0] not in SHOWN_ALONE)
+    return _digest(files, PACKAGE)
+
+
+def surroundings() -> dict[str, str]:
+    """Return versions and settings outside the methods that can change numbers: packages, environment, numba's file."""
+    versions = {"python": f"{platform.python_implementation()} {platform.python_version()}"}
+    return versions | {name: installed_version(name) for name in COMPUTING_PACKAGES} | numeric_settings()
+
+
+def numeric_settings() -> dict[str, str]:
+    """Return variables of the environment that can change numbers, and the digest of numba's settings file."""
+    settings = {
+        name: value
+        for name, value in sorted(os.environ.items())
+        if name.startswith(NUMERIC_PREFIXES) and not name.startswith(HARMLESS_PREFIXES)
+    }
+    file = Path(".numba_config.yaml")
+    if file.is_file():
+        settings[file.name] = content_digest(file.read_bytes())
+    return settings
+
+
+def _sources(path: Path) -> Iterator[Path]:
+    """Yield a file, or all sources in a folder and those below it, in order."""
+    files = [path] if path.is_file() else sorted(path.rglob("*"))
+    yield from (file for file in files if file.suffix in SOURCES and file.is_file())
+
+
+def _digest(files: Iterable[Path], root: Path) -> str:
+    """Return the digest of files, by their places below `root`."""
+    read = (f"{file.relative_to(root).as_posix()}\0{content_digest(file.read_bytes())}\0" for file in files)
+    return content_digest("".join(read).encode())
