@@ -147,7 +147,6 @@ def internal_accelerations(system: System, stage: int, u: Floats, f: Floats) -> 
     perform(step.actions, AFTER_SUPPORTS, stage, u, u, f)
 
 
-@called
 def component_along(constraint: Row, boundary: Records, axes: Floats, values: Floats, dim: int) -> float:
     """Return the component of a nodal quantity along a constraint."""
     total = 0.0
@@ -156,14 +155,12 @@ def component_along(constraint: Row, boundary: Records, axes: Floats, values: Fl
     return total
 
 
-@called
 def add_along(constraint: Row, boundary: Records, axes: Floats, values: Floats, increment: float, dim: int) -> None:
     """Add an increment along a constraint to a nodal quantity."""
     for d in range(dim):
         values[boundary[constraint.place + d].dof] += increment * axes[constraint.axis + d]
 
 
-@called
 def solve_contact(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> None:
     """Solve the contact equation of a stage, and add the accelerations and reactions by its multipliers."""
     step, loads, now = system.step, system.step.loads, system.step.now[0]
@@ -260,7 +257,6 @@ def advance(
     return count
 
 
-@called
 def work_of_impulses(system: System, v: Floats) -> float:
     """Return the work of loads and supports in a step, and find the contact forces of the step.
 
@@ -282,7 +278,6 @@ def work_of_impulses(system: System, v: Floats) -> float:
     return work + work_of_body_forces(system, loads, v)
 
 
-@called
 def prepare_step(system: System, amplitudes: StageAmplitudes, s: int, n: int, u: Floats, v: Floats) -> None:
     """Set amplitudes, prescribed velocities and time of the step, and reset the entries that collect its impulses."""
     now = system.step.now[0]
@@ -302,7 +297,6 @@ def prepare_step(system: System, amplitudes: StageAmplitudes, s: int, n: int, u:
         body_force.momentum = momentum(system, body_force, v)
 
 
-@called
 def momentum(system: System, body_force: Row, v: Floats) -> float:
     """Return the scalar product of a body force's acceleration at amplitude 1 and the momentum of its nodes."""
     total = 0.0
@@ -314,7 +308,6 @@ def momentum(system: System, body_force: Row, v: Floats) -> float:
     return total
 
 
-@called
 def impose_velocities(system: System, u: Floats, v: Floats, after: bool) -> None:
     """Set the velocities prescribed by supports and drives before or after the step; add the impulse to the reaction.
 
@@ -340,7 +333,6 @@ def impose_velocities(system: System, u: Floats, v: Floats, after: bool) -> None
     perform(step.actions, AFTER_SUPPORTS, 0, u, v, v)
 
 
-@called
 def sum_reactions(system: System, v: Floats) -> float:
     """Add up the reactions of the step; return their work."""
     step, loads, now = system.step, system.step.loads, system.step.now[0]
@@ -357,7 +349,6 @@ def sum_reactions(system: System, v: Floats) -> float:
     return work
 
 
-@called
 def work_of_body_forces(system: System, loads: Loads, v: Floats) -> float:
     """Return the work of the body forces in the step."""
     work = 0.0
