@@ -549,11 +549,8 @@ class Odd(CellElement):
     [
         ('cell = "line3"', 'cell = "line4"', "has 3 nodes, and its `cell` says 'line4', expected 'line3'"),
         ("np.array([1.0, 1.0, 4.0]) / 6", "np.array([0.5, 0.5])", "mass_shares returned 2 shares of 3 nodes"),
-        ("np.array([1.0, 1.0, 4.0]) / 6", "np.ones(3)", "mass_shares returned shares whose sum is 3, expected 1"),
-        ("[0.0, 1.0, 0.5]", "[0.0, 0.5, 1.0]", "expected 0, 1, and different positions between them"),
-        ("[:, None]", "", "volumes returned numbers of shape (4,), expected (4, 1)"),
+        ("[:, None]", "", "volumes returned numbers of shape (4,), expected (4, n)"),
         ("return Rule(np.array([[-1.0, 1.0, 0.0]]))", "return 1.0", "rule returned a float, expected a NamedTuple"),
-        ("range(force.shape[0])", "range(2)", "expected finite numbers"),
         ("section, coordinates,", "coordinates,", "is called as force(rule, material, first, section, geometry"),
     ],
 )
@@ -561,7 +558,7 @@ def test_a_wrong_element_is_one_error_with_its_place(right, wrong, said, tmp_pat
     assert right in CELL
     (tmp_path / "odd.py").write_text(CELL.replace(right, wrong))
     with pytest.raises(PercussError) as caught:
-        Model(percuss.load(bar("odd"), plugins=[tmp_path / "odd.py"]))
+        percuss.run(percuss.load(bar("odd"), plugins=[tmp_path / "odd.py"]), compiled=False)
     assert said in str(caught.value)
     assert "odd.py" in str(caught.value)
 
@@ -592,5 +589,5 @@ def test_cells_of_a_shape_are_refused(tmp_path):
     (tmp_path / "curve.py").write_text(SHAPE)
     case = bar("quadratic-bar")
     case["bodies"]["a"] = {"curve": {}, "material": STEEL, "area": 1.0}
-    with pytest.raises(PercussError, match="along a line it makes a row"):
+    with pytest.raises(PercussError, match="mesh returned as `nodes` numbers of shape"):
         Model(percuss.load(case, plugins=[tmp_path / "curve.py"]))

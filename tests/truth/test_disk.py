@@ -12,6 +12,9 @@ from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 from percuss.mesh import cell_stiffness
 from percuss.mesh.cell_stiffness import frequencies_of_cells, stiffness_of_cells
+from percuss.methods.registry import Registry
+from percuss.testing.checks.solids import expect_sound_mesh
+from percuss.testing.subject import CheckFailed
 from percuss_methods.shapes.disk import Disk
 from percuss_methods.shapes.half_disk import HalfDisk
 from percuss_methods.shapes.ring import Ring
@@ -407,16 +410,29 @@ CELL, EDGE = "np.array([[0, 1, 2, 3]])", "np.array([[3, 0]])"
         (CELL, "np.array([[0, 1, 2]])", "as `cells` int64 of shape (1, 3), expected integers of shape (n, 4)"),
         (CELL, "np.array([[0.0, 1.0, 2.0, 3.0]])", "as `cells` float64 of shape (1, 4), expected integers"),
         ('{"quad"', '{"square"', "cells of the kind square, expected one of triangle, quad"),
-        ('cell = "quad"', 'cell = "triangle"', "quad cells, and `cell` says triangle"),
         (EDGE, "np.array([[0, 3]])", "in the region 'left' the facet [0, 3], an edge with the body on its right"),
         (EDGE, "np.array([[3, 0], [3, 0]])", "in the region 'left' the facet of the nodes [0, 3] twice"),
         (EDGE, "np.array([[1, 3]])", "in the region 'left' the facet [1, 3], an edge of no cell"),
         (EDGE, "np.array([[3, 9]])", "as facets of the region 'left' the node 9, expected one from 0 to 3"),
         ('{"line": np.array([[3, 0]])}', "{}", "the region 'left' with facets of the kind none, expected line"),
+    ],
+)
+def test_the_kit_finds_a_mesh_that_is_none(right, wrong, said, tmp_path):
+    assert right in SHAPE
+    (tmp_path / "cell.py").write_text(SHAPE.replace(right, wrong), encoding="utf-8")
+    shape = Registry.load([tmp_path / "cell.py"]).get("shapes", "cell")()
+    with pytest.raises(CheckFailed, match=re.escape(f"mesh returned {said}")):
+        expect_sound_mesh(shape.mesh(np.zeros(2), 1), 2)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "said"),
+    [
+        ('cell = "quad"', 'cell = "triangle"', "quad cells, and `cell` says triangle"),
         ('"nowhere": nothing', "", "no region 'nowhere', which `regions` names"),
     ],
 )
-def test_a_mesh_that_is_none_is_told_at_its_shape(right, wrong, said, tmp_path):
+def test_a_mesh_that_contradicts_its_shape_is_told_there(right, wrong, said, tmp_path):
     assert right in SHAPE
     (tmp_path / "cell.py").write_text(SHAPE.replace(right, wrong), encoding="utf-8")
     body = {"cell": {}, "at": [0.0, 0.0], "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
@@ -475,8 +491,8 @@ def brittle(limit, folder, material=MATERIAL):
 
 
 def test_a_material_without_a_number_is_told_before_the_run(tmp_path):
-    """At small strains all materials are tried; a material that is in order once is asked for the stiffness."""
-    with pytest.raises(percuss.PluginError, match=r"brittle\.py:\d+: material brittle: stress_2d gave \(nan, "):
+    """It is asked for the stiffness."""
+    with pytest.raises(percuss.PluginError, match=r"brittle\.py:\d+: material brittle: the stress is nan, "):
         Model(brittle(0.0, tmp_path))
     body = Model(brittle(1.0, tmp_path)).bodies["a"]
     worse = dataclasses.replace(body.spec.material, limit=0.0)

@@ -7,29 +7,17 @@ the method. All else is asked by the conformance kit.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from percuss.compiling import Kernel
-from percuss.errors import PercussError
+from percuss.errors import PercussError, PluginError
 from percuss.methods.blame import breach, described, is_foreign, line_in_plugin
-from percuss.methods.interfaces import (
-    BodyMesh,
-    Component,
-    Exact,
-    Floats,
-    LeapFrog,
-    Lumping,
-    Mesh,
-    PairedPoints,
-    Surface,
-    Wall,
-)
+from percuss.methods.interfaces import BodyMesh, Component, Exact, Floats, Lumping, Mesh, PairedPoints, Surface
 
-NODES_OF_CELLS = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
 DEEPEST = 6  # levels of attributes up to which two answers are compared
 
 
@@ -55,7 +43,11 @@ def checked(component: Component, method: str, call: Callable[..., Any], *argume
             raise
         message = f"{method} changes an array that it was handed: copy it first"
         raise breach(component, method, message, line_in_plugin(error)) from error
-    _check(component, method, value, *arguments)
+    try:
+        if check := CHECKS.get((component.family, method)):
+            check(Returned(component, method, value), *arguments)
+    except (TypeError, ValueError):
+        raise breach(component, method, f"{method} returned {_shown(value)}, expected numbers") from None
     return value
 
 
@@ -149,270 +141,134 @@ def as_numbers(value: object) -> Floats | None:
     return array.astype(float) if np.can_cast(array.dtype, float) else None
 
 
-class _Wrong(Exception):
-    """What is wrong with an answer, in words that follow the name of the method."""
-
-
-def _check(component: Component, method: str, value: object, *arguments: object) -> None:
-    """Raise PluginError if the answer of a method to some arguments breaks its contract."""
-    try:
-        if check := CHECKS.get((component.family, method)):
-            check(value, *arguments)
-    except _Wrong as fault:
-        raise breach(component, method, f"{method} {fault}") from None
-    except (TypeError, ValueError):
-        raise breach(component, method, f"{method} returned {_shown(value)}, expected numbers") from None
-
-
-def _at_index(place: Sequence[int]) -> str:
-    return f" at index {', '.join(map(str, place))}"
-
-
-def _numbers(
-    value: object, shape: tuple[int, ...], words: str = "", more: str = "", at: Callable[..., str] = _at_index
-) -> None:
-    """Expect an array of finite numbers.
-
-    Parameters
-    ----------
-    value, shape
-        The array, and its shape.
-    words, more
-        What to say of the array, and after the fault.
-    at
-        Gives words for the place of a number that is not finite.
-    """
-    array = as_numbers(value)
-    if array is None:
-        raise _Wrong(f"returned{words} {_shown(value)}, expected numbers of shape {shape}{more}")
-    if array.shape != shape:
-        raise _Wrong(f"returned{words} numbers of shape {array.shape}, expected {shape}{more}")
-    array = np.atleast_1d(array)
-    for place in map(tuple, np.argwhere(~np.isfinite(array))):
-        raise _Wrong(f"returned{words} {array[place]}{at(place)}{more}")
-
-
 def _shown(value: object) -> str:
     of = f" of {value.dtype}" if isinstance(value, np.ndarray) else ""
     return "nothing" if value is None else f"a {type(value).__name__}{of}"
 
 
-def _amplitude(value: Any, time: Floats) -> None:
-    times = np.atleast_1d(time)
-    _numbers(value, np.shape(time), at=lambda place: f" at the time {times[place]:.6g} since the load began")
+class Returned(NamedTuple):
+    """What a method of a component returned, or a part of it."""
+
+    component: Component
+    method: str
+    value: Any
+    part: str = ""  # what the value is of that which the method returned
+
+    def expect(self, *shape: int) -> None:
+        """Expect finite numbers of a shape; of an axis of -1 any number of them.
+
+        Raises
+        ------
+        PluginError
+            If the value is anything else.
+        """
+        array, words = as_numbers(self.value), str(shape).replace("-1", "n")
+        if array is None:
+            raise self.wrong(f"{_shown(self.value)}, expected numbers of shape {words}")
+        if len(shape) != array.ndim or any(n not in {-1, size} for n, size in zip(shape, array.shape, strict=True)):
+            raise self.wrong(f"numbers of shape {array.shape}, expected {words}")
+        array = np.atleast_1d(array)
+        for place in map(tuple, np.argwhere(~np.isfinite(array))):
+            raise self.wrong(f"{array[place]} at index {', '.join(map(str, place))}")
+
+    def expect_fields(self, shapes: Mapping[str, tuple[int, ...]]) -> None:
+        """Expect finite numbers of these shapes in attributes."""
+        for name, shape in shapes.items():
+            self._replace(value=getattr(self.value, name), part=f" as `{name}`").expect(*shape)
+
+    def expect_kind(self, kind: type, words: str) -> None:
+        """Expect an object of a class."""
+        if not isinstance(self.value, kind):
+            raise self.wrong(f"{_shown(self.value)}, expected {words}")
+
+    def expect_arrays(self) -> None:
+        """Expect a NamedTuple of arrays of finite numbers."""
+        fields = getattr(self.value, "_fields", None)
+        if fields is None:
+            raise self.wrong(f"{_shown(self.value)}, expected a NamedTuple of arrays")
+        self.expect_fields({name: (-1,) * np.ndim(getattr(self.value, name)) for name in fields})
+
+    def wrong(self, words: str) -> PluginError:
+        """Return the error for a value that is something else than expected."""
+        return breach(self.component, self.method, f"{self.method} returned{self.part} {words}")
 
 
-def _arrays(value: object, shape: tuple[int, ...] = ()) -> None:
-    """Expect a NamedTuple of arrays of finite numbers, whose shapes begin with `shape`."""
-    if not (isinstance(value, tuple) and hasattr(value, "_fields")):
-        raise _Wrong(f"returned {_shown(value)}, expected a NamedTuple of arrays")
-    for name, array in zip(value._fields, value, strict=True):
-        _numbers(array, (*shape, *np.shape(array)[len(shape) :]), f" as `{name}`")
-
-
-def _follower_numbers(value: object, _end: object) -> None:
-    if not isinstance(value, tuple):
-        raise _Wrong(f"returned {_shown(value)}, expected a tuple of numbers")
-    _numbers(value, (len(value),))
-
-
-def _follow(value: object, _read: object, time: float, displacement: float, velocity: float) -> None:
-    motion = f" at the time {time:g}, the displacement {displacement:g} and the velocity {velocity:g}"
-    if value is None:
-        raise _Wrong(f"returned nothing, expected a number{motion}")
-    _numbers(value, (), more=motion, at=lambda _: "")
-
-
-def _mesh(mesh: object, at: Floats, _refine: float) -> None:
-    if not isinstance(mesh, Mesh):
-        raise _Wrong(f"returned {_shown(mesh)}, expected a Mesh")
-    count, dim = len(next(iter(mesh.cells.values()), ())), np.size(at)
+def _mesh(returned: Returned, at: Floats, _refine: float) -> None:
+    returned.expect_kind(Mesh, "a Mesh")
+    mesh, dim = returned.value, np.size(at)
+    count = len(next(iter(mesh.cells.values()), ()))
     if mesh.line is None:
-        _mesh_of_cells(mesh, dim)
+        returned.expect_fields({"nodes": (-1, dim)})
+    else:
+        returned.expect_fields({"lengths": (count,), "nodes": (count + 1, dim), "direction": (dim,)})
+
+
+def _paired_points(returned: Returned, first: Surface, _second: object) -> None:
+    returned.expect_kind(PairedPoints, "percuss.PairedPoints")
+    count, dim = np.size(returned.value.gap), first.positions.shape[1]
+    returned.expect_fields(
+        {"gap": (count,), "weight": (count,), "normal": (count, dim), "facets": (count, 2), "start": (count + 1,)}
+    )
+    entries = int(np.max(returned.value.start, initial=0))
+    returned.expect_fields({"node": (entries,), "value": (entries, dim)})
+
+
+def _inverse(returned: Returned, _element_mass: Floats, lumping: Lumping) -> None:
+    if (matrix := returned.value) is None:
         return
-    if list(mesh.cells) != ["line"]:
-        kinds = ", ".join(mesh.cells)
-        raise _Wrong(f"returned cells of the kind {kinds}: along a line it makes a row, `Mesh.of_line`")
-    shapes = {"lengths": (count,), "nodes": (count + 1, dim), "direction": (dim,)}
-    for name, shape in shapes.items():
-        _numbers(getattr(mesh, name), shape, f" as `{name}`")
+    if not hasattr(matrix, "tocoo"):
+        raise returned.wrong(f"{_shown(matrix)}, expected a sparse array of SciPy")
+    if matrix.shape != (shape := (lumping.nodes, lumping.nodes)):
+        raise returned.wrong(f"a sparse array of shape {matrix.shape}, expected {shape}")
+    returned._replace(value=matrix.tocoo().data).expect(-1)
 
 
-def _mesh_of_cells(mesh: Mesh, dim: int) -> None:
-    """Expect cells of one kind on all of the nodes, and regions of edges with the body on their left."""
-    _numbers(mesh.nodes, (np.shape(mesh.nodes)[0], dim), " as `nodes`")
-    kind = ", ".join(mesh.cells)
-    if kind not in NODES_OF_CELLS:
-        raise _Wrong(f"returned cells of the kind {kind or 'none'}, expected one of {', '.join(NODES_OF_CELLS)}")
-    count, cells = len(mesh.nodes), np.asarray(mesh.cells[kind])
-    _node_numbers(cells, NODES_OF_CELLS[kind], count, "`cells`")
-    for node in np.setdiff1d(np.arange(count), cells):
-        raise _Wrong(f"returned the node {node} at {np.asarray(mesh.nodes)[node].tolist()}, which belongs to no cell")
-    if dim == 2:
-        _anticlockwise(np.asarray(mesh.nodes)[cells])
-        _edges(mesh, cells, count)
-    for name, region in mesh.regions.items():
-        for facets in map(np.asarray, region.facets.values()):
-            once, times = np.unique(np.sort(facets), axis=0, return_counts=True)
-            for facet in once[times > 1]:
-                raise _Wrong(f"returned in the region '{name}' the facet of the nodes {facet.tolist()} twice")
+def _solution(returned: Returned, _problem: object, _end: float) -> None:
+    if not isinstance(returned.value, str):
+        returned.expect_kind(Exact, "an Exact or why there is none")
+        returned.expect_fields({"reached": ()})
 
 
-def _edges(mesh: Mesh, cells: Any, count: int) -> None:
-    """Expect as facets of regions edges of single cells, each with the body on its left."""
-    of_cells = cells * count + np.roll(cells, -1, axis=1)
-    for name, region in mesh.regions.items():
-        if (kinds := ", ".join(region.facets) or "none") != "line":
-            raise _Wrong(f"returned the region '{name}' with facets of the kind {kinds}, expected line")
-        facets = np.asarray(region.facets["line"])
-        _node_numbers(facets, 2, count, f"facets of the region '{name}'")
-        left, right = (np.isin(facets[:, way] * count + facets[:, 1 - way], of_cells) for way in (0, 1))
-        for facet in np.flatnonzero(~left | right):
-            is_one = "of two cells" if left[facet] else "with the body on its right" if right[facet] else "of no cell"
-            said = f"returned in the region '{name}' the facet {facets[facet].tolist()}, an edge {is_one}"
-            raise _Wrong(f"{said}, expected edges of the boundary with the body on their left")
+def _measure(returned: Returned, _result: object) -> None:
+    if returned.value is not None and not isinstance(returned.value, str | bool | int | np.integer | np.bool_):
+        returned.expect()
 
 
-def _node_numbers(value: Any, width: int, count: int, words: str) -> None:
-    if value.ndim != 2 or value.shape[1] != width or value.dtype.kind not in "iu":
-        raise _Wrong(
-            f"returned as {words} {value.dtype} of shape {value.shape}, expected integers of shape (n, {width})"
-        )
-    for node in value[(value < 0) | (value >= count)]:
-        raise _Wrong(f"returned as {words} the node {node}, expected one from 0 to {count - 1}")
+def _of_elements(*more: int) -> Callable[..., None]:
+    """Return the check of an array with a row for each element of a body."""
+
+    def check(returned: Returned, body: BodyMesh, *_: object) -> None:
+        returned.expect(len(next(iter(body.mesh.cells.values()))), *more)
+
+    return check
 
 
-def _anticlockwise(corners: Floats) -> None:
-    """Expect cells whose corners run anticlockwise, each with an area and no corner that points inward."""
-    along = np.roll(corners, -1, axis=1) - corners
-    before = np.roll(along, 1, axis=1)
-    turns = before[..., 0] * along[..., 1] - before[..., 1] * along[..., 0]  # twice the area at each corner
-    for cell in np.flatnonzero((turns.min(axis=1) < 0.0) | ~(turns.sum(axis=1) > 0.0)):
-        shown = corners[cell].tolist()
-        raise _Wrong(f"returned the cell {cell} of the corners {shown}, expected corners that run anticlockwise")
-
-
-def _reference_nodes(value: Any) -> None:
-    _numbers(value, (max(np.size(value), 2),))
-    inner = np.asarray(value, dtype=float)[2:]
-    if tuple(value[:2]) != (0.0, 1.0) or np.unique(inner).size < inner.size or not ((inner > 0) & (inner < 1)).all():
-        shown = np.asarray(value).tolist()
-        raise _Wrong(f"returned {shown}, expected 0, 1, and different positions between them")
-
-
-def _count(body: BodyMesh) -> int:
-    return len(next(iter(body.mesh.cells.values())))
-
-
-def _shares(value: Any, body: BodyMesh) -> None:
-    shape = (_count(body),) if np.ndim(value) == 2 else ()
-    _numbers(value, (*shape, max(np.shape(value)[-1:], (2,))[0]))
-    sums = np.atleast_1d(np.sum(value, axis=-1))
-    worst = int(np.argmax(np.abs(sums - 1.0)))
-    if abs(sums[worst] - 1.0) > 1e-12:
-        raise _Wrong(f"returned shares whose sum is {sums[worst]:.17g}, expected 1")
-
-
-def _nodal_in_contact(value: Any, _element_mass: Floats, lumping: Lumping, in_contact: Any) -> None:
-    _numbers(value, (lumping.nodes,))
-    for node in np.flatnonzero((np.asarray(value) == 0.0) & ~in_contact):
-        raise _Wrong(f"returned no mass at node {node}, expected some at every node except an end in contact")
-    if not np.any(value):
-        raise _Wrong("returned no mass at all")
-
-
-def _inverse(value: Any, _element_mass: Floats, lumping: Lumping) -> None:
-    if value is None:
-        return
-    from scipy.sparse import issparse
-
-    shape = lumping.nodes, lumping.nodes
-    if not issparse(value):
-        raise _Wrong(f"returned {_shown(value)}, expected a sparse array of SciPy")
-    if value.shape != shape:
-        raise _Wrong(f"returned a sparse array of shape {value.shape}, expected {shape}")
-    _numbers(value.tocoo().data, (value.nnz,))
-    matrix = value.tocsr()
-    if abs(matrix - matrix.T).max() > 1e-12 * abs(matrix).max():
-        raise _Wrong("returned a matrix that is not symmetric")
-
-
-def _reason(value: object, *_arguments: object) -> None:
-    if value is not None and not isinstance(value, str):
-        raise _Wrong(f"returned {_shown(value)}, expected a text or None")
-
-
-def _solution(value: object, _problem: object, _end: float) -> None:
-    if isinstance(value, str) and value.strip():
-        return
-    if not isinstance(value, Exact):
-        raise _Wrong(f"returned {_shown(value)}, expected an Exact or why there is none")
-    if not np.isfinite(value.reached):
-        raise _Wrong(f"returned a solution that reached the time {value.reached}")
-
-
-def _measure(value: object, _result: object) -> None:
-    if value is not None and not isinstance(value, str | bool | int | np.integer | np.bool_):
-        _numbers(value, (), more="; None says that there is no number")
-
-
-def _bound_law(value: object, _points: object, _dt: float) -> None:
-    for name in getattr(value, "_fields", ()):
-        array = getattr(value, name)
-        if isinstance(array, np.ndarray) and array.dtype.kind != "V" and not np.can_cast(array.dtype, complex):
-            raise _Wrong(f"returned as `{name}` {_shown(array)}, expected numbers")
-
-
-def _bound_integrator(value: object, _dt: float) -> None:
-    if isinstance(value, LeapFrog):  # the numbers of `Stages` are checked with the trial steps
-        for name in ("explicit", "end"):
-            _numbers(getattr(value, name).response, (3,), f" as the response of `{name}`")
+def _of_nodes(returned: Returned, _element_mass: Floats, lumping: Lumping, *_: object) -> None:
+    returned.expect(lumping.nodes)
 
 
 # Each check receives what a method returned and the arguments of the method.
-def _paired_points(value: Any, first: Surface, second: Surface | Wall) -> None:
-    """Expect points whose arrays belong together, on nodes of the two surfaces, each with an area."""
-    if not isinstance(value, PairedPoints):
-        raise _Wrong(f"returned {_shown(value)}, expected percuss.PairedPoints")
-    count, dim = np.size(value.gap), first.positions.shape[1]
-    shapes: dict[str, tuple[int, ...]] = {
-        "gap": (count,), "weight": (count,), "normal": (count, dim), "facets": (count, 2), "start": (count + 1,),
-    }  # fmt: skip
-    for name, shape in shapes.items():
-        _numbers(getattr(value, name), shape, f" as `{name}`")
-    entries = int(np.max(value.start, initial=0))
-    _numbers(value.node, (entries,), " as `node`")
-    _numbers(value.value, (entries, dim), " as `value`")
-    known = first.nodes if isinstance(second, Wall) else np.concatenate([first.nodes, second.nodes])
-    for node in np.setdiff1d(value.node, known):
-        raise _Wrong(f"returned the node {node}, which is on neither surface")
-    if count and not np.min(value.weight) > 0.0:
-        raise _Wrong(f"returned an area of {np.min(value.weight)}, expected one greater than 0")
-
-
 CHECKS: dict[tuple[str, str], Callable[..., None]] = {
-    ("loads", "amplitude"): _amplitude,
-    ("loads", "numbers"): _follower_numbers,
-    ("loads", "follow"): _follow,
+    ("loads", "amplitude"): lambda returned, time: returned.expect(*np.shape(time)),
+    ("loads", "numbers"): lambda returned, _end: returned.expect(-1),
+    ("loads", "follow"): lambda returned, *_: returned.expect(),
     ("shapes", "mesh"): _mesh,
-    ("masses", "nodal"): lambda value, _mass, lumping: _numbers(value, (lumping.nodes,)),
-    ("masses", "nodal_in_contact"): _nodal_in_contact,
+    ("masses", "nodal"): _of_nodes,
+    ("masses", "nodal_in_contact"): _of_nodes,
     ("masses", "inverse"): _inverse,
-    ("elements", "bind"): lambda value, body: _arrays(value, (_count(body),)),
-    ("elements", "rule"): _arrays,
-    ("elements", "reference_nodes"): _reference_nodes,
-    ("elements", "mass_shares"): _shares,
-    ("elements", "volumes"): lambda value, body: _numbers(value, (_count(body), *(np.shape(value)[1:2] or (1,)))),
-    ("elements", "geometry"): lambda value, body: _numbers(value, (_count(body), *np.shape(value)[1:])),
-    ("elements", "volumes_of_cells"): lambda value, body: _numbers(value, (_count(body),)),
-    ("elements", "axial_stiffness"): lambda value, body, _modulus: _numbers(value, (_count(body),)),
-    ("elements", "highest_frequency"): lambda value, body, _speed: _numbers(value, (_count(body),)),
-    ("materials", "parameters"): lambda value: _numbers(value, np.shape(value)[:1] or (1,)),
+    ("elements", "bind"): lambda returned, _body: returned.expect_arrays(),
+    ("elements", "rule"): lambda returned: returned.expect_arrays(),
+    ("elements", "reference_nodes"): lambda returned: returned.expect(-1),
+    ("elements", "mass_shares"): lambda returned, _body: returned.expect(*[-1] * np.ndim(returned.value)),
+    ("elements", "volumes"): _of_elements(-1),
+    ("elements", "geometry"): lambda returned, body: _of_elements(*[-1] * (np.ndim(returned.value) - 1))(
+        returned, body
+    ),
+    ("elements", "volumes_of_cells"): _of_elements(),
+    ("elements", "axial_stiffness"): _of_elements(),
+    ("elements", "highest_frequency"): _of_elements(),
+    ("materials", "parameters"): lambda returned: returned.expect(-1),
     ("pairings", "points"): _paired_points,
-    ("solutions", "covers"): _reason,
-    ("solutions", "too_costly"): _reason,
     ("solutions", "solve"): _solution,
     ("measures", "of"): _measure,
-    ("integrators", "bind"): _bound_integrator,
-    ("contacts", "bind"): _bound_law,
 }

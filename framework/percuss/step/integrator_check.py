@@ -12,7 +12,7 @@ from percuss.errors import PluginError, RefusedPair
 from percuss.methods import slots
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactState, Integrator, LeapFrog, Stages
-from percuss.methods.plugin_calls import answer
+from percuss.methods.plugin_calls import Returned, answer
 
 if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
@@ -36,6 +36,9 @@ def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[Leap
     """
     definition = answer(integrator, "bind", dt)
     if isinstance(definition, LeapFrog):
+        for name in ("explicit", "end"):
+            returned = Returned(integrator, "bind", getattr(definition, name).response, f" as the response of `{name}`")
+            returned.expect(3)
         viscosity, other = definition.viscosity, answer(integrator, "bind", 0.5 * dt).viscosity
         if not (0.0 <= viscosity < np.inf and abs(viscosity - other) <= ROUND_OFF_TOLERANCE * viscosity):
             raise step_error(

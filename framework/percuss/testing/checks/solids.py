@@ -25,6 +25,7 @@ SHEARED = np.array([[1.0, 0.3, 0.1], [-0.2, 0.5, 0.2], [0.15, -0.1, 0.7]])
 TURN = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
 SPIN = np.array([[0.0, 1.0, -0.3], [-1.0, 0.0, 0.5], [0.3, -0.5, 0.0]])
 CELLS = {"quad": "quad4", "triangle": "tri3", "hexahedron": "hex8", "tetra": "tet4"}
+NODES_OF_CELLS = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
 SLIVER = 5.0  # degrees
 UNIFORM = 1e-10  # largest relative deviation of a pressure
 WAYS = 4  # in which all nodes of two surfaces move at once, each by a length of its own
@@ -260,6 +261,7 @@ def check_solid_mesh(subject: Subject) -> None:
         extents, longest = [], []
         for refine in (1, 2):
             mesh = answer(shape, "mesh", start, refine)
+            expect_sound_mesh(mesh, start.size)
             _check_cells(shape, mesh, refine)
             body = BodyMesh(mesh, 1.3, "strain") if shape.dimension() == 2 else BodyMesh(mesh, 1.0)
             volumes = np.asarray(answer(element, "volumes_of_cells", body))
@@ -291,6 +293,71 @@ def _vector_areas(surface: Surface) -> Floats:
         return surface.areas[:, None] * surface.normals
     count, corners = surface.facets.shape
     return surface.outward(np.arange(count), np.full((count, corners), 1.0 / corners))
+
+
+def expect_sound_mesh(mesh: Mesh, dim: int) -> None:
+    """Expect cells of one kind on all of the nodes, and regions of edges with the body on their left.
+
+    Raises
+    ------
+    CheckFailed
+        If the mesh is not so.
+    """
+    kind = ", ".join(mesh.cells)
+    if kind not in NODES_OF_CELLS:
+        raise CheckFailed(
+            f"mesh returned cells of the kind {kind or 'none'}, expected one of {', '.join(NODES_OF_CELLS)}"
+        )
+    count, cells = len(mesh.nodes), np.asarray(mesh.cells[kind])
+    _node_numbers(cells, NODES_OF_CELLS[kind], count, "`cells`")
+    for node in np.setdiff1d(np.arange(count), cells):
+        raise CheckFailed(
+            f"mesh returned the node {node} at {np.asarray(mesh.nodes)[node].tolist()}, which belongs to no cell"
+        )
+    if dim == 2:
+        _anticlockwise(np.asarray(mesh.nodes)[cells])
+        _edges(mesh, cells, count)
+    for name, region in mesh.regions.items():
+        for facets in map(np.asarray, region.facets.values()):
+            once, times = np.unique(np.sort(facets), axis=0, return_counts=True)
+            for facet in once[times > 1]:
+                raise CheckFailed(f"mesh returned in the region '{name}' the facet of the nodes {facet.tolist()} twice")
+
+
+def _edges(mesh: Mesh, cells: Any, count: int) -> None:
+    """Expect as facets of regions edges of single cells, each with the body on its left."""
+    of_cells = cells * count + np.roll(cells, -1, axis=1)
+    for name, region in mesh.regions.items():
+        if (kinds := ", ".join(region.facets) or "none") != "line":
+            raise CheckFailed(f"mesh returned the region '{name}' with facets of the kind {kinds}, expected line")
+        facets = np.asarray(region.facets["line"])
+        _node_numbers(facets, 2, count, f"facets of the region '{name}'")
+        left, right = (np.isin(facets[:, way] * count + facets[:, 1 - way], of_cells) for way in (0, 1))
+        for facet in np.flatnonzero(~left | right):
+            is_one = "of two cells" if left[facet] else "with the body on its right" if right[facet] else "of no cell"
+            said = f"mesh returned in the region '{name}' the facet {facets[facet].tolist()}, an edge {is_one}"
+            raise CheckFailed(f"{said}, expected edges of the boundary with the body on their left")
+
+
+def _node_numbers(value: Any, width: int, count: int, words: str) -> None:
+    if value.ndim != 2 or value.shape[1] != width or value.dtype.kind not in "iu":
+        raise CheckFailed(
+            f"mesh returned as {words} {value.dtype} of shape {value.shape}, expected integers of shape (n, {width})"
+        )
+    for node in value[(value < 0) | (value >= count)]:
+        raise CheckFailed(f"mesh returned as {words} the node {node}, expected one from 0 to {count - 1}")
+
+
+def _anticlockwise(corners: Floats) -> None:
+    """Expect cells whose corners run anticlockwise, each with an area and no corner that points inward."""
+    along = np.roll(corners, -1, axis=1) - corners
+    before = np.roll(along, 1, axis=1)
+    turns = before[..., 0] * along[..., 1] - before[..., 1] * along[..., 0]  # twice the area at each corner
+    for cell in np.flatnonzero((turns.min(axis=1) < 0.0) | ~(turns.sum(axis=1) > 0.0)):
+        shown = corners[cell].tolist()
+        raise CheckFailed(
+            f"mesh returned the cell {cell} of the corners {shown}, expected corners that run anticlockwise"
+        )
 
 
 def _check_cells(shape: Any, mesh: Mesh, refine: int) -> None:
@@ -454,6 +521,9 @@ def _turned(angle: float, dim: int) -> Floats:
 
 def _points(pairing: Any, first: Surface, second: Surface | Wall) -> PairedPoints:
     found: PairedPoints = answer(pairing, "points", first, second)
+    known = first.nodes if isinstance(second, Wall) else np.concatenate([first.nodes, second.nodes])
+    for node in np.setdiff1d(found.node, known):
+        raise CheckFailed(f"points returned the node {node}, which is on neither surface")
     return found
 
 
