@@ -12,7 +12,8 @@ import numpy as np
 from percuss.lapack import lapack
 from percuss.mesh.banded_matrices import column, highest_eigenvalue, pencil_bands, sparse
 from percuss.mesh.body import Body
-from percuss.mesh.cells import axial_matrices, cells_of, lumping_of
+from percuss.mesh.cell_stiffness import cell_stiffness
+from percuss.mesh.cells import cells_of, lumping_of
 from percuss.methods.interfaces import LoadedEnd
 
 if TYPE_CHECKING:
@@ -155,15 +156,11 @@ class Bar(Body):
             band[0, 1:] += self.stiffness
             band[1, :-1] = -self.stiffness
             return band
-        element: Any = self.spec.element
-        matrices, shape, scale = axial_matrices(element, self.view, self.spec.material.modulus)
-        cells = cells_of(self.mesh)
-        count = cells.shape[1]
-        band = np.zeros((count, self.mass.size))
-        for a in range(count):
-            np.add.at(band[0], cells[:, a], scale * matrices[shape, a, a])
-            for b in range(count):
-                below = cells[:, b] - cells[:, a]  # rows below the diagonal, of cell nodes in any order
-                rows = np.flatnonzero(below > 0)
-                np.add.at(band, (below[rows], cells[rows, a]), scale[rows] * matrices[shape[rows], b, a])
+        found = cell_stiffness(self.spec.element, self.spec.material, self.view)
+        matrices, cells = found.matrices[found.kind], cells_of(self.mesh)
+        band = np.zeros((cells.shape[1], self.mass.size))
+        for a, b in np.ndindex(matrices.shape[1:]):
+            below = cells[:, b] - cells[:, a]  # rows below the diagonal, of cell nodes in any order
+            rows = np.flatnonzero(below >= 0)
+            np.add.at(band, (below[rows], cells[rows, a]), matrices[rows, b, a])
         return band

@@ -126,39 +126,3 @@ def energy_of_linear_cells(cells: Cells, material: MaterialPoints, body: int, u:
             for d in range(dim):
                 total -= force_of_cell[a, d] * (of_cell[a, d] - of_cell[0, d])
     return 0.5 * total
-
-
-def probe_cells(
-    rule: Any,
-    material: MaterialPoints,
-    chosen: Integers,
-    points: int,
-    section: float,
-    geometry: Floats,
-    size: float,
-    displacement: Floats,
-    forces: Floats,
-) -> None:
-    """Set the forces of cells about rest, with one degree of freedom after the other moved back and forth.
-
-    Parameters
-    ----------
-    rule, material, points, section, geometry
-        As of the cells of a body, all with the same number of points.
-    chosen : (k,) array
-        Numbers of the cells.
-    size
-        The distance.
-    displacement : (nodes of a cell, dim) array
-        Work space, at rest.
-    forces : (k, nodes of a cell * dim, 2, nodes of a cell, dim) array
-        Of each cell and degree of freedom the forces at rest less `size`, and at rest plus `size`.
-    """
-    dim = displacement.shape[1]
-    for k in range(chosen.size):
-        cell = chosen[k]
-        for j in range(displacement.size):
-            for side in range(2):
-                displacement[j // dim, j % dim] = size if side == 1 else -size
-                cell_force(rule, material, cell * points, section, geometry[cell], displacement, forces[k, j, side])
-            displacement[j // dim, j % dim] = 0.0

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.compiler.specialise import Filled, Specialiser
+from percuss.compiler.specialise import Filled
 from percuss.mesh import cell_kernels
 from percuss.mesh.cell_kernels import Cells
 from percuss.mesh.materials import material_slots, solid_slots
@@ -16,12 +16,11 @@ from percuss.methods.interfaces import BodyMesh, CellElement, Lumping, Mesh, Sol
 from percuss.methods.plugin_calls import answer, read_only
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from percuss.methods.interfaces import Element, Floats, Integers, Material, Region
 
 PROBING_STRAIN = 1e-7  # far below any strain at which the stiffness of a material or an element changes
-SAME_SCALED = 1e-9  # largest relative difference of stiffness times length of cells that differ in their length alone
 # Corners next to each corner of a cell, in space anticlockwise as seen from there, by its nodes and dimensions.
 NEXT = {
     (3, 2): [[1, 2]],
@@ -188,75 +187,3 @@ def element_slots(element: Any) -> dict[Any, Any]:
         strain = Filled(element.force, (recorded,))
         return {slots.cell_force: element.force, cell_kernels.cell_strain: strain}
     return {slots.internal_force: element.internal_force, slots.energy: element.energy}
-
-
-def axial_matrices(element: CellElement, body: BodyMesh, modulus: float) -> tuple[Floats, Integers, Floats]:
-    """Return the stiffness of the cells along the body with a linear material, from the kernel of the element.
-
-    Cells of one shape are asked once where the stiffness of the shortest and of the longest of them are as one over
-    their lengths, and each by itself where not.
-
-    Parameters
-    ----------
-    element, body
-        Element and body.
-    modulus
-        Young's modulus.
-
-    Returns
-    -------
-    matrices : (shapes, nodes of a cell, nodes of a cell) array
-        Stiffness of a cell of each shape that there is [force/length].
-    shape : (elements,) array
-        Shape of each cell.
-    scale : (elements,) array
-        Stiffness of each cell over that of its shape.
-    """
-    cells, lengths = cells_of(body.mesh), body.mesh.lengths
-    coordinates = body.mesh.nodes[cells]
-    stiffness_of = _axial_stiffness(element, body, modulus)
-    relative = (coordinates - coordinates[:, :1]) @ body.mesh.direction / lengths[:, None]
-    shape = np.unique(np.round(relative, SAME_SHAPE), axis=0, return_inverse=True)[1].ravel()
-    matrices: list[Floats] = []
-    of_cell, scale = np.empty(lengths.size, dtype=np.int64), np.ones(lengths.size)
-    for number in range(int(shape.max()) + 1):
-        alike = np.flatnonzero(shape == number)
-        shortest, longest = int(alike[np.argmin(lengths[alike])]), int(alike[np.argmax(lengths[alike])])
-        short, long = stiffness_of(shortest), stiffness_of(longest)
-        if np.allclose(
-            lengths[longest] * long,
-            lengths[shortest] * short,
-            rtol=0.0,
-            atol=SAME_SCALED * np.abs(short).max() * lengths[shortest],
-        ):
-            of_cell[alike], scale[alike] = len(matrices), lengths[shortest] / lengths[alike]
-            matrices.append(short)
-        else:
-            of_cell[alike] = len(matrices) + np.arange(alike.size)
-            matrices += [stiffness_of(int(cell)) for cell in alike]
-    return np.array(matrices), of_cell, scale
-
-
-def _axial_stiffness(element: CellElement, body: BodyMesh, modulus: float) -> Callable[[int], Floats]:
-    """Return the stiffness of a cell along the body with a linear material as a function of its number."""
-
-    def linear_stress(material: float, point: int, strain: float) -> float:  # noqa: ARG001 - the slot `stress`
-        return material * strain
-
-    force = Specialiser({slots.stress: linear_stress}, jit=False).bind(element.force)
-    cells, direction, rule = cells_of(body.mesh), body.mesh.direction, answer(element, "rule")
-
-    def stiffness_of(cell: int) -> Floats:
-        coordinates, size = body.mesh.nodes[cells[cell]], PROBING_STRAIN * float(body.mesh.lengths[cell])
-        coordinates = coordinates - coordinates[0]
-        matrix = np.empty((cells.shape[1], cells.shape[1]))
-        for a in range(cells.shape[1]):
-            ends = np.zeros((2, *coordinates.shape))
-            for sign, end in zip((-1.0, 1.0), ends, strict=True):
-                displacement = np.zeros_like(coordinates)
-                displacement[a] = sign * size * direction
-                force(rule, modulus, 0, body.section, coordinates, displacement, end)
-            matrix[:, a] = (ends[0] - ends[1]) @ direction / (2.0 * size)
-        return 0.5 * (matrix + matrix.T)
-
-    return stiffness_of

@@ -1,92 +1,268 @@
-"""Force and stress of single elements, from plain Python calls of the kernels of a body.
+"""The elements of a body one by one: their forces, stresses and stiffness, from the kernels that the loop uses.
 
-The material kernel is replaced by one that records the stress it returns. The stress is therefore the one behind the
-element's force, whatever strain the element measures and whatever the element does with the stress.
+What fills the slot of the material also keeps each answer. The stress of an element is therefore the one behind its
+force, whatever strain the element measures and whatever it does with the stress. Few elements are asked in plain
+Python, many in compiled code.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.compiler.specialise import Specialiser
-from percuss.mesh.cells import cells_of, is_solid, volumes_of
-from percuss.mesh.material_points import plain_slots, points_at_rest
+from percuss.compiler.fingerprint import layout
+from percuss.compiler.machine_code import jit_disabled
+from percuss.compiler.specialise import Specialiser, compile_error
+from percuss.mesh.cells import cells_of, is_solid, slots_of_material, volumes_of
+from percuss.mesh.material_points import points_at_rest
+from percuss.mesh.materials import MaterialPoints
 from percuss.methods import slots
 from percuss.methods.blame import definition_place, described, line_in_plugin, plain_function
-from percuss.methods.interfaces import CellElement, SolidElement
-from percuss.methods.plugin_calls import answer
+from percuss.methods.interfaces import CellElement
+from percuss.methods.plugin_calls import answer, read_only
+from percuss.methods.slots import unbound
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from percuss.compiling import Kernel
+    from percuss.methods.interfaces import BodyMesh, Floats, Integers
 
-    from percuss.mesh.materials import MaterialPoints
-    from percuss.methods.interfaces import BodyMesh, Element, Floats, Material
+MANY = 2000  # calls of a kernel from which on plain Python takes longer than to load the compiler
+ACROSS = 4  # column of the stress across a plane, after those of the stress in it
+
+
+class Elements(NamedTuple):
+    """What the kernel of an element reads of a body, beside its material."""
+
+    arrays: Any  # the rule of its cells, or the bound arrays of two-node elements
+    geometry: Floats  # (cells, ...), of two-node elements without entries
+    section: float
+    points: int  # of each element
+
+
+class Answers(NamedTuple):
+    """The material of a body as its elements call it, and what it answers at each point."""
+
+    points: MaterialPoints
+    in_space: Floats  # (k,) parameters of the material in three dimensions
+    calls: Integers  # (points,) number of calls
+    stress: Floats  # (points, components) sum of the stresses of all calls, of a plane also of those across it
+    strain: Floats  # (points, components) strain or displacement gradient of the last call
+
+
+# ---------------------------------------------------------------------------------------------------- kernels
+
+
+def force_of_element(elements: Elements, material: Any, number: int, displacement: Floats, force: Floats) -> None:
+    """Set the force of an element on its nodes, (nodes, dim) (slot for one of the two functions below)."""
+    unbound()
+
+
+def force_of_cell(elements: Elements, material: Any, number: int, displacement: Floats, force: Floats) -> None:
+    """Set the force of a cell on its nodes."""
+    geometry, first = elements.geometry[number], number * elements.points
+    slots.cell_force(elements.arrays, material, first, elements.section, geometry, displacement, force)
+
+
+def force_of_line(elements: Elements, material: Any, number: int, displacement: Floats, force: Floats) -> None:
+    """Set the force of a two-node element on its nodes."""
+    dim, size = displacement.shape[1], displacement.size
+    slots.internal_force(elements.arrays, material, number, dim, displacement.reshape(size), force.reshape(size))
+
+
+def stress_of_material(points: MaterialPoints, point: int, strain: Any) -> Any:
+    """Return the stress of a point (slot for what calls the kernel of the material)."""
+    unbound()
+
+
+def stress_in_space(parameters: Floats, gradient: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the stress of a displacement gradient in three dimensions (slot for the kernel of a material)."""
+    unbound()
+
+
+def keep_stress(material: Answers, point: int, strain: float) -> float:
+    """Return the stress at a point of a bar, and keep it."""
+    stress = stress_of_material(material.points, point, strain)
+    material.calls[point] += 1
+    material.stress[point, 0] += stress
+    material.strain[point, 0] = strain
+    return stress  # type: ignore[no-any-return]
+
+
+def keep_tensor(material: Answers, point: int, gradient: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the stress at a point of a solid, and keep it."""
+    stress = stress_of_material(material.points, point, gradient)
+    material.calls[point] += 1
+    for k in range(len(gradient)):
+        material.stress[point, k] += stress[k]
+        material.strain[point, k] = gradient[k]
+    return stress  # type: ignore[no-any-return]
+
+
+def keep_with_stress_across(material: Answers, point: int, gradient: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the stress at a point in plane strain, and keep it with the stress across the plane."""
+    whole = (gradient[0], gradient[1], 0.0, gradient[2], gradient[3], 0.0, 0.0, 0.0, 0.0)
+    material.stress[point, ACROSS] += stress_in_space(material.in_space, whole)[8]
+    return keep_tensor(material, point, gradient)
+
+
+def linear_stress(points: MaterialPoints, point: int, strain: float) -> float:
+    """Return the stress of a linear material of bars, whose only parameter is its modulus."""
+    return points.parameters[0] * strain  # type: ignore[no-any-return]
+
+
+def find_forces(elements: Elements, material: Any, numbers: Integers, displacement: Floats, forces: Floats) -> None:
+    """Set the forces of elements on their nodes at given displacements, (k, nodes, dim) arrays."""
+    for k in range(numbers.size):
+        force_of_element(elements, material, numbers[k], displacement[k], forces[k])
+
+
+def find_stiffness(
+    elements: Elements, points: MaterialPoints, numbers: Integers, axes: Floats, size: float, stiffness: Floats,
+    displacement: Floats, back: Floats, forth: Floats,
+) -> None:  # fmt: skip
+    """Set the stiffness of elements about rest, by symmetric differences of their forces.
+
+    Parameters
+    ----------
+    elements, points
+        Elements and material of a body.
+    numbers : (k,) array
+        Numbers of the elements.
+    axes : (m, dim) array
+        Directions in which their nodes move.
+    size
+        How far a node moves back and forth.
+    stiffness : (k, nodes, m, nodes, m) array
+        Component of the force by component of the motion.
+    displacement, back, forth : (nodes, dim) arrays
+        Work space, of which the first is zero.
+    """
+    nodes, dim = displacement.shape
+    for k in range(numbers.size):
+        for moved in range(nodes):
+            for way in range(axes.shape[0]):
+                for d in range(dim):
+                    displacement[moved, d] = -size * axes[way, d]
+                force_of_element(elements, points, numbers[k], displacement, back)
+                for d in range(dim):
+                    displacement[moved, d] = size * axes[way, d]
+                force_of_element(elements, points, numbers[k], displacement, forth)
+                for a in range(nodes):
+                    for m in range(axes.shape[0]):
+                        total = 0.0
+                        for d in range(dim):
+                            total += (back[a, d] - forth[a, d]) * axes[m, d]
+                        stiffness[k, a, m, moved, way] = total / (2.0 * size)
+            for d in range(dim):
+                displacement[moved, d] = 0.0
+
+
+# ------------------------------------------------------------------------------------------------------ probe
 
 
 class ElementProbe:
-    """Force and stress of single elements of one body.
+    """Forces, stresses and stiffness of single elements of one body.
 
     Parameters
     ----------
     element, material
         The methods of the body.
-    mesh
+    body
         The body as `Element.bind` receives it.
+    modulus
+        Modulus of a linear material that takes the place of that of a bar; None for the material itself.
     """
 
-    def __init__(self, element: Element, material: Material, mesh: BodyMesh) -> None:
-        self.dim = mesh.mesh.nodes.shape[1]
-        volumes = np.array(volumes_of(element, mesh))
-        self.points_of_element = volumes.shape[1]
-        volumes[:, self.points_of_element - getattr(element, "hourglass_points", 0) :] = 0.0
-        self.nodes_of_element = cells_of(mesh.mesh).shape[1]
-        self._points = points_at_rest(element, material, mesh)
+    def __init__(self, element: Any, material: Any, body: BodyMesh, modulus: float | None = None) -> None:
         self._element, self._material = element, material
-        self._stresses: list[tuple[Any, Any, float]] = []  # of each call: stress, strain, and volume of its point
-        maker = Specialiser(plain_slots(element, material), jit=False)
-        slot: Any = slots.stress
-        if isinstance(element, SolidElement):
-            slot = slots.stress_2d if element.dimension == 2 else slots.stress_3d
-        self._slot = slot
-        stress: Callable[..., Any] = maker.bind(maker.slots[slot])
-        self._shown = _cauchy_stress(element, material, mesh) if is_solid(element) else lambda value, _: float(value)
-
-        def recorded_stress(points: MaterialPoints, point: int, strain: Any) -> Any:
-            value = stress(points, point, strain)
-            self._stresses.append((value, strain, float(volumes.flat[point])))
-            return value
-
-        specialiser = Specialiser({slot: recorded_stress}, jit=False)
+        self._plane, self._shape = body.plane, (cells_of(body.mesh).shape[1], body.mesh.nodes.shape[1])
+        self._dimension = element.dimension if is_solid(element) else 0  # of its stresses
+        self._slot: Any = {0: slots.stress, 2: slots.stress_2d, 3: slots.stress_3d}[self._dimension]
+        self._weights = np.array(volumes_of(element, body))  # of the points, in the mean stress
+        self._weights[:, self._weights.shape[1] - getattr(element, "hourglass_points", 0) :] = 0.0
+        points, in_space = points_at_rest(element, material, body), np.zeros(0)
+        filled, keep = slots_of_material(element, material), keep_tensor if self._dimension else keep_stress
+        if modulus is not None:
+            points, filled[self._slot] = points._replace(parameters=np.array([modulus])), linear_stress
+        self._knows_across = self._dimension == 2 and body.plane == "strain" and material.stress_3d is not None
+        if self._knows_across:
+            in_space = np.array(answer(material, "solid_parameters", ""), dtype=float)
+            keep, filled[stress_in_space] = keep_with_stress_across, material.stress_3d
+        filled |= {self._slot: keep, stress_of_material: filled[self._slot]}
         if isinstance(element, CellElement):
-            self._force = _force_of_cell(element, mesh, specialiser)
+            filled |= {force_of_element: force_of_cell, slots.cell_force: element.force}
+            arrays, geometry = answer(element, "rule"), answer(element, "geometry", body)
         else:
-            arrays, force = answer(element, "bind", mesh), specialiser.bind(element.internal_force)
-            self._force = lambda points, number, u, f: force(arrays, points, number, self.dim, u, f)
+            filled |= {force_of_element: force_of_line, slots.internal_force: element.internal_force}
+            arrays, geometry = answer(element, "bind", body), np.zeros(0)
+        self._elements = Elements(arrays, geometry, float(body.section), self._weights.shape[1])
+        self._filled: dict[Any, Any] = filled
+        count, size = self._weights.size, max(1, self._dimension**2)
+        stress, strain = np.zeros((count, size + (size == ACROSS))), np.zeros((count, size))
+        self._answers = Answers(points, in_space, np.zeros(count, dtype=np.int64), stress, strain)
+        self._views: tuple[Any, ...] = tuple(
+            kept.reshape(*self._weights.shape, *kept.shape[1:]) for kept in self._answers[2:]
+        )
+        self._kernels: dict[tuple[Kernel, bool], Kernel] = {}
 
-    def force(self, number: int, displacement: Floats, state: Floats | None = None) -> Floats:
-        """Return the force of an element on its nodes, (nodes of an element * dim,).
+    def force(self, number: int, displacement: Floats) -> Floats:
+        """Return the force of an element on its nodes at their displacements, (nodes * dim,) both."""
+        return self._forces(np.array([number]), np.reshape(displacement, (1, *self._shape))).ravel()
+
+    def stiffness(self, numbers: Integers, axes: Floats, size: float) -> Floats:
+        """Return the stiffness of elements about rest, by symmetric differences of their forces.
 
         Parameters
         ----------
-        number
-            Number of the element in the body.
-        displacement : (nodes of an element * dim,) array
-            Displacement of its nodes.
-        state : (points of an element, state variables) array
-            State variables of its material before the step; zeros where it is None.
+        numbers : (k,) array
+            Numbers of the elements.
+        axes : (m, dim) array
+            Directions in which their nodes move.
+        size
+            How far a node moves back and forth.
+
+        Returns
+        -------
+        (k, nodes * m, nodes * m) array
+            Components of the forces by components of the motions.
         """
-        self._stresses.clear()
-        force = np.zeros(self.nodes_of_element * self.dim)
-        points = self._points
-        if state is not None:
-            before = np.zeros_like(points.after)
-            first = number * self.points_of_element
-            before[first : first + self.points_of_element] = state
-            points = points._replace(before=before)
-        self._force(points, number, displacement, force)
-        return force
+        count, (nodes, ways) = len(numbers), (self._shape[0], len(axes))
+        stiffness, work = np.empty((count, nodes, ways, nodes, ways)), np.zeros((3, *self._shape))
+        calls = 2 * nodes * ways * count
+        self._call(find_stiffness, calls, self._answers.points, numbers, axes, size, stiffness, *work)
+        return stiffness.reshape(count, nodes * ways, nodes * ways)
+
+    def stresses(self, numbers: Integers, displacements: Floats, states: Floats | None = None) -> Floats:
+        """Return the stress in elements at several times, the mean over the volume of each; of solids Cauchy's.
+
+        It is nan in an element that does not call the stress kernel of its material.
+
+        Parameters
+        ----------
+        numbers : (k,) array
+            Numbers of the elements, each once.
+        displacements : (T, k, nodes of an element, dim) array
+            Displacements of their nodes.
+        states : (T, k, points of an element, state variables) array
+            State variables of their material before the step; zeros where it is None.
+
+        Returns
+        -------
+        (T, k) array, of solids (T, k, 3, 3)
+        """
+        found = []
+        for t, displacement in enumerate(displacements):
+            state = None if states is None else states[t]
+            self._forces(numbers, displacement, state, calls=len(displacements) * len(numbers))
+            calls, stress, strain = (kept[numbers] for kept in self._views)
+            stress = stress / np.maximum(calls, 1)[..., None]
+            values = self._cauchy(stress, strain) if self._dimension else stress[..., 0]
+            weights = np.where(calls > 0, self._weights[numbers], 0.0)
+            with np.errstate(invalid="ignore"):  # 0 / 0 of an element that has not asked
+                found.append(np.einsum("kp,kp...->k...", weights / weights.sum(axis=1, keepdims=True), values))
+        return np.array(found)
 
     def fault(self, number: int, displacement: Floats) -> tuple[str, str]:
         """Return what a kernel does wrong in an element at a displacement, and where that stands; empty if nothing.
@@ -97,11 +273,10 @@ class ElementProbe:
             force = self.force(number, displacement)
         except Exception as error:  # noqa: BLE001  a kernel may raise anything
             return f"a kernel raises {described(error)}", line_in_plugin(error)
-        for stress, strain, _ in self._stresses:
-            if np.isfinite(strain).all() and not np.isfinite(stress).all():
-                said = (
-                    f"material {self._material.name}: the stress is {_listed(stress)} at the strain {_listed(strain)}"
-                )
+        for asked, stress, strain in zip(*(kept[number] for kept in self._views), strict=True):
+            if asked and np.isfinite(strain).all() and not np.isfinite(stress[: strain.size]).all():
+                values = _listed(stress[: strain.size])
+                said = f"material {self._material.name}: the stress is {values} at the strain {_listed(strain)}"
                 return said, definition_place(getattr(self._material, self._slot.__name__))
         if np.isfinite(force).all():
             return "", ""
@@ -109,62 +284,63 @@ class ElementProbe:
         said = f"the forces are {_listed(force)} at the displacements {_listed(displacement)}"
         return f"element {self._element.name}: {said}", definition_place(getattr(self._element, kernel))
 
-    def stress(self, number: int, displacement: Floats, state: Floats | None = None) -> Any:
-        """Return the stress in an element, the mean over its volume; of a solid element Cauchy's as a (3, 3) array.
+    def _forces(
+        self, numbers: Integers, displacement: Floats, state: Floats | None = None, *, calls: int = 1
+    ) -> Floats:
+        """Return the forces of elements, (k, nodes, dim); compiled code finds them if there are many calls in all."""
+        answers, forces = self._answers, np.empty((len(numbers), *self._shape))
+        for kept in self._views:
+            kept[numbers] = 0
+        if state is not None and state.size:
+            before = np.zeros((*self._weights.shape, state.shape[-1]))
+            before[numbers] = state
+            before = read_only(before.reshape(answers.points.before.shape))
+            answers = answers._replace(points=answers.points._replace(before=before))
+        self._call(find_forces, calls, answers, numbers, np.ascontiguousarray(displacement), forces)
+        return forces
 
-        It is nan if the element does not call the stress kernel of its material. Parameters are those of `force`.
+    def _call(self, kernel: Kernel, calls: int, material: Any, *arguments: object) -> None:
+        """Call a kernel that calls the element so often, compiled if that is often.
+
+        What the material answers is kept if it is handed over as `Answers`.
         """
-        self.force(number, displacement, state)
-        if not self._stresses:
-            return np.nan
-        values = np.array([self._shown(stress, strain) for stress, strain, _ in self._stresses])
-        if self.points_of_element == 1:
-            return np.mean(values, axis=0)
-        volumes = np.array([volume for _, _, volume in self._stresses])
-        return np.tensordot(volumes, values, 1) / volumes.sum()
+        filled = self._filled
+        if not isinstance(material, Answers):
+            filled = {**filled, self._slot: filled[stress_of_material]}
+        if calls >= MANY and not jit_disabled():
+            with suppress(*compile_error()):  # the march says why, where it cannot compile the kernels either
+                self._bound(kernel, filled, material, jit=True)(self._elements, material, *arguments)
+                return
+        self._bound(kernel, filled, material, jit=False)(self._elements, material, *arguments)
+
+    def _bound(self, kernel: Kernel, filled: dict[Any, Any], material: Any, *, jit: bool) -> Kernel:
+        """Return a kernel with the kernels of element and material, compiled or in plain Python."""
+        if (kernel, jit) not in self._kernels:
+            filled = filled if jit else {slot: plain_function(one) for slot, one in filled.items()}
+            maker = Specialiser(filled, jit=jit, counting=True, about=layout((self._elements, material)))
+            self._kernels[kernel, jit] = maker.bind(kernel, entry=True)
+        return self._kernels[kernel, jit]
+
+    def _cauchy(self, stress: Floats, gradient: Floats) -> Floats:
+        """Return Cauchy's stress, (..., 3, 3), from what a solid material returns and the displacement gradient.
+
+        Under small strains, as of linear bodies, it is what the material returns. The stress across a body in plane
+        strain is that of the material in three dimensions, nan where it has no `stress_3d`. In plane stress the body
+        keeps its thickness.
+        """
+        dim = self._dimension
+        shape = *gradient.shape[:-1], dim, dim
+        inside, across = stress[..., : dim**2].reshape(shape), stress[..., dim**2 :]
+        if not (self._element.linear and self._material.linear):
+            stretch = np.eye(dim) + gradient.reshape(shape)
+            volume = np.linalg.det(stretch)[..., None]
+            inside, across = inside @ stretch.swapaxes(-2, -1) / volume[..., None], across / volume
+        whole = np.zeros((*shape[:-2], 3, 3))
+        whole[..., :dim, :dim] = inside
+        if self._plane == "strain":
+            whole[..., 2, 2] = across[..., 0] if self._knows_across else np.nan
+        return whole
 
 
 def _listed(numbers: Any) -> str:
     return ", ".join(f"{number:.6g}" for number in np.atleast_1d(numbers))
-
-
-def _cauchy_stress(element: Any, material: Any, mesh: BodyMesh) -> Callable[[Any, Any], Floats]:
-    """Return Cauchy's stress, (3, 3), as a function of what a solid material returns and of the displacement gradient.
-
-    Under small strains, as of linear bodies, it is what the material returns. The stress across a body in plane strain
-    is that of the material in three dimensions, nan where it has no `stress_3d`. In plane stress the body keeps its
-    thickness.
-    """
-    dim, linear, across = element.dimension, element.linear and material.linear, mesh.plane == "strain"
-    parameters = (
-        np.array(answer(material, "solid_parameters", ""), dtype=float) if across and material.stress_3d else None
-    )
-    in_three = plain_function(material.stress_3d) if parameters is not None else None
-
-    def cauchy(value: Any, gradient: Any) -> Floats:
-        stress = np.zeros((3, 3))
-        stress[:dim, :dim] = np.reshape(value, (dim, dim))
-        if across:
-            whole = (gradient[0], gradient[1], 0.0, gradient[2], gradient[3], 0.0, 0.0, 0.0, 0.0)
-            stress[2, 2] = np.nan if in_three is None else in_three(parameters, whole)[8]
-        if linear:
-            return stress
-        stretch = np.eye(3)
-        stretch[:dim, :dim] += np.reshape(gradient, (dim, dim))
-        deformed: Floats = stress @ stretch.T / np.linalg.det(stretch)
-        return deformed
-
-    return cauchy
-
-
-def _force_of_cell(element: CellElement, mesh: BodyMesh, specialiser: Specialiser) -> Callable[..., None]:
-    """Return the force of single cells as a function of their points, number, displacement and, to be set, force."""
-    force, rule, cells = specialiser.bind(element.force), answer(element, "rule"), cells_of(mesh.mesh)
-    points_of_cell, geometry = volumes_of(element, mesh).shape[1], answer(element, "geometry", mesh)
-
-    def force_of_cell(points: Any, number: int, displacement: Floats, nodal: Floats) -> None:
-        shape = cells.shape[1], mesh.mesh.nodes.shape[1]
-        first = number * points_of_cell
-        force(rule, points, first, mesh.section, geometry[number], displacement.reshape(shape), nodal.reshape(shape))
-
-    return force_of_cell

@@ -1,14 +1,14 @@
-"""The stress field of a body, and whether a body is about rest as stiff as it says."""
+"""The stress field of a body, and whether bars are about rest as stiff as they say."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss.mesh.bar import Bar
-from percuss.mesh.cell_stiffness import cell_stiffness
-from percuss.mesh.cells import PROBING_STRAIN, is_solid
+from percuss.mesh.cell_stiffness import kinds_of_cells
+from percuss.mesh.cells import PROBING_STRAIN, cells_of
 from percuss.mesh.element_probe import ElementProbe
 
 if TYPE_CHECKING:
@@ -41,71 +41,39 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
         Stress, tension positive [force/length^2]; nan if an element does not call the stress kernel of its material.
     """
     probe = ElementProbe(body.spec.element, body.spec.material, body.view)
+    if body.why_not_linear:
+        return probe.stresses(elements, displacement, states)
+    # Of a linear body one element of each kind is asked, once for each motion of a node. A translation has no stress at
+    # all: motion counts from the first node, unless a body of revolution is widened.
     times, count, nodes, dim = displacement.shape
-    nodal_states = displacement.reshape(times, count, nodes * dim)
-    field = np.empty((times, count, *((3, 3) if is_solid(body.spec.element) else ())))
-    linear = not body.why_not_linear
-    if linear and is_solid(body.spec.element):
-        return _linear_field(body, probe, elements, displacement)
-    for column, number in enumerate(elements):
-        if linear and body.of_cells:  # as below, relative to the first node
-            size = PROBING_STRAIN * float(body.mesh.lengths[number])
-            stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(nodes * dim)[dim:]]
-            relative = displacement[:, column, 1:] - displacement[:, column, :1]
-            field[:, column] = relative.reshape(times, -1) @ np.array(stresses)
-        elif linear:  # the stress is linear in the displacements: one call for each unit displacement is enough
-            size = PROBING_STRAIN * float(body.mesh.lengths[number])
-            stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(2 * dim)]
-            # Both nodes have the same influence with opposite signs; using their mean difference makes the stress of a
-            # translation exactly zero.
-            influence = 0.5 * (np.array(stresses[dim:]) - np.array(stresses[:dim]))
-            field[:, column] = (nodal_states[:, column, dim:] - nodal_states[:, column, :dim]) @ influence
-        else:
-            field[:, column] = [
-                probe.stress(int(number), nodal_state, state)
-                for nodal_state, state in zip(nodal_states[:, column], states[:, column], strict=True)
-            ]
-    return field
-
-
-def _linear_field(body: Body, probe: ElementProbe, elements: Integers, displacement: Floats) -> Floats:
-    """Return the stress field of a linear body that is no bar; one cell of each kind is asked."""
-    times, count, nodes, dim = displacement.shape
-    field, size = np.empty((times, count, 3, 3)), PROBING_STRAIN * body.shortest
-    # A translation has no stress at all: motion counts from the first node, unless a body of revolution is widened.
-    element: Any = body.spec.element
-    first = dim if element.dimension == dim else 0
-    kind = cell_stiffness(body.spec.element, body.spec.material, body.view).kind[elements]
-    alike = np.split(np.argsort(kind, kind="stable"), np.cumsum(np.bincount(kind))[:-1])
-    for columns in filter(len, alike):
-        number = int(elements[columns[0]])
-        stresses = [probe.stress(number, unit) / size for unit in size * np.eye(nodes * dim)[first:]]
-        moved = displacement[:, columns] - (displacement[:, columns, :1] if first else 0.0)
-        of_nodes = moved.reshape(times, len(columns), -1)[..., first:]
-        field[:, columns] = np.tensordot(of_nodes, np.array(stresses), 1)
+    first, kind = kinds_of_cells(body.view)
+    kinds, kind = np.unique(kind[elements], return_inverse=True)
+    held = 0 if body.view.plane == "axisymmetric" else dim
+    size = PROBING_STRAIN * body.shortest
+    units = size * np.eye(nodes * dim)[held:].reshape(-1, 1, nodes, dim)
+    stress = probe.stresses(first[kinds], np.broadcast_to(units, (len(units), kinds.size, nodes, dim))) / size
+    moved = displacement - displacement[:, :, :1] if held else displacement
+    of_elements = moved.reshape(times, count, -1)[..., held:].swapaxes(0, 1)
+    by_unit = stress.reshape(len(units), kinds.size, -1).swapaxes(0, 1)
+    field: Floats = (of_elements @ by_unit[kind]).swapaxes(0, 1).reshape(times, count, *stress.shape[2:])
     return field
 
 
 def tangent_as_declared(bodies: Iterable[Body]) -> bool:
-    """Return whether all bodies that are not linear have, about rest, the axial stiffness that they declare.
+    """Return whether all bars that are not linear have, about rest, the axial stiffness that they declare.
 
     Elements are stretched and compressed a little. If they are as stiff as declared, a small motion about rest is that
-    of a linear body, and a step that is unstable for the linear body is unstable.
+    of a linear body, and a step that is unstable for the linear body is unstable. Other bodies declare no stiffness.
     """
     for body in bodies:
-        if not body.why_not_linear or not isinstance(body, Bar):  # others have no declared stiffness
+        if not body.why_not_linear or not isinstance(body, Bar):
             continue
-        probe = ElementProbe(body.spec.element, body.spec.material, body.view)
-        numbers = np.unique(np.linspace(0, body.count - 1, PROBED_ELEMENTS).round().astype(np.int64))
-        for number in numbers:
-            nodes = body.mesh.nodes[body.element_nodes(np.array([number]))[0] - body.start]
-            along = (nodes - nodes[0]) @ body.mesh.direction
-            length_change = PROBING_STRAIN * float(body.mesh.lengths[number])
-            for sign in (1.0, -1.0):
-                elongation = sign * length_change * body.mesh.direction
-                stretched = (along / along.max())[:, None] * elongation
-                force = probe.force(int(number), stretched.ravel())
-                stiffness = float(force[: elongation.size] @ elongation) / length_change**2
-                if not abs(stiffness - body.stiffness[number]) <= SAME_STIFFNESS * body.stiffness[number]:
-                    return False
+        probe, cells = ElementProbe(body.spec.element, body.spec.material, body.view), cells_of(body.mesh)
+        for number in np.unique(np.linspace(0, body.count - 1, PROBED_ELEMENTS).round().astype(np.int64)):
+            places = (body.mesh.nodes[cells[number]] - body.mesh.nodes[cells[number, 0]]) @ body.mesh.direction
+            size, stretched = PROBING_STRAIN * float(body.mesh.lengths[number]), places / places.max()
+            matrix = probe.stiffness(np.array([number]), body.mesh.direction[None], size)[0]
+            stiffness, declared = float(stretched @ matrix @ stretched), float(body.stiffness[number])
+            if not abs(stiffness - declared) <= SAME_STIFFNESS * declared:
+                return False
     return True
