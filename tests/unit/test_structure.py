@@ -416,7 +416,7 @@ ABOUT_LINES = {
 PART_THERE = {
     "case/case.py", "certificate/assembled.py", "certificate/closed_step.py", "cli/run.py",
     "contact/contact_points.py", "contact/point_rows.py", "contact/paired_surfaces.py", "contact/binding.py",
-    "march/estimate.py", "march/recording.py", "march/refusals.py", "mesh/bodies.py", "mesh/cells.py",
+    "march/estimate.py", "march/recording.py", "march/refusals.py", "mesh/bodies.py", "mesh/cell_stiffness.py", "mesh/cells.py",
     "mesh/loads.py", "mesh/size_limits.py", "mesh/spots.py", "mesh/stresses.py", "methods/interfaces/body.py",
     "methods/plugin_calls.py", "reporting/case_figure.py", "reporting/explanation.py", "results/assemble.py",
     "results/fields.py",
