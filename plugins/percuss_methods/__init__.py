@@ -4,7 +4,6 @@ from percuss import hookimpl
 from percuss_methods.contacts.bipenalty import Bipenalty
 from percuss_methods.contacts.cohesive import Cohesive
 from percuss_methods.contacts.damped_penalty import DampedPenalty
-from percuss_methods.contacts.decomposition_contact_response import DecompositionContactResponse
 from percuss_methods.contacts.energy_conserving_penalty import EnergyConservingPenalty
 from percuss_methods.contacts.hunt_crossley import HuntCrossley
 from percuss_methods.contacts.lagrange import Lagrange
@@ -107,7 +106,6 @@ def percuss_contacts() -> list[type]:
         HuntCrossley,
         WaltonBraun,
         Tied,
-        DecompositionContactResponse,
         Cohesive,
     ]
 

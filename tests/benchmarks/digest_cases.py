@@ -123,13 +123,13 @@ FEATURES: Mapping[str, Mapping[str, Any]] = {
             "stop": {**STOP, "method": "lagrange"},
         },
     },
-    "laws with kernels and shifts at one end": {
+    "laws with kernels at one end": {
         "bodies": {"a": LEFT, "b": RIGHT, "c": {"bar": {"length": 7.0, "elements": 3}, "area": 0.5, "at": 10.0}},
         "contacts": {
             "ab": TIP,
             "ac": {"between": ["a.right", "c.left"], "method": "hunt-crossley"},
             "aw": {"body": "a.right", "wall": 10.001, "method": "uzawa"},
-            "stop": {**STOP, "method": "decomposition-contact-response"},
+            "stop": {**STOP, "method": "walton-braun"},
         },
     },
     "several contacts of one law at one end": {

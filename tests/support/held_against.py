@@ -70,10 +70,6 @@ HELD: dict[str, dict[str, tuple[str, str]]] = {
             "restitution of the dashpot in closed form (Schwager and Poeschel)",
             "test_laws.py::test_the_restitution_of_the_dashpot_is_that_of_schwager_and_poeschel",
         ),
-        "decomposition-contact-response": (
-            "touching and leaving with the restitution, as its abstract says; the paper could not be read",
-            "test_shifts.py::test_a_node_touches_and_leaves_with_the_restitution_times_its_speed",
-        ),
         "energy-conserving-penalty": (
             "energy kept over all impacts, as the paper proves",
             "test_laws.py::test_a_force_by_difference_quotient_keeps_energy_over_all_impacts",

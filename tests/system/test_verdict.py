@@ -188,9 +188,9 @@ def test_round_off_is_not_ranked(coarse: Path) -> None:
     """Exact laws overlap by round-off alone, which of them by less is chance; at the critical step all are exact."""
     uncovered = ("--set=bodies.left.material.name=ramberg-osgood", "--set=bodies.left.material.yield_stress=1")
     gap = ("--set=bodies.right.at=1.013", "--set=time.courant=0.3", "--set=refine=7")
-    laws = ("--contact=lagrange,decomposition-contact-response,penalty",)
+    laws = ("--contact=lagrange,moreau-jean,penalty",)
     words = percuss_command("compare", str(coarse), *laws, *uncovered, *gap).stdout
-    both = "central-difference + lagrange and central-difference + decomposition-contact-response"
+    both = "central-difference + lagrange and central-difference + moreau-jean"
     assert f"{both} have the smallest largest penetration (0)" in words
     words = percuss_command("compare", str(coarse), *laws, "--set=time.courant=1", "--set=time.end=2.7").stdout
     assert f"{both} have the smallest force error, L1" in words

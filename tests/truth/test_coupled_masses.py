@@ -409,14 +409,13 @@ def test_a_body_that_moves_or_falls_as_a_whole_stays_unstrained(consistency):
 
 @pytest.mark.deep
 def test_other_methods_balance_with_it():
-    """Viscosity, bodies that are not linear, loads that follow the motion, laws that shift, laws with a kernel."""
+    """Viscosity, bodies that are not linear, loads that follow the motion, laws with a kernel."""
     for change in (
         {"method.integrator": "viscous-central-difference", "method.contact": "penalty"},
         {"bodies.long.element": "green-bar"},
         {"bodies.short.material": {"name": "bilinear-plastic", "young": 100.0, "density": 0.01, "yield_stress": 0.02}},
         {"loads": {"end": {"absorbing": {}, "on": "short.left"}}},
         {"loads": {"end": {"spring-dashpot": {"stiffness": 3.0, "damping": 0.4}, "on": "short.left"}}},
-        {"method.integrator": "central-difference", "method.contact": "decomposition-contact-response"},
         {"method.contact": "uzawa"},
         {"method.contact": "hunt-crossley"},
         {"loads": {"shake": {"harmonic": {"value": 0.2, "frequency": 3.0}, "on": "long.right", "as": "velocity",

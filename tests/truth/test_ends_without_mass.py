@@ -558,7 +558,6 @@ def test_a_run_goes_on_where_a_drive_changes_and_again_from_its_beginning():
     ("method", "reason"),
     [
         ({"contact": "bipenalty"}, "weighs the gap acceleration"),
-        ({"contact": "decomposition-contact-response"}, "shifts displacements after that"),
         ({"integrator": "viscous-central-difference", "contact": "lagrange"}, "the viscous force of viscous-"),
         ({"contact": "uzawa"}, "its kernel takes the gap as given"),
         ({"integrator": "velocity-verlet", "contact": "penalty"}, "in the stages of its step"),

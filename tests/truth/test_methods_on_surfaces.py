@@ -42,13 +42,12 @@ NOT_BUILT = {
     "nitsche": "has no compliance and is not evaluated at the end of the step, which works for bars only",
     "uzawa": "uses the coupling of contacts, which works for bars only",
     "energy-conserving-penalty": "uses the coupling of contacts, which works for bars only",
-    "decomposition-contact-response": "decomposition-contact-response shifts the ends of contacts",
 }
 RIGID = {"lagrange", "moreau-jean", "paoli-schatzman", "tied"}
 QUICK = {
     (WU, "tied", MORTAR), (WU, "cohesive", GAUSS), (CENTRAL, "walton-braun", NODES), ("noh-bathe", "penalty", MORTAR),
     ("chung-lee", "penalty", NODES), ("asynchronous", "penalty", MORTAR), (WU, "uzawa", MORTAR),
-    (CENTRAL, "decomposition-contact-response", NODES), (WU, "moreau-jean", GAUSS),
+    (WU, "moreau-jean", GAUSS),
 }  # fmt: skip
 INTEGRATORS, LAWS, PAIRINGS = map(REGISTRY.names, ("integrators", "contacts", "pairings"))
 # Each integrator with each law, on pairings in turn, so that each of them meets each pairing: a pairing makes the rows

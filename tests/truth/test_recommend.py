@@ -502,7 +502,7 @@ def test_what_the_picture_says_is_beside_its_legend(small):
 
     from percuss.reporting.recommendation_figure import recommendation_figure
 
-    names = {"integrators": ["wu-predictor-corrector"], "contacts": ["decomposition-contact-response"]}
+    names = {"integrators": ["wu-predictor-corrector"], "contacts": ["energy-conserving-penalty"]}
     figure = recommendation_figure(found(small, error=0.5, energy=0.5, runs=12, **names))
     figure.draw_without_rendering()
     said = next(text for text in figure.findobj(Text) if "; cheapest:" in text.get_text())

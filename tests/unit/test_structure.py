@@ -170,7 +170,6 @@ FEATURES = {
     r"without_?mass": 4,
     r"followers?": 4,
     r"couples_nodes|coupled_?mass": 4,
-    r"^_?(law_that_)?shifts?$": 4,
 }
 
 

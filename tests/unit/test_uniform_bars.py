@@ -94,7 +94,7 @@ def test_the_core_pairs_of_leap_frog_schemes_need_no_kernels_in_uniform_bars():
 def test_a_run_is_the_same_with_the_kernels(pair, monkeypatch):
     case = with_pair(BOUNCE, pair)
     if not uniform_of(case):
-        pytest.skip("a scheme with viscosity, or a law that shifts positions, needs the kernels")
+        pytest.skip("a scheme with viscosity needs the kernels")
     uniform = run(case)
     monkeypatch.setattr(uniform_rows, "uniform_bars", no_bars)
     general = run(case)

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
 
 Verdict = Literal["yes", "marginal", "no", "unknown"]
-SOLIDS = "bodies that are no bars"  # by which features know them
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -103,7 +103,7 @@ def trial_of(
     before = read_only(np.zeros((count, law.state)) if before is None else before)
     return Trial(
         gap, predicted_gap, rate, predicted_rate, points.delassus, dt, 0.0, dt * dt, dt, first_neighbour, neighbour,
-        coupling, pushed_by_others, before, before.copy(), np.zeros(count if law.shifts else 0),
+        coupling, pushed_by_others, before, before.copy(),
     )  # fmt: skip
 
 
@@ -117,11 +117,10 @@ def multipliers_of(law: ContactLaw, kernel: Kernel, bound: object, trial: Trial)
         did, remedy = fault_of_nan(kernel, bound, trial, point)
         did = did.format(f"point {point} of {multiplier.size}")
         raise breach(law, "multipliers", f"multipliers {did}: {remedy} (at {describe_state(trial, point)})")
-    for what, values in (("the shift of point {}", trial.shift), ("state variable {1} of point {0}", trial.after)):
-        if not np.isfinite(values).all():
-            place = tuple(np.argwhere(~np.isfinite(values))[0])
-            left = f"multipliers leaves {what.format(*place)} as {values[place]}, expected a finite number"
-            raise breach(law, "multipliers", f"{left} (at {describe_state(trial, place[0])})")
+    if not np.isfinite(trial.after).all():
+        point, variable = np.argwhere(~np.isfinite(trial.after))[0]
+        left = f"multipliers leaves state variable {variable} of point {point} as {trial.after[point, variable]}"
+        raise breach(law, "multipliers", f"{left}, expected a finite number (at {describe_state(trial, point)})")
     return multiplier
 
 
@@ -142,7 +141,7 @@ def fault_of_nan(kernel: Kernel, bound: object, trial: Trial, point: int) -> tup
     if the result is now a number, it was computed from its own initial value.
     """
     filled = np.full(trial.gap.size, SENTINEL)
-    again = trial._replace(after=trial.before.copy(), shift=np.zeros_like(trial.shift))
+    again = trial._replace(after=trial.before.copy())
     with np.errstate(all="ignore"):
         kernel(bound, again, filled)
     if filled[point] == SENTINEL:

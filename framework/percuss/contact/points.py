@@ -59,7 +59,6 @@ STATE = np.dtype(
         ("multiplier", "f8"),
         ("found_before", "f8"),  # multiplier of the sweep before, if kernels and contact equation are solved in turn
         ("pushed_by_others", "f8"),  # gap acceleration by the multipliers of other laws, for kernels that use it
-        ("shift", "f8"),  # by how much its ends are moved after the step along the response, set by kernels that do so
     ]
 )
 # What is summed up over the steps of a run, or is carried from one step to the next.

@@ -179,7 +179,7 @@ def refuse_array_writing(error: Exception) -> None:
     prefix = f"{location[1]}:{location[2]}: " if location else ""
     raise PluginError(
         f"{prefix}a kernel changes what it was handed to read (bound arrays, the trial): a kernel of a contact law may "
-        "write only to the multiplier, `trial.after` and `trial.shift`, and keeps nothing between calls"
+        "write only to the multiplier and `trial.after`, and keeps nothing between calls"
     )
 
 
@@ -190,7 +190,7 @@ def kernel_failure(march: Marching, amplitudes: object, step: int, raised: BaseE
         error = raised
     description = described(error)
     if isinstance(error, ValueError) and "read-only" in str(error):
-        description = "it changes what it was handed; it may write to multiplier, `trial.after` and `trial.shift`"
+        description = "it changes what it was handed; it may write to multiplier and `trial.after`"
     step_and_time = f"in step {step}, at time {step * march.model.dt:.9g}"
     return PluginError(f"{_kernel_of_error(march, error)}: {description} ({step_and_time})", line_in_plugin(error))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
-from percuss.step.parts import coupled_masses, ends_without_mass, followers, own_steps, shifts, viscosity
+from percuss.step.parts import coupled_masses, ends_without_mass, followers, own_steps, viscosity
 from percuss.step.parts.internal_work import InternalWork
 from percuss.step.parts.of_surfaces import SurfacesRecorded
 from percuss.step.parts.state_variables import StateVariablesKept
@@ -22,7 +22,6 @@ PARTS: tuple[type[Part[Any]], ...] = (
     followers.Followers,
     ends_without_mass.EndsWithoutMass,
     InternalWork,
-    shifts.Shifts,
     viscosity.Viscosity,
     own_steps.OwnSteps,
     StateVariablesKept,
@@ -36,7 +35,6 @@ FEATURES: tuple[Callable[[ModelArrays], Feature | None], ...] = (
     coupled_masses.feature,
     ends_without_mass.feature,
     followers.feature,
-    shifts.feature,
 )
 # What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
 BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)

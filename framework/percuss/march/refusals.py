@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.contact.features import SOLIDS
 from percuss.errors import InputError, Problem, RefusedPair
 from percuss.march import features
 
@@ -71,9 +70,6 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
     if model.facts.built_for_bars:
         message = f"expected another integrator for '{other}', which is no bar, found {method.integrator.name}"
         yield case.problem(("method", "integrator"), message, "It works for bars only: take central-difference.")
-    if why := model.why_without(SOLIDS):
-        message = f"expected another law for '{other}', which is no bar, found that {why}"
-        yield case.problem(("method", "contact"), message, "That works for bars only.")
     for bound_law in model.laws:
         reason = (
             "its kernel uses the coupling of contacts" if bound_law.linear is None and bound_law.law.uses_coupling else

@@ -88,11 +88,10 @@ def velocities_of(stages: Stages) -> Floats:
 def laws_refused(model: ModelArrays) -> Iterator[RefusedPair]:
     """Yield laws that do not work with the scheme of an integrator.
 
-    These are, with a multi-stage scheme, laws at the end of the step if the scheme does not define that state, and laws
-    that shift the ends of their contacts; with any scheme, linear laws with a weight on the gap acceleration where the
-    integrator does not provide it. Otherwise that weight would have no effect, and no message would say so. A law may
-    declare that it needs the acceleration only as far as its own multiplier changes it; then the integrator has to
-    provide this response.
+    These are, with a multi-stage scheme, laws at the end of the step if the scheme does not define that state; with any
+    scheme, linear laws with a weight on the gap acceleration where the integrator does not provide it. Otherwise that
+    weight would have no effect, and no message would say so. A law may declare that it needs the acceleration only as
+    far as its own multiplier changes it; then the integrator has to provide this response.
     """
     name, stages = model.case.method.integrator.name, model.stages
     for bound_law in model.laws:
@@ -100,12 +99,6 @@ def laws_refused(model: ModelArrays) -> Iterator[RefusedPair]:
         if linear is not None and linear.at == "end" and stages is not None and not stages.end:
             yield RefusedPair(name, law.name, NO_END, name)
             continue
-        if law.shifts and stages is not None:
-            reason = (
-                f"{law.name} shifts the displacements that the forces of a step lead to, and {name} computes several "
-                "forces in a step"
-            )
-            yield RefusedPair(name, law.name, reason, law.name)
         states = [getattr(table, linear.at) for table in model.tables] if linear and np.any(linear.acceleration) else []
         reasons = dict.fromkeys(_why_unseen(law, state) for state in states)
         for reason in filter(None, reasons):

@@ -52,8 +52,6 @@ def apply_law(law: KernelLaw, n: int, u: Floats, v: Floats, a: Floats) -> None:
     # A multiplier that the kernel does not set remains nan and stops the run.
     for i in range(count):
         law.multiplier[i] = np.nan
-    for i in range(views.shift.size):
-        views.shift[i] = 0.0
     # What the kernel does not write of the state remains as it was.
     for i in range(views.before.shape[0]):
         for k in range(views.before.shape[1]):
@@ -61,7 +59,7 @@ def apply_law(law: KernelLaw, n: int, u: Floats, v: Floats, a: Floats) -> None:
     trial = Trial(
         views.gap, views.predicted_gap, views.rate, views.predicted_rate, views.delassus, now.dt, now.time,
         now.gap_response, now.rate_response, views.first_neighbour, views.neighbour, views.coupling,
-        views.pushed_by_others, views.before, views.after, views.shift,
+        views.pushed_by_others, views.before, views.after,
     )  # fmt: skip
     multipliers(law.bound, trial, law.multiplier)
 
@@ -90,8 +88,6 @@ def kernel_laws(
         trial, pushed = _trial(points, first, stop, coupled=bool(law.uses_coupling))
         before, after = (array[start:end].reshape(count, law.state) for array in variables)
         before.flags.writeable = False
-        if law.shifts:
-            trial = trial._replace(shift=points.state["shift"][first:stop])
         trial = trial._replace(before=before, after=after)
         now["in_turn"] = max(int(now["in_turn"][0]), pushed)
         first_other = np.append(points.law["other_start"][first:stop], points.law["other_stop"][stop - 1])
@@ -126,9 +122,8 @@ def _trial(points: Points, first: int, stop: int, *, coupled: bool) -> tuple[Tri
         "neighbour": np.array(neighbours, dtype=np.int64),
         "coupling": np.array(values, dtype=np.float64),
     }
-    shift = views.pop("shift")[:0]
     for array in (*views.values(), *rows.values()):
         array.flags.writeable = False
     nothing = np.zeros((stop - first, 0))
     of_step: Entries = dict.fromkeys(("dt", "time", "gap_response", "rate_response"), 0.0)
-    return Trial(**views, **rows, **of_step, before=nothing, after=nothing, shift=shift), pushed
+    return Trial(**views, **rows, **of_step, before=nothing, after=nothing), pushed

@@ -12,10 +12,8 @@ from typing import TYPE_CHECKING
 from percuss.compiler.record_arrays import Records
 from percuss.step.account import account
 from percuss.step.actions import (
-    AFTER_CONTACT,
     AFTER_STEP,
     BEFORE_CONTACT,
-    BEFORE_SOLUTION,
     BEFORE_SUPPORTS,
     BULK,
     perform,
@@ -70,10 +68,8 @@ def make_step(step: Step, n: int, u: Floats, v: Floats) -> bool:
     perform(actions, BEFORE_CONTACT, n, u, v, v)
 
     see(points, boundary, dt)
-    perform(actions, BEFORE_SOLUTION, n, u, v, v)
     sound = find_multipliers(points, now, actions, n, u, v)
     push(points, boundary, dt)
-    perform(actions, AFTER_CONTACT, n, u, v, v)
 
     work += react_to_contact(loads, points.state, boundary, now)
     work += work_along(loads.nodal_forces, loads, boundary, now) + work_on_bodies(loads, boundary, now)

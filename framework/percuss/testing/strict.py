@@ -78,7 +78,6 @@ class StrictSystem:
         self.scheme = integrator.bind(self.dt)
         self.bound = read_only(law.bind(self.points, self.dt))
         self._state_before = self._state_after = np.zeros((len(self.points.names), law.state))
-        self._shift = np.zeros(len(self.points.names) if law.shifts else 0)
 
     def _assemble(self, case: Data) -> None:
         """Set stiffness matrix, lumped mass, loads, initial velocity and held degrees of freedom of the bodies."""
@@ -174,8 +173,6 @@ class StrictSystem:
             self._state_before = self._state_after
             v = v + dt * (bulk + self.response * (self.normal @ multiplier))
             u = u + dt * v
-            if self._shift.size:
-                u = u + self.response * (self.normal @ self._shift)
 
     def _actions(self, step: int, *, own: bool) -> Floats:
         """Return the factor of the internal forces of each node in a step: 1, or m in every m-th, else 0."""
@@ -251,7 +248,7 @@ class StrictSystem:
             neighbours = {"first_neighbour": locked(first, int), "neighbour": locked(column, int)}
             trial = trial._replace(**neighbours, coupling=locked(off[row, column]))
         multiplier: Floats = multipliers_of(self.law, plain_kernel(self.law), self.bound, trial)
-        self._state_after, self._shift = trial.after, trial.shift
+        self._state_after = trial.after
         return multiplier
 
     def _acts(self) -> bool:

@@ -109,7 +109,7 @@ class LinearLaw(NamedTuple):
 class Trial(NamedTuple):
     """The state that the kernel of a contact law receives, for all its points in one step; (P,) arrays, read-only.
 
-    Only `after` and `shift` are for the kernel to write.
+    Only `after` is for the kernel to write.
 
     The state is the same for all leap-frog integrators; they differ only in the state that linear laws receive. `gap`
     belongs to the displacement at which the forces of the step are evaluated (u_{n+1} in papers that update it before
@@ -144,10 +144,6 @@ class Trial(NamedTuple):
     before, after
         State variables of each point, (P, k) for a law with ``state = k``: `before` as the last step has left them,
         zeros in the first step, and `after` for the kernel to write, which begins as a copy of `before`.
-    shift
-        For a law that declares `ContactLaw.shifts` the shift of each point, (P,) for the kernel to write, which begins
-        as zeros [mass*length]; (0,) for any other law. After the step, displacements change by ``M^-1 N shift`` and
-        velocities do not: a shift of 1/s changes the gap by 1.
     """
 
     gap: Floats
@@ -165,7 +161,6 @@ class Trial(NamedTuple):
     pushed_by_others: Floats
     before: Floats
     after: Floats
-    shift: Floats
 
 
 class ContactLaw(Component, contract="contacts"):
@@ -192,23 +187,6 @@ class ContactLaw(Component, contract="contacts"):
                 trial.after[p, 0] = greatest
                 force = bound.unloading[p] * overlap - (bound.unloading[p] - bound.loading[p]) * greatest
                 multiplier[p] = max(force, 0.0)
-
-    A law that corrects the positions of bodies beside their velocities declares ``shifts = True``: its kernel writes
-    `Trial.shift` too. The force of a point changes velocities, and by them the displacements of the step; the shift
-    changes the displacements alone. With both, a kernel can set the gap and the gap rate at the end of a step
-    independently. The work that a shift does on the bodies is part of the contact work, so that the energy ledger
-    closes::
-
-        shifts = True
-
-        @staticmethod
-        def multipliers(bound, trial, multiplier):  # gap and gap rate zero at the end of a step that would overlap
-            for p in range(multiplier.size):
-                multiplier[p] = 0.0
-                if trial.predicted_gap[p] < 0.0:
-                    multiplier[p] = max(-trial.predicted_rate[p], 0.0) / (trial.rate_response * trial.delassus[p])
-                    gap = trial.predicted_gap[p] + trial.gap_response * trial.delassus[p] * multiplier[p]
-                    trial.shift[p] = -gap / trial.delassus[p]
 
     If contacts share an end, the force of one contact changes the motion of the other. Linear laws are solved together.
     A kernel receives the state of each point as if no other contact force acted in the step, unless it declares
@@ -242,9 +220,6 @@ class ContactLaw(Component, contract="contacts"):
     stored_in, dissipated_in
         Numbers, from 0, of the state variables that are the energy that the contact stores, and the energy that it has
         dissipated so far [energy]; None if there are none. They are recorded beside the contact work.
-    shifts
-        Whether the kernel writes `Trial.shift`. A multi-stage scheme refuses such a law: it has no one displacement
-        that belongs to the forces of a step.
     guarantees
         Properties that hold for all options and integrators: ``"never pulls"``, ``"no penetration"`` (at the end of
         each step, and at each of its stages), ``"keeps the free step"`` (contact does not lower the critical time step,
@@ -277,7 +252,6 @@ class ContactLaw(Component, contract="contacts"):
     state: ClassVar[int] = 0
     stored_in: ClassVar[int | None] = None
     dissipated_in: ClassVar[int | None] = None
-    shifts: ClassVar[bool] = False
     measured: ClassVar[Mapping[str, str]] = {}
     guarantees: ClassVar[tuple[str, ...]] = ()
     stiffening: ClassVar[tuple[str, ...]] = ()

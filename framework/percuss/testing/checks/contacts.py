@@ -138,7 +138,7 @@ def _law_values(subject: Subject, bound: object, trial: Trial) -> Entries:
         return {f"LinearLaw.{name}": getattr(bound, name) for name in COEFFICIENTS}
     law = subject.make(subject.examples[0])
     multiplier = multipliers_of(law, plain_kernel(law), bound, trial)
-    return {"multiplier": multiplier} | ({"shift": trial.shift.copy()} if trial.shift.size else {})
+    return {"multiplier": multiplier}
 
 
 @check("contacts")
