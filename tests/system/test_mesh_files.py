@@ -14,7 +14,7 @@ import places
 from command_line import percuss_command
 from percuss.case.mesh_file import ENCODING, mesh_in
 from percuss.errors import InputError
-from percuss.mesh.seams import seams
+from percuss.results.seams import seams
 from percuss_methods.shapes.mesh import MeshFromFile
 
 pytest.importorskip("meshioplusplus")

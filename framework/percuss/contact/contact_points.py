@@ -12,7 +12,6 @@ from percuss.case.specs import Plane
 from percuss.case.type_words import found
 from percuss.contact.contact_point import TOUCHING, ContactPoint
 from percuss.contact.paired_surfaces import points_of_surfaces
-from percuss.mesh.bar import Bar
 from percuss.mesh.loads import ROUND_OFF
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ def contact_points_of(
     A side whose nodes are `held` throughout is rigid: stiffness, mass and frequency are those of the other.
     """
     sides = [bodies.get(side.body) for side in spec.sides]
-    bars = [body for body in sides if isinstance(body, Bar)]
+    bars = [body for body in sides if body is not None and body.is_bar]
     if len(bars) == len(sides):
         point = _ends_that_meet(case, number, spec, bars, held, problems)
         return [point] if point is not None else []
@@ -48,7 +47,7 @@ def contact_points_of(
 
 
 def _ends_that_meet(
-    case: Case, number: int, spec: ContactSpec, sides: Sequence[Bar], held: Held, problems: list[Problem]
+    case: Case, number: int, spec: ContactSpec, sides: Sequence[Body], held: Held, problems: list[Problem]
 ) -> ContactPoint | None:
     """Return the point at which two ends meet, or an end and a wall; None if they cannot, with a problem."""
     path = ("contacts", spec.name)
@@ -118,7 +117,7 @@ def _ends_that_meet(
     )
 
 
-def _facing_ends(sides: Sequence[Bar], spec: ContactSpec) -> list[str]:
+def _facing_ends(sides: Sequence[Body], spec: ContactSpec) -> list[str]:
     """Return the other ends of two bars that overlap, if these are apart or touch, else nothing."""
     ends = [
         (f"{side.body}.{name}", body.mesh.nodes[region.nodes[0]], region.outward)

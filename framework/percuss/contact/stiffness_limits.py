@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
 
     from percuss.contact.contact_point import ContactPoint
-    from percuss.mesh.bar import Bar
+    from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
 
 # Limits are computed for at most this Courant number of a body: above it central difference leaves
@@ -22,7 +22,7 @@ LARGEST_COURANT = 0.99
 
 
 def stiffness_limits(
-    bodies: Iterable[Bar], contact_points: Sequence[ContactPoint], moved: Sequence[Collection[int]], dt: float
+    bodies: Iterable[Body], contact_points: Sequence[ContactPoint], moved: Sequence[Collection[int]], dt: float
 ) -> Floats:
     """Return `ContactPoints.stiffness_limit` of all contact points for a time step `dt`, (P,) [force/length].
 
@@ -58,7 +58,7 @@ def stiffness_limits(
         return 1.0 / np.array(softness, dtype=float)
 
 
-def end_reserves(body: Bar, dt: float, ends: Sequence[int]) -> dict[int, float]:
+def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]:
     """Return the largest contact stiffness r at each end for which central difference is stable [force/length].
 
     For every displacement u of the body ``u^T ((4/dt^2) M - K) u >= sum of r u_end^2`` over the given ends. Where the

@@ -24,6 +24,7 @@ TIMES = 3  # columns of the time axis: the step, and the times of motion and of 
 # Copies of each record array while a result is made: in the order of the loop, in the order of the case, and one for
 # the exact values and the differences from them.
 COPIES = 3
+MOST_OF_A_BAR = 400  # elements whose stress is recorded, evenly spaced
 
 
 class Shapes(NamedTuple):
@@ -120,13 +121,21 @@ def empty_record(model: Model, place: Mapping[int, int]) -> tuple[Record, Floats
 
 
 def recorded_elements(model: Model) -> dict[str, Integers]:
-    """Return the numbers, within each body, of the elements whose stress is recorded."""
-    return {name: body.recorded_elements for name, body in model.bodies.items()}
+    """Return the numbers, within each body, of the elements whose stress is recorded: all, of a bar some hundreds."""
+    return {
+        name: np.linspace(0, body.count - 1, min(body.count, MOST_OF_A_BAR) if body.is_bar else body.count)
+        .round()
+        .astype(np.int64)
+        for name, body in model.bodies.items()
+    }
 
 
 def field_nodes(model: Model) -> list[Integers]:
     """Return the nodes whose displacement is recorded, in two axes for each body."""
-    return [body.recorded_nodes for body in model.bodies.values()]
+    return [
+        body.element_nodes(elements) if body.is_bar else np.arange(body.start, body.stop)[:, None]
+        for body, elements in zip(model.bodies.values(), recorded_elements(model).values(), strict=True)
+    ]
 
 
 def recordable(model: Model) -> Model:

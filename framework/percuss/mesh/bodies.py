@@ -12,10 +12,9 @@ import numpy as np
 
 from percuss.errors import InputError, Problem, refuse_if_any
 from percuss.mesh import size_limits
-from percuss.mesh.bar import Bar
 from percuss.mesh.body import Body
 from percuss.mesh.cell_stiffness import frequencies_of_cells
-from percuss.mesh.cells import is_solid, modulus_of, volumes_of
+from percuss.mesh.cells import volumes_of
 from percuss.mesh.masses import ends_at_contacts, inverse_mass, nodal_masses
 from percuss.methods.interfaces import BodyMesh
 from percuss.methods.plugin_calls import answer, read_only
@@ -112,10 +111,10 @@ class Bodies(Mapping[str, Body]):
     @cached_property
     def of_lines(self) -> bool:
         """Whether all bodies are along lines."""
-        return all(isinstance(body, Bar) for body in self._bodies)
+        return all(body.is_bar for body in self._bodies)
 
     @cached_property
-    def bars(self) -> Mapping[str, Bar]:
+    def bars(self) -> Mapping[str, Body]:
         """The bodies, where all are bars.
 
         Raises
@@ -123,16 +122,15 @@ class Bodies(Mapping[str, Body]):
         TypeError
             If one of them is no bar.
         """
-        bars = {body.name: body for body in self._bodies if isinstance(body, Bar)}
-        if len(bars) < len(self):
+        if not self.of_lines:
             raise TypeError("only bars have this")
-        return bars
+        return self
 
     def at(self, node: int) -> Body:
         """Return the body that contains a node."""
         return self._bodies[bisect.bisect_right(self._starts, node) - 1]
 
-    def bar_at(self, node: int) -> Bar:
+    def bar_at(self, node: int) -> Body:
         """Return the bar that contains a node."""
         return self.bars[self.at(node).name]
 
@@ -169,32 +167,27 @@ def bodies_of(case: Case) -> Bodies:
         if velocity.ndim == 0:  # along the body; a body along no line has none by default
             velocity = velocity * (mesh.direction if mesh.line is not None else np.zeros(mesh.nodes.shape[1]))
         mass, may_lack_mass = nodal_masses(case, spec, view, in_contact.get(name, frozenset()))
-        facts: dict[str, Any] = {}
-        if mesh.line is not None:
-            facts["stiffness"] = answer(spec.element, "axial_stiffness", view, spec.material.modulus)
-        bodies.append(
-            (Bar if mesh.line is not None else Body)(
-                name=name,
-                number=number,
-                spec=spec,
-                mesh=mesh,
-                start=bodies[-1].stop if bodies else 0,
-                mass=mass,
-                frequency=frequencies_of_cells(spec.element, spec.material, view)
-                if is_solid(spec.element)
-                else answer(
-                    spec.element,
-                    "highest_frequency",
-                    view,
-                    math.sqrt(modulus_of(spec.material, view) / spec.material.rho),
-                ),
-                volumes=volumes_of(spec.element, view),
-                velocity=velocity,
-                may_lack_mass=may_lack_mass,
-                inverse=inverse_mass(case, spec, view, mass),
-                **facts,
-            )
+        if mesh.line is None:
+            stiffness, frequency = np.zeros(0), frequencies_of_cells(spec.element, spec.material, view)
+        else:
+            speed = math.sqrt(spec.material.modulus / spec.material.rho)
+            stiffness = answer(spec.element, "axial_stiffness", view, spec.material.modulus)
+            frequency = answer(spec.element, "highest_frequency", view, speed)
+        body = Body(
+            name=name,
+            number=number,
+            spec=spec,
+            mesh=mesh,
+            start=bodies[-1].stop if bodies else 0,
+            mass=mass,
+            frequency=frequency,
+            stiffness=stiffness,
+            volumes=volumes_of(spec.element, view),
+            velocity=velocity,
+            may_lack_mass=may_lack_mass,
+            inverse=inverse_mass(case, spec, view, mass),
         )
+        bodies.append(body)
     size_limits.check_bodies(case, bodies)
     refuse_if_any(list(_empty_regions(case, {body.name: body.mesh for body in bodies})))
     return Bodies(bodies)

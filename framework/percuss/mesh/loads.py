@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.mesh.bar import Bar
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import FollowingLoad
 from percuss.methods.plugin_calls import answer
@@ -216,7 +215,7 @@ def _followers(
         if spec.acts_as != "force":
             message = f"expected a force, as {spec.load.name} follows the motion of an end, found as: {spec.acts_as}"
             problems.append(case.problem(("loads", spec.name), message, "Leave out `as`."))
-        elif (unlike := next((body for body, _ in targets if not isinstance(body, Bar)), None)) is not None:
+        elif (unlike := next((body for body, _ in targets if not body.is_bar), None)) is not None:
             message = f"expected bodies along a line with {spec.load.name}, found '{unlike.name}'"
             advice = "It follows the motion of the end of a bar, which other bodies do not have."
             problems.append(case.problem(("loads", spec.name), message, advice))
@@ -228,7 +227,7 @@ def _followers(
         else:
             body, region = targets[0]
             direction = _direction(spec, body)
-            if direction is None or not isinstance(body, Bar):  # which is told already
+            if direction is None:  # which is told already
                 continue
             node = body.node(region)
             held = Constraint(node, direction, spec, column)

@@ -145,7 +145,11 @@ def check_bodies(case: Case, bodies: Sequence[Body]) -> None:
     problems = []
     for body in bodies:
         quantities: dict[str, Any] = {
-            **body.sizes,
+            **(
+                {"an element length": body.mesh.lengths, "a stiffness EA/h": body.stiffness}
+                if body.is_bar
+                else {"a volume": body.volumes_of_cells}
+            ),
             "a mass of a node": np.where(body.may_lack_mass & (body.mass == 0.0), LARGEST_NUMBER, body.mass),
             "a frequency 2c/h": body.frequency,
             "a velocity": np.abs(body.velocity[body.velocity != 0]),

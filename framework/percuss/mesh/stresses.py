@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.mesh.bar import Bar
 from percuss.mesh.cell_stiffness import kinds_of_cells
 from percuss.mesh.cells import PROBING_STRAIN, cells_of
 from percuss.mesh.element_probe import ElementProbe
@@ -66,7 +65,7 @@ def tangent_as_declared(bodies: Iterable[Body]) -> bool:
     of a linear body, and a step that is unstable for the linear body is unstable. Other bodies declare no stiffness.
     """
     for body in bodies:
-        if not body.why_not_linear or not isinstance(body, Bar):
+        if not body.why_not_linear or not body.is_bar:
             continue
         probe, cells = ElementProbe(body.spec.element, body.spec.material, body.view), cells_of(body.mesh)
         for number in np.unique(np.linspace(0, body.count - 1, PROBED_ELEMENTS).round().astype(np.int64)):

@@ -74,6 +74,8 @@ def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> Body
         Volumes of its cells [length^3].
     """
     mesh = body.mesh
+    if mesh.line is not None:
+        return _end_of(body, region, start)
     facets = np.asarray(next(iter(mesh.regions[region].facets.values())))
     nodes, places = np.unique(facets, return_inverse=True)
     places = places.reshape(facets.shape)
@@ -96,6 +98,15 @@ def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> Body
     outward = np.zeros((nodes.size, out.shape[1]))
     np.add.at(outward, places, of_nodes[..., None] * surface.normals[:, None])
     return BodySurface(surface._replace(areas=areas), heights, shares, outward)
+
+
+def _end_of(body: BodyMesh, region: str, start: int) -> BodySurface:
+    """Return the end of a bar as a surface of one node, over the element there."""
+    node, outward = body.mesh.regions[region].nodes[0], body.mesh.regions[region].outward
+    number, area, place = np.array([node + start]), np.array([body.section]), body.mesh.nodes[[node]]
+    end = Surface(number, place, np.zeros((1, 1), dtype=np.int64), outward[None], area)
+    height = body.mesh.lengths[[0 if node == 0 else -1]]
+    return BodySurface(end, height, np.ones(1), body.section * outward[None])
 
 
 def _sections(corners: Floats) -> Floats:

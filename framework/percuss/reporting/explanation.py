@@ -21,6 +21,7 @@ from percuss.methods.interfaces import Component, ContactLaw
 from percuss.reporting.component import Explanation, docs
 from percuss.reporting.tables import duration
 from percuss.reporting.verdict import check_verdict
+from percuss.results.doubtful_solids import why_it_must_not_turn, why_not_joined, why_too_stiff
 from percuss.results.encounters import expected_meetings
 from percuss.results.exact import engine_for
 
@@ -162,8 +163,8 @@ def _body(body: Body, end: float) -> Fact:
     )
     details = [
         f"c = {c:.6g}{waves}",
-        *body.why_not_joined,
-        *filter(None, (body.why_too_stiff, body.why_it_must_not_turn(float(np.linalg.norm(spec.spin)) * end))),
+        *why_not_joined(body),
+        *filter(None, (why_too_stiff(body), why_it_must_not_turn(body, float(np.linalg.norm(spec.spin)) * end))),
     ]
     if body.why_not_linear:
         follows = "c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"

@@ -21,6 +21,13 @@ from percuss.mesh.body import Body
 from percuss.mesh.cells import is_solid
 from percuss.methods.interfaces import Exact, Floats
 from percuss.results import ledger, true_error
+from percuss.results.doubtful_solids import (
+    turned_by,
+    why_inside_out,
+    why_it_must_not_turn,
+    why_not_joined,
+    why_too_stiff,
+)
 from percuss.results.encounters import encounters
 from percuss.results.exact import exact_solution, impulse_at, sampled
 from percuss.results.fields import fields_of, in_parts
@@ -137,13 +144,13 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of a body may grow with time, with no bound")
     bodies = march.model.bodies.values()
-    warnings += [words for body in bodies for words in body.why_not_joined]
+    warnings += [words for body in bodies for words in why_not_joined(body)]
     if outcome.status != "unstable":
         warnings += filter(None, (_inside_out(body, march, outcome) for body in bodies))
-    warnings += filter(None, (body.why_too_stiff for body in bodies))
+    warnings += filter(None, map(why_too_stiff, bodies))
     moved = outcome.final_displacement.reshape(-1, march.dim)
     for body in filter(lambda body: body.of_small_strains, bodies):
-        warnings += filter(None, [body.why_it_must_not_turn(body.turned_by(moved[body.start : body.stop]))])
+        warnings += filter(None, [why_it_must_not_turn(body, turned_by(body, moved[body.start : body.stop]))])
     warnings += march.model.ignored_couplings()
     name, facts = march.model.case.method.integrator.name, march.model.facts
     if march.arrays.record.every > 1 and march.model.contact_points:
@@ -169,10 +176,10 @@ def _inside_out(body: Body, march: March, outcome: Outcome) -> str:
     nodes = slice(body.start, body.stop)
     if every and is_solid(body.spec.element):
         for k, field in enumerate(outcome.record.field[: outcome.done // every + 1]):
-            if note := body.why_inside_out(field.reshape(-1, march.dim)[nodes], k * every * model.dt):
+            if note := why_inside_out(body, field.reshape(-1, march.dim)[nodes], k * every * model.dt):
                 return note
     moved = outcome.final_displacement.reshape(-1, march.dim)[nodes]
-    return body.why_inside_out(moved, outcome.done * model.dt)
+    return why_inside_out(body, moved, outcome.done * model.dt)
 
 
 def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact | None, ExactEntries]:

@@ -17,7 +17,7 @@ from percuss.jsonable import Entries
 from percuss.march.march import March, Outcome
 from percuss.march.model import Model
 from percuss.march.recording import probe_nodes
-from percuss.mesh.bar import Bar
+from percuss.mesh.body import Body
 from percuss.methods.interfaces import Floats
 from percuss.results.encounters_of_solids import foreseen_of_solids, notes_of_solids
 
@@ -29,7 +29,7 @@ class End:
     """An end of a body: its address in a case, its node in the model, its normal out of the body and its position."""
 
     name: str
-    body: Bar
+    body: Body
     node: int
     outward: Floats
     position: Floats

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from percuss.contact.model_arrays import ModelArrays
-    from percuss.mesh.bar import Bar
+    from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
 
 UNIFORM_BAR = np.dtype(
@@ -150,7 +150,7 @@ def uniform_bars(model: ModelArrays, boundary_nodes: Sequence[int]) -> Any:
     return record_array(bars, UNIFORM_BAR)
 
 
-def _is_uniform(body: Bar) -> bool:
+def _is_uniform(body: Body) -> bool:
     """Return whether a body is linear, with two-node elements of one stiffness and inner nodes of one mass.
 
     The kernels of a third-party plug-in are called in every step, whatever they declare: the run shows what they

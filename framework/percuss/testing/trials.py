@@ -162,7 +162,7 @@ def _try_law(bound_law: BoundLaw, dt: float) -> None:
         for state in trial_states(len(points.names), dt):
             # The state variables that the kernel leaves are those that it finds in the next state.
             trial = trial_of(points, dt, state, law, results[-1][1] if results else None)
-            results.append((multipliers_of(law, kernel, bound, trial), trial.after, trial.shift))
+            results.append((multipliers_of(law, kernel, bound, trial), trial.after))
             if low_indices:
                 raise breach(
                     law,

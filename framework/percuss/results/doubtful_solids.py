@@ -1,0 +1,87 @@
+"""Why the mesh or the motion of a solid makes its result doubtful: sentences for `check` and for the notes of a run."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from percuss.case.quantities import percent
+from percuss.mesh.body import in_space
+from percuss.mesh.cells import cells_of, inside_out, is_solid, modulus_of_bar
+from percuss.results.seams import in_brackets, seams
+
+if TYPE_CHECKING:
+    from percuss.mesh.body import Body
+    from percuss.methods.interfaces import Floats
+
+
+MOST_TURNED = 0.05  # rad, which stretches a body of small strains by 0.12 %
+NEARLY_INCOMPRESSIBLE = 3.79  # modulus of longitudinal waves over Young's at a Poisson's ratio of .45
+SLENDER = 5.0  # length over thickness of a body that is expected to bend
+MOST_TOO_STIFF = 0.1  # in bending
+
+
+def why_not_joined(body: Body) -> list[str]:
+    """Return where the mesh of a solid is not joined, as at a crack: one sentence for each kind of place."""
+    return [f"body '{body.name}' {words}" for words in seams(body.mesh)] if is_solid(body.spec.element) else []
+
+
+def why_too_stiff(body: Body) -> str:
+    """Return why the cells of a body are stiffer than the body itself; empty if no reason is known."""
+    element, said = body.spec.element, f"body '{body.name}' is"
+    if not getattr(element, "locks", False):
+        return ""
+    if body.modulus / modulus_of_bar(body.spec.material) > NEARLY_INCOMPRESSIBLE:
+        return f"{said} almost incompressible, where {element.name} locks: it is too stiff"
+    long = _length_of_cells_over_thickness(body)
+    # Cells that cannot bend shear instead: G (l/h)^2 / E of plane stress, and G / E is a quarter at least.
+    share = long**2 / 4.0
+    if not share > MOST_TOO_STIFF:
+        return ""
+    return (
+        f"{said} slender, and its cells are {long:.2g} times as long as it is thick: if it bends, {element.name} "
+        f"locks, and it is too stiff by {percent(share, 2)} or more"
+    )
+
+
+def _length_of_cells_over_thickness(body: Body) -> float:
+    """Return the mean length of cells along a body over its thickness; 0 of a body that is not slender."""
+    nodes = body.mesh.nodes - body.mesh.nodes.mean(axis=0)
+    along = nodes @ np.linalg.eigh(nodes.T @ nodes)[1]  # the last axis is that of its length
+    extents = np.ptp(along, axis=0)
+    if getattr(body.spec.element, "about_axis", False) or extents[-1] < SLENDER * extents.min():
+        return 0.0
+    return float(np.ptp(along[cells_of(body.mesh), -1], axis=1).mean() / extents.min())
+
+
+def why_it_must_not_turn(body: Body, angle: float) -> str:
+    """Return why a body that turns by an angle [rad] does not move as a real one; empty if the angle is small."""
+    if not body.of_small_strains or not abs(angle) > MOST_TURNED:
+        return ""
+    return (
+        f"body '{body.name}' turns by {abs(angle):.2g} rad, but its strains hold for small rotations: the turn "
+        f"lengthens it by {percent(math.hypot(1.0, angle) - 1.0, 2)}, and its spin is not that of a real body"
+    )
+
+
+def turned_by(body: Body, displacement: Floats) -> float:
+    """Return the angle by which displacements of its nodes, (nodes, dim), turn a body in the mean [rad]."""
+    arm, mass = in_space(body.mesh.nodes - body.centre), body.mass
+    inertia = mass @ (arm**2).sum(axis=1) * np.eye(3) - np.einsum("n,ni,nj->ij", mass, arm, arm)
+    return float(np.linalg.norm(np.linalg.solve(inertia, mass @ np.cross(arm, in_space(displacement)))))
+
+
+def why_inside_out(body: Body, displacement: Floats, time: float) -> str:
+    """Return which cells of a solid a displacement of its nodes turns inside out; empty if none."""
+    if not is_solid(body.spec.element):
+        return ""
+    corners = (body.mesh.nodes + displacement)[cells_of(body.mesh)]
+    if not (turned := inside_out(corners)).any():
+        return ""
+    return (
+        f"body '{body.name}' has cells turned inside out, {turned.sum()} of {turned.size} at t = {time:.4g}, the "
+        f"first about {in_brackets(corners[turned][0].mean(axis=0))}: no body moves so. Take a lower velocity or "
+        "load, or a stiffer material"
+    )
