@@ -9,13 +9,13 @@ from percuss.cli.verbs import plugins as plugins
 from percuss.cli.verbs import report as report
 from percuss.cli.verbs import schema as schema
 from percuss.cli.verbs import waves as waves
-from percuss.compiler.specialise import compiled_function as compiled_function
 from percuss.errors import InputError as InputError
 from percuss.errors import PercussError as PercussError
 from percuss.errors import PluginError as PluginError
 from percuss.errors import RefusedPair as RefusedPair
 from percuss.errors import RunError as RunError
 from percuss.heartbeat import progress as progress
+from percuss.jit import compiled_function as compiled_function
 from percuss.methods.hooks import hookimpl as hookimpl
 from percuss.methods.interfaces import AllowInf as AllowInf
 from percuss.methods.interfaces import BodyEnd as BodyEnd

@@ -19,7 +19,7 @@ from percuss.version import installed_version
 COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "scipy")
 SOURCES = {".py", ".toml"}
 SHOWN_ALONE = {"cli", "reporting", "testing"}  # rooms of percuss on which no number of a run depends
-OF_THE_LOOP = ("contact", "mesh", "step", "methods/slots.py", "digest.py")  # what is compiled, and how
+OF_THE_LOOP = ("contact", "mesh", "step", "methods/slots.py", "jit.py", "digest.py")  # what is compiled, and how
 # Environment variables of numba with these prefixes change no number.
 HARMLESS_PREFIXES = (
     "NUMBA_CACHE", "NUMBA_DEBUG", "NUMBA_DUMP", "NUMBA_NUM_THREADS", "NUMBA_WARNINGS", "NUMBA_COLOR",
@@ -51,8 +51,7 @@ def source_digest(file: str) -> str:
     """
     path = Path(file).absolute()
     if path.is_relative_to(PACKAGE):
-        of_the_loop = path.relative_to(PACKAGE).as_posix().startswith(OF_THE_LOOP)
-        return loop_digest() if of_the_loop else own_digest()
+        return loop_digest() if is_of_the_loop(file) else own_digest()
     if not path.is_file():
         return _digest((), path)
     folder = path.parent
@@ -64,6 +63,13 @@ def source_digest(file: str) -> str:
 @functools.cache
 def _package_digest(path: Path) -> str:
     return _digest(_sources(path), path)
+
+
+@functools.cache
+def is_of_the_loop(file: str) -> bool:
+    """Return whether a file is one of those from which percuss compiles the time loop."""
+    path = Path(file).absolute()
+    return path.is_relative_to(PACKAGE) and path.relative_to(PACKAGE).as_posix().startswith(OF_THE_LOOP)
 
 
 @functools.cache

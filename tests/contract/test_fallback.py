@@ -340,7 +340,7 @@ def test_an_edit_is_seen_by_another_process(tmp_path):
         return value
 
     first = fresh()
-    kept = set(cache.rglob("*.compiled"))
+    kept = set(cache.rglob("*.nbi"))
     assert kept, "nothing was kept on disk: there is nothing to test"
     edits = [EDITS["constant"], ("SCALE = 1.0", "SCALE = 2.0")] if DEEP else [("SCALE = 1.0", "SCALE = 2.0")]
     for old, new in edits:
@@ -350,7 +350,7 @@ def test_an_edit_is_seen_by_another_process(tmp_path):
     if DEEP:
         file.write_text(text + "# a remark\n", encoding="utf-8")
         assert fresh() == first
-    assert kept < set(cache.rglob("*.compiled"))
+    assert kept < set(cache.rglob("*.nbi"))
 
 
 @pytest.mark.deep

@@ -1,24 +1,21 @@
-"""What each command imports: nothing that it does not use, and a run whose machine code is stored no compiler."""
+"""What each command imports: nothing that it does not use, and no compiler where it makes no step."""
 
 import json
 import os
 import re
 import subprocess
 import sys
-from collections import OrderedDict
 from importlib import metadata
 
 import pytest
 
 from command_line import percuss_command
-from percuss.compiler import machine_code
-from percuss.step import build
 from places import CASES
 
 NOTHING = set()
 WORDS = {"typer"}
 INPUT = WORDS | {"annotated_types", "numpy", "pydantic", "yaml", "pluggy"}
-SOLVE = INPUT | {"llvmlite", "platformdirs"}
+SOLVE = INPUT | {"llvmlite", "numba", "platformdirs", "scipy"}
 # Each command, and the libraries that may be imported once it has been executed. The commands follow one another in one
 # process, so that each set contains the one before. The environment limits the threads of BLAS, without threadpoolctl.
 MAY_IMPORT = {
@@ -44,7 +41,7 @@ OTHERS = {"dask", "distributed", "llvmlite", "matplotlib", "pandas", "pyarrow", 
 SCRIPT = """
 import json, sys
 commands, watched = json.loads(sys.argv[1])
-imported, printed = {}, {}
+imported = {}
 
 def execute(words):
     import contextlib, io
@@ -56,15 +53,14 @@ def execute(words):
             main()
         except SystemExit as done:
             assert not done.code, (words, done.code, out.getvalue())
-    return out.getvalue()
 
 for command in commands:
     if command:
-        printed[command] = execute(command.split())
+        execute(command.split())
     else:
         import percuss
     imported[command] = [name for name in watched if name in sys.modules]
-print(json.dumps([imported, printed]))
+print(json.dumps(imported))
 """
 
 
@@ -80,8 +76,8 @@ def modules_of_dependencies():
 
 
 @pytest.fixture(scope="module")
-def warm(tmp_path_factory):
-    """Return what is imported after each command, and what it prints, in a process of its own with stored code."""
+def imported_after():
+    """What is imported after each command, in a process of its own with stored code."""
     case = str(CASES / "hunek.yaml")
     commands = [command.format(case=case) for command in MAY_IMPORT]
     for command in commands:
@@ -90,33 +86,17 @@ def warm(tmp_path_factory):
     asked = json.dumps([commands, modules_of_dependencies()])
     done = subprocess.run([sys.executable, "-c", SCRIPT, asked], check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    imported, printed = json.loads(done.stdout)
-    return dict(zip(MAY_IMPORT, imported.values(), strict=True)), printed
+    return dict(zip(MAY_IMPORT, json.loads(done.stdout).values(), strict=True))
 
 
-def test_a_command_imports_only_what_it_uses(warm):
-    imported, _ = warm
-    too_much = {command: sorted(set(names) - MAY_IMPORT[command]) for command, names in imported.items()}
+def test_a_command_imports_only_what_it_uses(imported_after):
+    too_much = {command: sorted(set(names) - MAY_IMPORT[command]) for command, names in imported_after.items()}
     assert not {command: names for command, names in too_much.items() if names}
 
 
 def test_the_dependencies_are_watched():
     watched = modules_of_dependencies()
     assert {"numba", "scipy", "numpy", "xarray", "netCDF4", "pydantic", "yaml", "rich", "matplotlib"} <= set(watched)
-
-
-def test_a_run_without_the_compiler_gives_the_same_numbers(warm, monkeypatch):
-    _, printed = warm
-    command = next(
-        command for command in printed if command.startswith("run") and command.endswith("hunek.yaml --json")
-    )
-    monkeypatch.setattr(machine_code, "address_of_stored", lambda key: None)
-    monkeypatch.setattr(build, "_BOUND", OrderedDict())
-    without, compiled = json.loads(printed[command]), json.loads(percuss_command(*command.split()).stdout)
-    for summary in (without, compiled):
-        assert summary["compiled"] is True
-        del summary["seconds"]
-    assert without == compiled
 
 
 def test_python_without_docstrings_runs_cases():

@@ -159,7 +159,7 @@ def test_machine_code_is_loaded_from_no_folder_that_a_file_in_the_current_folder
     monkeypatch.setattr(numba.config, "CACHE_DIR", "here")  # as it is once numba has read that file
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     assert percuss.compiled_function(twice)(np.ones(2)).sum() == 4.0
-    assert list((tmp_path / "cache").rglob("*.compiled"))
+    assert list((tmp_path / "cache").rglob("*.nbi"))
     assert not (tmp_path / "here").exists()
 
 

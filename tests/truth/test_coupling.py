@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import dense
 import percuss
 from percuss.certificate import verdict
-from percuss.compiler.compile_function import jit_disabled
+from percuss.jit import jit_disabled
 from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.reporting.explanation import explanation

@@ -15,7 +15,7 @@ import percuss
 import places
 from percuss.case.defaults import DEFAULTS
 from percuss.certificate.scheme_limit import amplification
-from percuss.compiler.specialise import Specialiser
+from percuss.jit import plain
 from percuss.methods import slots
 from percuss.testing.checks.integrators import check_stages
 from percuss.testing.subject import Subject
@@ -202,7 +202,7 @@ def end_of_march(name, options, dt, end=6.0):
     def accelerations(system, stage, u, v, a):
         a[:] = np.sin(2 * (time[0] + stages.times[stage] * dt) + 0.4) - u
 
-    step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(type(integrator).step)
+    step = plain(type(integrator).step, {slots.accelerations: accelerations})
     u, v = np.array([0.3]), np.array([1.0])
     kept = np.full((integrator.kept, 1), math.sin(0.4) - 0.3)
     error = 0.0
@@ -270,7 +270,7 @@ def test_undamped_predictions_of_the_alpha_method_are_those_of_central_differenc
         predictions.append(u[0])
         a[:] = -(omega**2) * u
 
-    step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(type(integrator).step)
+    step = plain(type(integrator).step, {slots.accelerations: accelerations})
     u, v, kept = np.array([0.3]), np.array([1.0]), np.array([[-(omega**2) * 0.3]])
     for _ in range(50):
         step(integrator.bind(dt).numbers, None, u, v, kept, dt)

@@ -7,7 +7,7 @@ import pytest
 
 import percuss
 from percuss.cli.main import app
-from percuss.compiler.compile_function import jit_disabled
+from percuss.jit import jit_disabled
 from percuss.march.march import March
 from percuss.march.model import Model
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.compiler.record_arrays import empty_records
 from percuss.march import march
 from percuss.march.march import March
 from percuss.march.model import Model
+from percuss.record_arrays import empty_records
 from percuss.step import uniform_rows
 from percuss.step.records import TOTAL
 from percuss.step.uniform_rows import UNIFORM_BAR, UniformRows, add_energies, advance_row, advance_whole

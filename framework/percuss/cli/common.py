@@ -61,7 +61,7 @@ _ON_TERMINAL: list[Any] = []
 @contextmanager
 def _compiling_shown() -> Iterator[None]:
     """Show on standard error that numba compiles."""
-    from percuss.compiling import NOTICES
+    from percuss.jit import NOTICES
 
     shown = _Compilations()
     NOTICES.append(shown.notice)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.compiler.record_arrays import empty_records, record_array
 from percuss.contact.points import (
     BY_CURRENT,
     BY_END,
@@ -23,6 +22,7 @@ from percuss.contact.points import (
 )
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactState, LeapFrog, LinearLaw
+from percuss.record_arrays import empty_records, record_array
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

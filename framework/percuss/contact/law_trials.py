@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from percuss.compiling import Kernel
+from percuss.jit import Kernel
 from percuss.methods.blame import breach, plain_function
 from percuss.methods.interfaces import Trial
 from percuss.methods.plugin_calls import kernel_faults, read_only

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records
+from percuss.record_arrays import Records
 
 # How a closed contact stores energy at half steps. BY_END: the force follows from the gap at the end of the step, and
 # the contact is a spring whose energy is the mean of those at both ends of the step. BY_CURRENT: the force follows from

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.compiler.record_arrays import empty_records, record_array
 from percuss.contact.contact_rows import carry_over, point_records
 from percuss.contact.points import NEVER
 from percuss.contact.state_variables import StateVariables
@@ -17,6 +16,7 @@ from percuss.mesh import cell_kernels
 from percuss.mesh.block import Block
 from percuss.mesh.cells import cell_arrays, element_slots, has_cells, is_solid, parameters_of, slots_of_material
 from percuss.methods.plugin_calls import answer, read_only
+from percuss.record_arrays import empty_records, record_array
 from percuss.step import bulk, uniform_rows
 from percuss.step.actions import BULK, INTERNAL_FORCES, INTERNAL_FORCES_ASIDE, KINETIC_ENERGY, STRAIN_ENERGY, Action
 from percuss.step.law_kernels import kernel_laws
@@ -202,6 +202,7 @@ class Arrays:
                 step.loads.accelerations, np.zeros(model.dim), step.loads.momentum, step.totals, model.dim, model.dt,
                 0.0 if model.multistage else model.dt, (),
             )  # fmt: skip
+            allocates = element.allocates or material.allocates
             filled: Mapping[Callable[..., Any], Any] = {
                 **slots_of_material(type(element), type(material)),
                 **element_slots(type(element)),
@@ -217,13 +218,13 @@ class Arrays:
             if model.multistage:
                 forces = bulk.set_forces_of_cells if cells else bulk.set_forces
                 aside = data._replace(block=block._replace(after=np.zeros_like(block.after)))
-                yield Action(INTERNAL_FORCES, forces, data, filled, name=name)
-                yield Action(INTERNAL_FORCES_ASIDE, forces, aside, filled, name=name)
+                yield Action(INTERNAL_FORCES, forces, data, filled, allocates=allocates, name=name)
+                yield Action(INTERNAL_FORCES_ASIDE, forces, aside, filled, allocates=allocates, name=name)
             else:
-                yield Action(BULK, bulk.advance_block, data, filled, name=name)
-            yield Action(STRAIN_ENERGY, bulk.add_strain_energy, data, filled, name=name)
+                yield Action(BULK, bulk.advance_block, data, filled, allocates=allocates, name=name)
+            yield Action(STRAIN_ENERGY, bulk.add_strain_energy, data, filled, allocates=allocates, name=name)
             if cells and block.element.hourglass_points > 0:
-                yield Action(STRAIN_ENERGY, bulk.add_hourglass_energy, data, filled, name=name)
+                yield Action(STRAIN_ENERGY, bulk.add_hourglass_energy, data, filled, allocates=allocates, name=name)
 
     def changing_arrays(self) -> list[Array]:
         """Return the arrays that a step changes, always in the same order, without displacements and velocities."""

@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records, copied_records
-from percuss.compiler.specialise import compile_error
-from percuss.compiling import compile_seconds
 from percuss.errors import PercussError
 from percuss.heartbeat import beat
+from percuss.jit import compile_error, compile_seconds
 from percuss.march import diagnosis
 from percuss.march.arrays import Arrays
 from percuss.march.estimate import seconds_in_solids
@@ -27,6 +25,7 @@ from percuss.march.multistage import MultistageStepper
 from percuss.march.starting_state import initial_velocity
 from percuss.march.stepper import Stepper
 from percuss.march.stop import Kind, Stop
+from percuss.record_arrays import Records, copied_records
 from percuss.step.account import NOISE
 from percuss.step.build import Kernels, compile_actions, kernels, why_not_compiled
 from percuss.step.equation import SWEEPS

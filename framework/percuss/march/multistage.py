@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.compiler.record_arrays import record_array
 from percuss.march.starting_state import initial_velocity
 from percuss.mesh.loads import amplitude
+from percuss.record_arrays import record_array
 from percuss.step.build import Scheme
 from percuss.step.integrator_check import ends_of, kernel_of, table_of_stage, uses_internal
 from percuss.step.stages import BODY_FORCE, StageAmplitudes, State, System, advance, begin

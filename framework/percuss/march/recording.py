@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from percuss.compiler.record_arrays import empty_records
 from percuss.errors import Problem, TooLargeError
 from percuss.mesh import size_limits
 from percuss.mesh.spots import shares_at
+from percuss.record_arrays import empty_records
 from percuss.step.record import ENERGIES, OF_CONTACTS, OF_PROBES, Record
 
 if TYPE_CHECKING:

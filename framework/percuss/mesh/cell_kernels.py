@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.compiler.marks import called
+from percuss.jit import called
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import cell_force, energy_density, unbound
 
@@ -53,7 +53,7 @@ def record_gradient(material: Floats, point: int, gradient: tuple[float, ...]) -
 def room(rows: tuple[int, ...], columns: tuple[int, ...]) -> Floats:
     """Return an array for a number for each pair of an entry of two tuples.
 
-    Compiled code takes room of a size that the compiler knows, in registers where it can (`percuss.step.calls.room`).
+    Compiled code takes room of a size that the compiler knows, in registers where it can (`percuss.step.linked.room`).
     """
     return np.full((len(rows), len(columns)), np.nan)
 

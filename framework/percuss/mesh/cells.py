@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.compiler.specialise import Filled
+from percuss.jit import Filled
 from percuss.mesh import cell_kernels
 from percuss.mesh.cell_kernels import Cells
 from percuss.mesh.materials import material_slots, solid_slots

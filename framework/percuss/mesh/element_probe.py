@@ -12,20 +12,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.compiler.fingerprint import layout
-from percuss.compiler.machine_code import jit_disabled
-from percuss.compiler.specialise import Specialiser, compile_error
+from percuss.jit import compile_error, compiled_function, jit_disabled, plain
 from percuss.mesh.cells import cells_of, is_solid, slots_of_material, volumes_of
 from percuss.mesh.material_points import points_at_rest
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods import slots
-from percuss.methods.blame import definition_place, described, line_in_plugin, plain_function
+from percuss.methods.blame import definition_place, described, line_in_plugin
 from percuss.methods.interfaces import CellElement
 from percuss.methods.plugin_calls import answer, read_only
 from percuss.methods.slots import unbound
 
 if TYPE_CHECKING:
-    from percuss.compiling import Kernel
+    from percuss.jit import Kernel
     from percuss.methods.interfaces import BodyMesh, Floats, Integers
 
 MANY = 2000  # calls of a kernel from which on plain Python takes longer than to load the compiler
@@ -309,16 +307,14 @@ class ElementProbe:
             filled = {**filled, self._slot: filled[stress_of_material]}
         if calls >= MANY and not jit_disabled():
             with suppress(*compile_error()):  # the march says why, where it cannot compile the kernels either
-                self._bound(kernel, filled, material, jit=True)(self._elements, material, *arguments)
+                self._bound(kernel, filled, jit=True)(self._elements, material, *arguments)
                 return
-        self._bound(kernel, filled, material, jit=False)(self._elements, material, *arguments)
+        self._bound(kernel, filled, jit=False)(self._elements, material, *arguments)
 
-    def _bound(self, kernel: Kernel, filled: dict[Any, Any], material: Any, *, jit: bool) -> Kernel:
+    def _bound(self, kernel: Kernel, filled: dict[Any, Any], *, jit: bool) -> Kernel:
         """Return a kernel with the kernels of element and material, compiled or in plain Python."""
         if (kernel, jit) not in self._kernels:
-            filled = filled if jit else {slot: plain_function(one) for slot, one in filled.items()}
-            maker = Specialiser(filled, jit=jit, counting=True, about=layout((self._elements, material)))
-            self._kernels[kernel, jit] = maker.bind(kernel, entry=True)
+            self._kernels[kernel, jit] = compiled_function(kernel, filled) if jit else plain(kernel, filled)
         return self._kernels[kernel, jit]
 
     def _cauchy(self, stress: Floats, gradient: Floats) -> Floats:

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from percuss.compiling import Kernel
 from percuss.errors import PercussError, PluginError
+from percuss.jit import Kernel
 from percuss.methods.blame import breach, described, is_foreign, line_in_plugin
 from percuss.methods.interfaces import BodyMesh, Component, Exact, Floats, Lumping, Mesh, PairedPoints, Surface
 

@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 
 from pluggy import HookimplOpts, PluginManager
 
-from percuss.compiling import LOCK
 from percuss.digest import source_digest
 from percuss.errors import PluginError, nearest, suggestion
+from percuss.jit import LOCK
 from percuss.methods.admission import PREFIX, admitted
 from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, place_of
 from percuss.methods.hooks import GROUP

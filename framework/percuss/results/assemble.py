@@ -11,8 +11,8 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.certificate import cause
 from percuss.certificate.verdict import Certificate
-from percuss.compiling import Stopwatch
 from percuss.interrupt import interruptible
+from percuss.jit import Stopwatch
 from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.march.model import Model

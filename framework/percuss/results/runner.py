@@ -11,10 +11,10 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.case.case import Case, expect_case
 from percuss.certificate import cause, verdict
-from percuss.compiling import Stopwatch
 from percuss.errors import RunError
 from percuss.heartbeat import heard_by
 from percuss.interrupt import interruptible
+from percuss.jit import Stopwatch
 from percuss.jsonable import Data
 from percuss.march.march import March, Outcome, Progress
 from percuss.march.model import Model

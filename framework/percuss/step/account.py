@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records, Row
 from percuss.contact.points import BY_CURRENT, BY_END, NEVER, NOTHING, Points
 from percuss.methods.interfaces import Floats
+from percuss.record_arrays import Records, Row
 from percuss.step.actions import BEFORE_ACCOUNT, perform
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from percuss.compiling import Kernel
+from percuss.jit import Kernel
 from percuss.methods.interfaces import Floats
 
 # The places of a step in their order, then those of a stage of a multi-stage scheme. They are no integers of Python,
@@ -60,6 +60,8 @@ class Action:
         Functions that `kernel` calls without knowing them, as those of an element and a material, with what fills them.
     of_plugin
         Whether the slots are those of plug-ins, whose array indices are checked.
+    allocates
+        Whether they make arrays, which needs reference counts in compiled code.
     name
         Of what it belongs to, for the text of an error.
     order
@@ -71,6 +73,7 @@ class Action:
     data: Any
     slots: Mapping[Kernel, Kernel] = field(default_factory=dict)
     of_plugin: bool = False
+    allocates: bool = False
     name: str = "the step"
     order: int = 0
 

@@ -2,130 +2,125 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
-from percuss.compiler.fingerprint import layout
-from percuss.compiler.machine_code import CannotLink, jit_disabled
-from percuss.compiler.readings import Readings
-from percuss.compiler.specialise import Filled, Specialiser, compile_error
-from percuss.compiling import LOCK, Kernel
+from percuss.jit import LOCK, Binder, Compiled, Filled, Kernel, compile_error, compiler, entry, jit_disabled, plain
 from percuss.mesh import cell_kernels
 from percuss.methods import slots
-from percuss.step import actions as plain
-from percuss.step import linked, stages
+from percuss.step import actions as plain_actions
+from percuss.step import stages
 from percuss.step.actions import PLACES, Action
-from percuss.step.linking import Block, Entrance, LinkedLoop
 
 SWITCHED_OFF = "compilation was switched off for this run"
 DISABLED = "compilation is switched off by NUMBA_DISABLE_JIT"
 KEPT_KERNELS = 256  # number of bound kernels that a process keeps
-
-TEMPLATES: Mapping[str, Kernel] = {linked.SCHEME: linked.entrance_of_scheme, linked.LOOP: linked.entrance_of_loop}
-LINKED: Mapping[Kernel, Kernel] = {
-    plain.perform: linked.perform,
-    stages.take_step: linked.take_step,
-    slots.accelerations: linked.accelerations,
-    slots.internal: linked.internal,
-}
+Slots = tuple[tuple[Kernel, Any], ...]
 
 
-class Source(NamedTuple):
-    """What a kernel is bound from.
-
-    Attributes
-    ----------
-    kernel
-        The kernel, or a template with slots.
-    slots
-        The slots with what fills them, in pairs.
-    kind
-        Kind of the kernel, a key of `percuss.step.linked.EXAMPLES`.
-    about
-        The layout of the tuples that it reads.
-    checked
-        Whether array indices in kernels of plug-ins are checked.
-    """
-
-    kernel: Kernel
-    slots: tuple[tuple[Kernel, Any], ...] = ()
-    kind: str = linked.LOOP
-    about: str = ""
-    checked: bool = False
-
-    @staticmethod
-    def of(action: Action) -> Source:
-        """Return what the kernel of an action is bound from."""
-        about = layout(action.data)
-        return Source(action.kernel, tuple(action.slots.items()), linked.ACTION, about, action.of_plugin)
-
-    def bound(self, maker: Specialiser, filled: Mapping[Kernel, Kernel]) -> Kernel:
-        """Return the kernel with its slots filled."""
-        own = maker.with_slots({**filled, **dict(self.slots)}, self.about)
-        own.checked = self.checked
-        return own.bind(self.kernel)
-
-    def entrance(self, maker: Specialiser, instructions: Mapping[Kernel, Kernel]) -> Kernel:
-        """Return the kernel behind its entrance; `instructions` fill the slots that stand for those of the compiler."""
-        bound = self.bound(maker, {**LINKED, **instructions})
-        template = TEMPLATES.get(self.kind, linked.entrance)
-        return maker.with_slots({linked.kernel: bound, **instructions}).bind(template, linked=True)
-
-
-@dataclass
-class _Bound:
-    """A kernel as it was bound last: as plain Python or behind an entrance, and what binding it has read."""
-
-    kernel: Any
-    readings: Readings
-    counting: bool
-    failure: str = ""  # why it cannot be compiled
-
-
-# Bound kernels of this process by what they are bound from, the one that was used last at the end.
-_BOUND: OrderedDict[Any, _Bound] = OrderedDict()
-
-
-def _bound(source: Source, *, jit: bool, counting: bool = False) -> _Bound:
-    """Return a kernel bound from its source, unless this process has bound it before and nothing has changed since.
+class Entrance:
+    """A compiled kernel, called by its address; it is compiled once for each type of its data.
 
     Parameters
     ----------
-    source
-        What it is bound from.
-    jit
-        Whether it is compiled.
-    counting
-        Whether it may allocate arrays, which needs reference counts.
+    kernel, filled
+        The kernel, and what fills its slots.
+    template
+        Name of its entrance in `percuss.step.linked`.
+    allocates, checked
+        As of `percuss.jit.Binder`.
+
+    Attributes
+    ----------
+    failure
+        Why it cannot be compiled; empty if it can.
     """
-    key = jit, source
-    known = _BOUND.get(key)
-    if known is None or known.counting < counting or not known.readings.unchanged(jit=jit):
-        if jit:
-            maker = Specialiser(counting=counting, digested_alone=True)
-            tag = maker.tag_of(source.entrance(maker, {}))
-            kernel: Any = Entrance(source.kind, tag, lambda: _for_the_compiler(source, counting=counting))
-        else:
-            maker = Specialiser(jit=False)
-            kernel = source.bound(maker, {})
-        known = _Bound(kernel, maker.readings, counting)
-    with LOCK:
-        _BOUND[key] = known
-        _BOUND.move_to_end(key)
-        while len(_BOUND) > KEPT_KERNELS:
-            _BOUND.popitem(last=False)
-    return known
+
+    def __init__(self, kernel: Kernel, filled: Slots, template: str, *, allocates: bool, checked: bool) -> None:
+        from percuss.step import linked
+
+        with compiler():
+            bound = _binder(filled, allocates=allocates, checked=checked).callee(kernel)
+            self._bound = Binder({linked.kernel: bound}, allocates=allocates).bind(getattr(linked, template))
+        self._compiled: dict[Any, Any] = {}
+        self.failure = ""
+
+    def address(self, data: Any) -> int:
+        """Return the address of the machine code that reads `data`.
+
+        Raises
+        ------
+        CannotLink
+            If compiled code cannot read the data.
+        """
+        import numba
+
+        from percuss.step.linked import SIGNATURE, CannotLink
+
+        try:
+            kind = numba.typeof(data)
+        except ValueError as error:  # as for an array of objects
+            raise CannotLink(str(error)) from None
+        with LOCK:
+            if kind not in self._compiled:
+                signature = numba.types.int32(numba.types.CPointer(kind), *SIGNATURE)
+                self._compiled[kind] = entry(self._bound, numba.cfunc, signature)
+        return int(self._compiled[kind].address)
 
 
-def _for_the_compiler(source: Source, *, counting: bool) -> Kernel:
-    from percuss.step.calls import at, call, room
+def _binder(filled: Slots, *, allocates: bool = False, checked: bool = False) -> Binder:
+    from percuss.step import linked
 
-    instructions: dict[Kernel, Kernel] = {linked.at: at, linked.call: call, cell_kernels.room: room}
-    return source.entrance(Specialiser(counting=counting), instructions)
+    instructions: dict[Kernel, Any] = {
+        plain_actions.perform: linked.perform,
+        stages.take_step: linked.take_step,
+        slots.accelerations: linked.accelerations,
+        slots.internal: linked.internal,
+        cell_kernels.room: linked.room,
+    }
+    return Binder({**instructions, **dict(filled)}, allocates=allocates, checked=checked)
+
+
+@lru_cache(maxsize=KEPT_KERNELS)
+def _entrance(kernel: Kernel, filled: Slots, template: str, *, allocates: bool, checked: bool) -> Entrance:
+    return Entrance(kernel, filled, template, allocates=allocates, checked=checked)
+
+
+@lru_cache(maxsize=KEPT_KERNELS)
+def _plain(kernel: Kernel, filled: Slots) -> Kernel:
+    return plain(kernel, dict(filled))
+
+
+@lru_cache(maxsize=16)
+def _loop(function: Kernel) -> Compiled:
+    return Compiled(_binder(()).bind(function))
+
+
+class _Loop:
+    """A compiled loop over the steps of a stretch of a run, whose arguments always have the same types."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self._compiled = compiled
+        self._function: Callable[..., int] | None = None
+
+    def __call__(self, *arguments: object) -> int:
+        if self._function is None:
+            self._function = self._compiled.of(arguments)
+        return self._function(*arguments)
+
+
+_ALLOCATING: set[tuple[Kernel, Slots]] = set()  # kernels that allocate arrays and do not say so
+
+
+def _of_action(action: Action, *, allocates: bool | None = None) -> Entrance:
+    filled = tuple(action.slots.items())
+    if allocates is None:
+        allocates = action.allocates or (action.kernel, filled) in _ALLOCATING
+    return _entrance(action.kernel, filled, "entrance", allocates=allocates, checked=action.of_plugin)
 
 
 @dataclass(frozen=True)
@@ -148,11 +143,6 @@ class Scheme:
     numbers: Any
     uses_internal: bool
     name: str
-
-    @property
-    def source(self) -> Source:
-        """What the kernel is bound from; its array indices are checked."""
-        return Source(self.kernel, (), linked.SCHEME, layout(self.numbers), checked=True)
 
 
 @dataclass(frozen=True)
@@ -177,43 +167,44 @@ class Kernels:
         if not self.compiled:
             places: list[list[object]] = [[] for _ in PLACES]
             for action in ordered:
-                places[action.place].append((_bound(Source.of(action), jit=False).kernel, action.data))
+                places[action.place].append((_plain(action.kernel, tuple(action.slots.items())), action.data))
             return places
+        from percuss.step.linked import Block, LinkedActions
+
+        blocks = {id(action.data): Block(action.data) for action in ordered}
         rows = np.zeros((len(ordered), 2), dtype=np.int64)
-        blocks: dict[int, Block] = {}
         for row, action in zip(rows, ordered, strict=True):
-            form, row[0] = _bound(Source.of(action), jit=True).kernel.address(action.data, action.name)
-            block = blocks.get(id(action.data)) or Block(action.data, form)
-            blocks[id(action.data)] = block
-            row[1] = block.address
+            row[:] = _of_action(action).address(action.data), blocks[id(action.data)].address
         edges = np.searchsorted([action.place for action in ordered], np.arange(len(PLACES) + 1)).astype(np.int64)
         self._kept.append(blocks)
-        return linked.LinkedActions(rows, edges)
+        return LinkedActions(rows, edges)
 
     def loop(self, function: Kernel, scheme: Scheme | None = None) -> Callable[..., int]:
         """Return a loop over steps, or over the steps of a multi-stage scheme, called as the function itself is."""
         if self.compiled:
-            return LinkedLoop(_bound(Source(function), jit=True).kernel)
+            return _Loop(_loop(function))
         stage = ((slots.accelerations, stages.accelerate), (slots.internal, stages.internal_accelerations))
         filled = (*stage, (stages.take_step, Filled(scheme.kernel, stage))) if scheme else ()
-        loop: Callable[..., int] = _bound(Source(function, filled), jit=False).kernel
-        return loop
+        return _plain(function, filled)
 
     def scheme(self, scheme: Scheme, system: object) -> tuple[object, object]:
         """Return what the loop of a multi-stage scheme takes for the numbers of the scheme and for its system."""
         if not self.compiled:
             return scheme.numbers, system
-        accelerate = Source(stages.accelerate, (), linked.ACCELERATIONS)
-        form, address = _bound(accelerate, jit=True).kernel.address(system, "the system")
-        block, internal = Block(system, form), 0
+        from percuss.step.linked import Block, LinkedKernel, LinkedSystem
+
+        def address(kernel: Kernel, template: str, data: object, *, of_plugin: bool = False) -> int:
+            return _entrance(kernel, (), template, allocates=of_plugin, checked=of_plugin).address(data)
+
+        block, internal = Block(system), 0
+        accelerate = address(stages.accelerate, "entrance", system)
         if scheme.uses_internal:
-            forces = Source(stages.internal_accelerations, (), linked.INTERNAL)
-            internal = _bound(forces, jit=True).kernel.address(system, "the system")[1]
-        read = scheme.numbers, linked.LinkedSystem(block.address, address, internal)
-        form, address = _bound(scheme.source, jit=True, counting=True).kernel.address(read, scheme.name)
-        own = Block(read, form)
+            internal = address(stages.internal_accelerations, "entrance_of_forces", system)
+        read = scheme.numbers, LinkedSystem(block.address, accelerate, internal)
+        own = Block(read)
         self._kept.extend((block, own))
-        return linked.LinkedKernel(own.address, address), read[1]
+        step = address(scheme.kernel, "entrance_of_scheme", read, of_plugin=True)
+        return LinkedKernel(own.address, step), read[1]
 
 
 def kernels(*, compiled: bool = True) -> Kernels:
@@ -233,23 +224,30 @@ def compile_actions(actions: Sequence[Action], refuse: Callable[[Exception], Non
     refuse
         Called with an error of the compiler; raises an error where plain Python would not help.
     """
-    failures = [_failure(Source.of(action), action.data, action.name, refuse) for action in actions]
+    failures = [_failure(action, refuse) for action in actions]
     return tuple(dict.fromkeys(filter(None, failures)))
 
 
-def _failure(source: Source, data: object, name: str, refuse: Callable[[Exception], None]) -> str:
-    """Compile a kernel, without reference counts if it allocates nothing; return why that is not possible, or ""."""
-    for counting in (False, True):
-        bound = _bound(source, jit=True, counting=counting)
-        if bound.failure:
-            return bound.failure
+def _failure(action: Action, refuse: Callable[[Exception], None]) -> str:
+    """Compile the kernel of an action; return why that is not possible, or "".
+
+    A kernel that allocates arrays needs reference counts; one that does not say so is compiled twice.
+    """
+    from percuss.step.linked import Block, CannotLink
+
+    for allocates in (None, True):
+        entrance = _of_action(action, allocates=allocates)
+        if entrance.failure:
+            return entrance.failure
         try:
-            bound.kernel.address(data, name)
+            Block(action.data)
+            entrance.address(action.data)
         except compile_error() as error:
             refuse(error)
-            if counting or isinstance(error, CannotLink):
-                bound.failure = why_not_compiled(name, error)
-                return bound.failure
+            if allocates or action.allocates or isinstance(error, CannotLink):
+                entrance.failure = why_not_compiled(action.name, error)
+                return entrance.failure
+            _ALLOCATING.add((action.kernel, tuple(action.slots.items())))
         else:
             return ""
     raise AssertionError
@@ -257,9 +255,11 @@ def _failure(source: Source, data: object, name: str, refuse: Callable[[Exceptio
 
 def why_not_compiled(name: str, error: Exception) -> str:
     """Return in a sentence why a kernel of `name` cannot be compiled, from the error of the compiler."""
+    from percuss.step.linked import PASSES_ON, CannotLink
+
     if isinstance(error, CannotLink):
-        return str(error)
+        return f"{name} cannot be compiled: {error}"
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    linking = [line.removeprefix("TypingError: ") for line in lines if ": the arguments are " in line]
+    own = [line.removeprefix("TypingError: ") for line in lines if PASSES_ON in line]
     telling = [line for line in lines if not line.startswith(("Failed in", "During", "File", "<source", "- Resol"))]
-    return f"{name} cannot be compiled: {(linking or telling or lines or ['no reason given'])[0]}"
+    return f"{name} cannot be compiled: {(own or telling or lines or ['no reason given'])[0]}"

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from percuss.compiler.marks import called
-from percuss.compiler.record_arrays import Records
-from percuss.compiling import Kernel
+from percuss.jit import Kernel, called
 from percuss.mesh.block import Block
 from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells, energy_of_points
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import energy, internal_force, unbound
+from percuss.record_arrays import Records
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records, Row
 from percuss.contact.points import FROM_LINE, FROM_PART, Points
 from percuss.methods.interfaces import Floats
+from percuss.record_arrays import Records, Row
 from percuss.step.actions import LAWS, perform
 
 TOLERANCE = 1e-14

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.compiler.specialise import Specialiser
 from percuss.errors import PluginError, RefusedPair
+from percuss.jit import Binder, plain
 from percuss.methods import slots
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactState, Integrator, LeapFrog, Stages
@@ -151,11 +151,11 @@ def no_internal_forces(system: object, stage: int, u: Floats, f: Floats) -> None
 def plain_step(integrator: Integrator, accelerations: object, internal: Any) -> Callable[..., None]:
     """Return the step of a multi-stage scheme in plain Python, with functions that fill its two slots."""
     filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
-    return Specialiser(filled, jit=False).bind(kernel_of(integrator))
+    return plain(kernel_of(integrator), filled)
 
 
 def uses_internal(kernel: Callable[..., None]) -> bool:
     """Return whether the kernel of a multi-stage scheme asks for `percuss.internal`."""
-    maker = Specialiser({slots.internal: no_internal_forces}, jit=False)
+    maker = Binder({slots.internal: no_internal_forces}, jit=False)
     maker.bind(kernel)
     return maker.reached(no_internal_forces)

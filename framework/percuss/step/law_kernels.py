@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records
 from percuss.contact.points import STATE, Points
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import Trial
+from percuss.record_arrays import Records
 from percuss.step.actions import LAWS, Action
 
 if TYPE_CHECKING:
@@ -96,7 +96,8 @@ def kernel_laws(
             points.others, points.state, now,
         )  # fmt: skip
         kernel: Any = bound_law.kernel
-        yield Action(LAWS, apply_law, data, {multipliers: kernel}, of_plugin=True, name=f"contact law {law.name}")
+        name = f"contact law {law.name}"
+        yield Action(LAWS, apply_law, data, {multipliers: kernel}, of_plugin=True, allocates=law.allocates, name=name)
         first, start = stop, end
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from percuss.compiler.record_arrays import Records, Row
+from percuss.record_arrays import Records, Row
 
 if TYPE_CHECKING:
     from percuss.step.records import Loads

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from percuss.compiler.record_arrays import Records
+from percuss.record_arrays import Records
 from percuss.step.account import account
 from percuss.step.actions import (
     AFTER_STEP,

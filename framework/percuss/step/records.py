@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records
 from percuss.contact.points import Points
+from percuss.record_arrays import Records
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from percuss.compiler.marks import called
-from percuss.compiler.record_arrays import Records, Row
+from percuss.jit import called
 from percuss.methods.slots import accelerations
+from percuss.record_arrays import Records, Row
 from percuss.step.account import account
 from percuss.step.actions import (
     AFTER_FORCES,

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.compiler.marks import fused
-from percuss.compiler.record_arrays import Records, record_array
+from percuss.jit import fused
 from percuss.methods.blame import is_foreign
+from percuss.record_arrays import Records, record_array
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

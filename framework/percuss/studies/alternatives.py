@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from percuss.case.case import Case
-from percuss.compiling import NOTICES
+from percuss.jit import NOTICES
 from percuss.jsonable import Entries
 from percuss.results.ledger import open_accounts
 from percuss.results.result import Result

@@ -13,8 +13,8 @@ import time
 from concurrent.futures import CancelledError
 from typing import Any
 
-from percuss.compiling import LOCK
 from percuss.errors import RunError, wrong_input
+from percuss.jit import LOCK
 from percuss.studies.job_package import Bench, Job, Record
 from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER

@@ -8,9 +8,9 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 
-from percuss.compiling import announced
 from percuss.errors import InputError, wrong_input
 from percuss.interrupt import interruptible
+from percuss.jit import announced
 from percuss.jsonable import Data
 from percuss.studies.job_package import Bench, Job, Record
 from percuss.studies.perform import LOST

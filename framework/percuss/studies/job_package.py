@@ -24,10 +24,10 @@ import numpy as np
 from percuss.case import overrides
 from percuss.case.case import Case, load
 from percuss.case.source import Source
-from percuss.compiling import LOCK as ONE_AT_A_TIME
 from percuss.digest import content_digest, own_digest, surroundings
 from percuss.errors import PercussError, PluginError
 from percuss.heartbeat import beat
+from percuss.jit import LOCK as ONE_AT_A_TIME
 from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import plugin_faults
 from percuss.methods.registry import Registry

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from percuss.compiler.specialise import Specialiser
+from percuss.jit import plain
 from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.cells import cell_arrays, cells_of, element_slots, has_cells, is_solid, mesh_of_element
 from percuss.mesh.element_probe import ElementProbe
@@ -200,8 +200,7 @@ class BodyKernels:
         else:
             kernels = (element.internal_force, element.energy)
             arguments = (element.bind(self.body), points, 0, mesh.nodes.shape[1])
-        specialiser = Specialiser(slots, jit=False)
-        self._force, self._energy = (partial(specialiser.bind(kernel), *arguments) for kernel in kernels)
+        self._force, self._energy = (partial(plain(kernel, slots), *arguments) for kernel in kernels)
 
     @property
     def motion(self) -> Floats:

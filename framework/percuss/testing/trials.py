@@ -18,8 +18,8 @@ from unittest import mock
 
 import numpy as np
 
-from percuss.compiler.specialise import Specialiser
 from percuss.contact.law_trials import describe_state, multipliers_of, plain_kernel, trial_of, trial_states
+from percuss.jit import Binder
 from percuss.march.model import Model
 from percuss.mesh.cells import cells_of, is_solid
 from percuss.mesh.material_points import plain_slots, points_at_rest
@@ -248,7 +248,7 @@ def _try_kernels_of_body(element: Element, material: Material, mesh: BodyMesh, c
         for displacement in _motions(mesh.mesh)
         for velocity in list(_motions(mesh.mesh))[:2]
     ]
-    maker = Specialiser(plain_slots(element, material), jit=False)
+    maker = Binder(plain_slots(element, material), jit=False)
     kernels = (
         _solid_kernels(element, material, points, mesh)
         if is_solid(element)
@@ -263,9 +263,9 @@ def _try_kernels_of_body(element: Element, material: Material, mesh: BodyMesh, c
             _try_kernel(owner, name, call, states)
 
 
-def _material_kernels(maker: Specialiser, material: Material, points: MaterialPoints) -> list[Trial]:
+def _material_kernels(maker: Binder, material: Material, points: MaterialPoints) -> list[Trial]:
     """Return the kernels of a material as functions of displacement and velocity, whose ends make the strain."""
-    stress, energy_density = (maker.bind(maker.slots[slot]) for slot in (slots.stress, slots.energy_density))
+    stress, energy_density = (maker.bind(maker.slots[slot]).value for slot in (slots.stress, slots.energy_density))
 
     def stress_of(u: Floats, _: Floats) -> Any:
         return stress(points, 0, float(u[-1] - u[0]))
@@ -313,10 +313,10 @@ def _motions(mesh: Mesh) -> Iterator[Floats]:
         yield 1e-6 * stretches[:, ::-1]
 
 
-def _line_kernels(maker: Specialiser, element: Element, points: MaterialPoints, mesh: BodyMesh) -> list[Trial]:
+def _line_kernels(maker: Binder, element: Element, points: MaterialPoints, mesh: BodyMesh) -> list[Trial]:
     """Return the kernels of a two-node element as functions of displacement and velocity of its first element."""
     arrays, dim = read_only(element.bind(mesh)), mesh.mesh.nodes.shape[1]
-    force, energy = maker.bind(element.internal_force), maker.bind(element.energy)
+    force, energy = maker.bind(element.internal_force).value, maker.bind(element.energy).value
 
     def force_of(u: Floats, _: Floats) -> Floats:
         result = np.full(u.size, np.nan)
@@ -330,14 +330,14 @@ def _line_kernels(maker: Specialiser, element: Element, points: MaterialPoints, 
 
 
 def _force_of_first_cell(
-    maker: Specialiser, element: CellElement, points: MaterialPoints, mesh: BodyMesh
+    maker: Binder, element: CellElement, points: MaterialPoints, mesh: BodyMesh
 ) -> Callable[[Any, Any], Any]:
     """Return the force of the first cell as a function of the displacement; along a line that of its ends."""
     along_line = mesh.mesh.line is not None
     places, rule = np.zeros(0), read_only(element.rule())
     if along_line:
         places = np.asarray(element.reference_nodes())
-    geometry, force = read_only(element.geometry(mesh)[0]), maker.bind(element.force)
+    geometry, force = read_only(element.geometry(mesh)[0]), maker.bind(element.force).value
 
     def force_of(u: Floats, _: Floats) -> Floats:
         displacement = u.reshape(-1, mesh.mesh.nodes.shape[1])

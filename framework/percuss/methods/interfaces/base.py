@@ -230,6 +230,9 @@ class Component(ABC):
     expected_failures
         Reasons for the checks that the method is known to fail, by check: ``"energy-never-grows"``, or for a single
         partner ``"energy-never-grows with penalty"``. A declared failure that does not occur is an error.
+    allocates
+        Whether a kernel of it makes arrays, as by `np.zeros`. A kernel that does and does not say so is compiled twice
+        in every process, which takes half a second.
     contract_version
         The `percuss.CONTRACT` for which the component was written; may be left out. An older percuss asks for an
         upgrade.
@@ -242,6 +245,7 @@ class Component(ABC):
     examples: ClassVar[tuple[Data, ...]] = ({},)
     shorthand: ClassVar[str] = ""
     expected_failures: ClassVar[Mapping[str, str]] = {}
+    allocates: ClassVar[bool] = False
     contract_version: ClassVar[int | None] = None
 
     def __init_subclass__(cls, *, contract: str = "", **kwargs: object) -> None:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records, record_array
 from percuss.contact.features import Feature
 from percuss.lapack import lapack
+from percuss.record_arrays import Records, record_array
 from percuss.step.actions import (
     AFTER_FORCES,
     AFTER_SUPPORTS,

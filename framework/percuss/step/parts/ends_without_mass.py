@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records, record_array
 from percuss.contact.contact_rows import law_records
 from percuss.contact.features import Feature
 from percuss.contact.points import BY_CURRENT, BY_END, FROM_PART, NOTHING, Points
 from percuss.errors import Problem, RefusedPair
 from percuss.mesh.masses import BALANCE
 from percuss.methods.interfaces import ContactState, LeapFrog
+from percuss.record_arrays import Records, record_array
 from percuss.step.account import rate_and_reach, takes_part
 from percuss.step.actions import AFTER_STEP, BEFORE_ACCOUNT, BEFORE_CONTACT, Action
 from percuss.step.equation import see, solve

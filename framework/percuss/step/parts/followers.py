@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records, Row, record_array
 from percuss.contact.features import Feature
 from percuss.methods.slots import follow
+from percuss.record_arrays import Records, Row, record_array
 from percuss.step.actions import AFTER_STEP, BEFORE_SUPPORTS, LOADS_OF_A_STAGE, Action
 from percuss.step.loads import work_along
 from percuss.step.part import Part, Setting
@@ -97,8 +97,9 @@ class Followers(Part[Following]):
         yield Action(place, see_in_stage if self.multistage else see_ends, self.data)
         for i, follower in enumerate(self.loads):
             data = FollowingLoad(follower.numbers, self.data.followers[i : i + 1], self.data.now)
-            name = f"load {follower.load.load.name}"
-            yield Action(place, find_force, data, {follow: follower.kernel}, of_plugin=True, name=name)
+            load, slots = follower.load.load, {follow: follower.kernel}
+            name = f"load {load.name}"
+            yield Action(place, find_force, data, slots, of_plugin=True, allocates=load.allocates, name=name)
         yield Action(place, push_in_stage if self.multistage else push_ends, self.data)
         yield Action(AFTER_STEP, add_work, self.data)
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Self
 
-from percuss.compiler.record_arrays import Records
+from percuss.record_arrays import Records
 from percuss.step.actions import AFTER_STEP, Action
 from percuss.step.bulk import Bulk, add_internal_work, advance_block, power
 from percuss.step.part import Part, Setting

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records
 from percuss.contact.points import Points
+from percuss.record_arrays import Records
 from percuss.step.actions import BEFORE_ACCOUNT, RECORD, SNAPSHOT, Action
 from percuss.step.part import Part, Setting
 

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.marks import called
-from percuss.compiler.record_arrays import Records
 from percuss.contact.features import Feature
+from percuss.jit import called
+from percuss.record_arrays import Records
 from percuss.step.actions import AFTER_STRAIN_ENERGY, BEFORE_STRAIN_ENERGY, SNAPSHOT, Action
 from percuss.step.bulk import (
     Bulk,

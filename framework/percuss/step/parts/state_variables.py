@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.record_arrays import Records
+from percuss.record_arrays import Records
 from percuss.step.actions import AFTER_STEP, BEFORE_ACCOUNT, RECORD, SNAPSHOT, STRAIN_ENERGY, Action
 from percuss.step.part import Part, Setting
 

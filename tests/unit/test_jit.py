@@ -1,0 +1,484 @@
+"""Kernels bound, compiled and stored by numba: the same numbers, no second compilation, no stale code.
+
+A compiled kernel that does not see an edit is a wrong number that looks right.
+"""
+
+import ctypes
+import gc
+import json
+import os
+import shutil
+import subprocess
+import sys
+import weakref
+from pathlib import Path
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import pytest
+from numba import types
+
+import percuss
+import percuss_methods
+from percuss import cache, jit
+from percuss.jit import Binder, compiled_function, jit_disabled, plain
+from percuss.march.march import March
+from percuss.march.model import Model
+from percuss.step import build
+from percuss.step.linked import Block, CannotLink, at
+from strategies import REGISTRY, hunek
+
+# -------------------------------------------------------------------------------------------------- blocks of memory
+
+
+class Inner(NamedTuple):
+    flag: bool
+    table: np.ndarray
+    small: np.int8
+    word: np.uint32
+    sure: np.bool
+
+
+class Data(NamedTuple):
+    number: float
+    inner: Inner
+    single: np.float32
+    pair: tuple[int, int]
+    phase: complex
+    column: np.ndarray
+    nothing: tuple[()]
+
+
+def weighed(data):
+    """Return a number to which every part of the data contributes with a weight of its own."""
+    total = 2.0 * data.number + 3.0 * data.inner.small + 5.0 * data.single
+    if data.inner.flag:
+        total += 7.0
+    if data.inner.sure:
+        total += 2.0**20
+    total += 2.0**-20 * data.inner.word
+    for i in range(data.inner.table.shape[0]):
+        for j in range(data.inner.table.shape[1]):
+            total += (11.0 + 3 * i + j) * data.inner.table[i, j]
+    for i in range(data.column.size):
+        total += (101.0 + i) * data.column[i]
+    return total + 211.0 * data.pair[0] + 223.0 * data.pair[1] + 227.0 * data.phase.real + 229.0 * data.phase.imag
+
+
+class Mixed(NamedTuple):
+    first: tuple[np.float32, tuple[np.float64, np.int8]]
+    second: np.int8
+    third: tuple[np.int16, np.int16]
+    last: np.int16
+
+
+def weighed_mixed(data):
+    return (
+        2.0 * data.first[0] + 3.0 * data.first[1][0] + 5.0 * data.first[1][1] + 7.0 * data.second
+        + 11.0 * data.third[0] + 13.0 * data.third[1] + 17.0 * data.last
+    )  # fmt: skip
+
+
+def read_from_block(function, data):
+    """What compiled code computes from a block with the data."""
+    helper = numba.njit(function)
+    read = numba.cfunc(types.float64(types.CPointer(numba.typeof(data))))(lambda place: helper(at(place)))
+    return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(read.address)(Block(data).address)
+
+
+@pytest.mark.parametrize("flag", [True, False])
+def test_compiled_code_reads_from_a_block_what_was_put_into_it(flag):
+    column = np.arange(12.0).reshape(4, 3)[:, 1]
+    column.flags.writeable = False
+    inner = Inner(flag, np.array([[1.5, -2.0], [0.25, 8.0]]), np.int8(-3), np.uint32(2**32 - 5), np.bool(not flag))
+    data = Data(0.5, inner, np.float32(1.25), (4, -5), 2.0 - 3.0j, column, ())
+    assert read_from_block(weighed, data) == weighed(data)
+
+
+def test_numbers_of_any_size_lie_where_compiled_code_reads_them():
+    first, third = (np.float32(0.5), (np.float64(0.25), np.int8(-7))), (np.int16(-300), np.int16(301))
+    data = Mixed(first, np.int8(9), third, np.int16(5))
+    assert read_from_block(weighed_mixed, data) == weighed_mixed(data)
+
+
+def test_other_values_are_refused():
+    masked = np.ma.array([1.0, 2.0], mask=[True, False])
+    for value in ("a text", None, [1.0], (1.0, {"a": 1}), np.longdouble(1.0), 2**63, -(2**63) - 1, masked):
+        with pytest.raises(CannotLink, match=r"not an? "):
+            Block((1.0, value))
+
+
+# ----------------------------------------------------------------------------------------- kernels of plug-ins in runs
+
+TEXT = """
+from dataclasses import dataclass
+from typing import NamedTuple
+import numpy as np
+from percuss.methods.interfaces import ContactLaw
+
+class Bound(NamedTuple):
+    stiffness: np.ndarray
+    mode: str
+
+@dataclass(frozen=True)
+class Law(ContactLaw):
+    \"\"\"A penalty whose data contain a text.\"\"\"
+
+    name = "with-text"
+    summary = "a penalty"
+
+    def bind(self, points, dt):
+        return Bound(0.25 * points.stiffness, "plain")
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            multiplier[p] = bound.stiffness[p] * max(-trial.gap[p], 0.0)
+"""
+
+
+@pytest.mark.slow
+def test_a_law_whose_data_compiled_code_cannot_read_runs_in_python_and_says_why(tmp_path):
+    file = tmp_path / "law.py"
+    file.write_text(TEXT)
+    runs = {}
+    for law in ("with-text", {"name": "penalty", "beta_s": 0.25}):
+        case = percuss.load(hunek(6, integrator="central-difference", contact=law, end=0.1), plugins=[file])
+        runs[str(law)] = percuss.run(case)
+    result, truth = runs.values()
+    assert result.summary["compiled"] is False
+    assert "not a str" in result.summary["compiled_why"][0]
+    assert truth.summary["compiled"] is True
+    peak = truth.arrays["contact_force"].max()
+    assert np.abs(result.arrays["contact_force"] - truth.arrays["contact_force"]).max() < 1e-12 * peak
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
+def test_a_loop_that_is_kept_for_the_next_run_keeps_no_arrays_of_this_one(integrator):
+    model = Model(percuss.load(hunek(6, integrator=integrator, end=0.1)))
+    march = March(model)
+    march.run()
+    references = [
+        weakref.ref(march.u),
+        weakref.ref(march.arrays.blocks[0][0].start),
+        weakref.ref(march.arrays.step.boundary),
+    ]
+    del march
+    gc.collect()
+    assert [reference() for reference in references] == [None] * 3
+
+
+STRIDED = """
+from dataclasses import dataclass
+import numpy as np
+from percuss import Integrator, Stages, accelerations
+
+@dataclass(frozen=True)
+class Verlet(Integrator):
+    \"\"\"Velocity Verlet that asks for accelerations in every second entry of an array.\"\"\"
+
+    name = "strided"
+    summary = "velocity Verlet"
+    critical_courant = 1.0
+    kept = 1
+
+    def bind(self, dt):
+        return Stages(times=(1.0,))
+
+    @staticmethod
+    def step(numbers, system, u, v, kept, dt):
+        v += 0.5 * dt * kept[0]
+        u += dt * v
+        both = np.zeros((u.size, 2))
+        accelerations(system, 0, u, v, both[:, 0])
+        kept[0, :] = both[:, 0]
+        v += 0.5 * dt * kept[0]
+"""
+
+
+@pytest.mark.deep
+def test_a_scheme_that_asks_for_accelerations_in_a_strided_array_runs_in_python_and_says_why(tmp_path):
+    file = tmp_path / "scheme.py"
+    file.write_text(STRIDED)
+    case = hunek(4, integrator="strided", contact={"name": "penalty", "beta_s": 0.25}, end=0.05)
+    result = percuss.run(percuss.load(case, plugins=[file]))
+    assert result.summary["compiled"] is False
+    (why,) = result.summary["compiled_why"]
+    assert "integrator strided" in why
+    assert "array(float64, 1d, A)" in why
+
+
+# ------------------------------------------------------------------------------------------------------ bound functions
+
+SCALE = 2.0
+
+
+def doubled(x):
+    return SCALE * x
+
+
+def closed(factor):
+    def times(x):
+        return factor * doubled(x)
+
+    return times
+
+
+def digest(function, slots=()):
+    return Binder(dict(slots)).bind(function).digest
+
+
+def given(text, **names):
+    """A function named `f` from a text, with global variables; it lies in no file."""
+    variables = {"__name__": "__console__", **names}
+    exec(text, variables)
+    return variables["f"]
+
+
+def test_what_a_function_reads_is_in_its_digest(monkeypatch):
+    first = digest(doubled)
+    assert digest(doubled) == first
+    assert digest(closed(2.0)) == digest(closed(2.0)) != digest(closed(3.0))
+    monkeypatch.setitem(globals(), "SCALE", 3.0)
+    assert digest(doubled) != first
+    text = "def f(x):\n    return h.C * A[1] * T[0] * x\n"
+    module = type(sys)("helpers")
+    module.C = 1.0
+    read = {"h": module, "A": np.array([1.0, 2.0]), "T": (1.0, 2)}
+    found = {digest(given(text, **read))}
+    for name, value in {"A": np.array([1.0, 3.0]), "T": (2.0, 2)}.items():
+        found.add(digest(given(text, **{**read, name: value})))
+    module.C = 2.0
+    found.add(digest(given(text, **read)))
+    found.add(digest(given(text.replace("T[0]", "T[1]"), **read)))
+    found.add(digest(given(text.replace("(x)", "(x, y=1)"), **read)))
+    assert len(found) == 6
+
+
+def test_another_process_finds_the_same_digests():
+    """Whatever the order of sets in it."""
+    code = (
+        "from percuss.jit import Binder\nfrom percuss.step import build, loop, stages\n"
+        "print(*(build._binder(()).bind(f).digest for f in (loop.advance, stages.advance, stages.accelerate)))"
+    )
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", code], check=True, capture_output=True, text=True,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+        ).stdout
+        for seed in ("1", "2")
+    }  # fmt: skip
+    assert len(found) == 1
+
+
+def test_a_kernel_without_a_file_is_compiled_and_not_stored(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    text = "def f(x):\n    return C * x\n"
+    assert compiled_function(given(text, C=2.0))(3.0) == 6.0
+    assert compiled_function(given(text, C=4.0))(3.0) == 12.0
+    assert not list(tmp_path.rglob("*.nb?"))
+
+
+def slot(x):
+    raise NotImplementedError
+
+
+def calls_slot(x, offset=1.0):
+    return slot(x) + offset
+
+
+@numba.njit(fastmath=True)
+def jitted(x):
+    return doubled(x)
+
+
+@pytest.mark.parametrize("fill", [doubled, jitted, closed(0.5)], ids=["plain", "jitted", "closure"])
+def test_a_slot_is_filled_in_compiled_code_as_in_python(fill):
+    truth = plain(calls_slot, {slot: fill})
+    assert truth(3.0) == (13.0 if fill.__name__ == "times" else 7.0) - (9.0 if fill.__name__ == "times" else 0.0)
+    function = compiled_function(calls_slot, {slot: fill})
+    assert function(3.0) == truth(3.0)
+    assert function(x=3.0, offset=2.0) == truth(3.0, 2.0)
+
+
+def test_an_option_that_numba_does_not_know_is_left_out(monkeypatch):
+    monkeypatch.setitem(jit.UNDOCUMENTED, "no_such_option", True)
+    jit._known.cache_clear()
+    assert jit._known() == set(jit.UNDOCUMENTED) - {"no_such_option"}
+    jit._known.cache_clear()
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
+def test_without_undocumented_options_the_numbers_are_the_same(integrator, monkeypatch):
+    case = percuss.load(hunek(8, integrator=integrator, contact="penalty", end=0.5))
+    truth = percuss.run(case)
+    monkeypatch.setattr(jit, "_known", frozenset)
+    for memory in (jit._CALLEES, build._entrance, build._loop):
+        (memory.clear if isinstance(memory, dict) else memory.cache_clear)()
+    plainly = percuss.run(case)
+    assert plainly.summary["compiled"], plainly.summary["compiled_why"]
+    for name, array in truth.arrays.items():
+        np.testing.assert_array_equal(array, plainly.arrays[name], err_msg=name, strict=True)
+
+
+# --------------------------------------------------------------------------------------------------- stored, and stale
+
+LAW = """
+from dataclasses import dataclass
+from typing import NamedTuple
+import numpy as np
+from percuss import ContactLaw
+from theirs.helpers import pushed
+
+
+class Bound(NamedTuple):
+    stiffness: np.ndarray
+
+
+@dataclass(frozen=True)
+class Spring(ContactLaw):
+    \"\"\"A penalty as a kernel with a helper beside it.\"\"\"
+
+    name = "spring"
+    summary = "Penalty as a kernel"
+
+    def bind(self, points, dt):
+        return Bound(0.25 * points.stiffness)
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            multiplier[p] = 1.0 * pushed(bound.stiffness[p], trial.gap[p])
+"""
+HELPERS = "def pushed(stiffness, gap):\n    return 1.0 * stiffness * max(-gap, 0.0)\n"
+RUN = """
+import json, sys, percuss
+result = percuss.run(percuss.load(json.loads(sys.argv[1])))
+print(json.dumps([result.summary["compiled"], result.arrays["contact_force"].max()]))
+"""
+CALL = """
+import numpy as np
+from percuss.jit import compiled_function
+from percuss.step import bulk
+print(compiled_function(bulk.kinetic)(np.ones(3), np.ones(3)))
+"""
+
+
+def in_a_process(folder, code, *arguments, **environment):
+    """What a program prints in a process of its own, with a cache folder of its own, and the files there afterwards."""
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+    given = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": path, **environment}
+    given["PYTHONDONTWRITEBYTECODE"] = "1"  # bytecode does not see an edit within the same second
+    given.pop("NUMBA_DISABLE_JIT", None)
+    command = [sys.executable, "-c", code, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=given)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), set((folder / "cache").rglob("*.nb?"))
+
+
+@pytest.mark.slow
+def test_a_second_and_a_third_process_compile_nothing_until_a_file_of_the_method_is_edited(tmp_path):
+    package = tmp_path / "theirs"
+    package.mkdir()
+    (package / "__init__.py").write_text(
+        "from percuss import hookimpl\nfrom theirs.law import Spring\n\n\n@hookimpl\ndef percuss_contacts():\n"
+        "    return [Spring]\n"
+    )
+    (package / "law.py").write_text(LAW)
+    (package / "helpers.py").write_text(HELPERS)
+    info = tmp_path / "theirs-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[percuss]\nmethods = theirs\n")
+    case = json.dumps(hunek(10, integrator="central-difference", contact="spring", end=0.3))
+    (compiled, first), stored = in_a_process(tmp_path, RUN, case)
+    assert compiled
+    assert stored
+    for _ in range(2):
+        assert in_a_process(tmp_path, RUN, case) == ([True, first], stored)
+    twice = 2.0 * first
+    for file, text in ((package / "law.py", LAW), (package / "helpers.py", HELPERS)):
+        file.write_text(text.replace("1.0 *", "2.0 *"))
+        (compiled, force), files = in_a_process(tmp_path, RUN, case)
+        assert compiled
+        assert first * 1.1 < force < twice
+        assert files > stored
+        assert len(files - stored) == 2  # of the law alone, an index and a file of machine code
+        stored = files
+        file.write_text(text)
+    assert in_a_process(tmp_path, RUN, case)[0] == [True, first]
+
+
+@pytest.mark.slow
+def test_an_edited_kernel_of_percuss_is_seen_by_the_next_process(tmp_path):
+    for package in (percuss, percuss_methods):
+        folder = Path(package.__file__).parent
+        shutil.copytree(folder, tmp_path / folder.name, ignore=shutil.ignore_patterns("__pycache__"))
+    first, stored = in_a_process(tmp_path, CALL)
+    assert first == 1.5
+    assert in_a_process(tmp_path, CALL) == (first, stored)
+    kernels = tmp_path / "percuss" / "step" / "bulk.py"
+    kernels.write_text(kernels.read_text().replace("return 0.5 * total", "return 5.0 * total"))
+    assert in_a_process(tmp_path, CALL)[0] == 15.0
+
+
+@pytest.mark.parametrize("folder", ["missing", "read-only", "damaged"])
+def test_any_cache_folder_will_do(tmp_path, monkeypatch, folder):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    beside = {*Path(__file__).parent.rglob("*.nb?")}
+    if folder == "missing":
+        monkeypatch.setattr(jit, "cache_folder", lambda: None)
+    if folder == "read-only":
+        monkeypatch.setattr(os, "access", lambda path, mode: False)  # for a superuser none is
+    if folder == "damaged":
+        assert compiled_function(doubled)(3.0) == 6.0
+        for file in cache.cache_folder().rglob("*.nb?"):
+            file.write_bytes(b"none of it")
+    assert compiled_function(doubled)(3.0) == 6.0
+    assert bool(list(tmp_path.rglob("*.nb?"))) is (folder == "damaged")
+    assert {*Path(__file__).parent.rglob("*.nb?")} == beside
+
+
+# ------------------------------------------------------------------------------------------------ all shipped kernels
+
+SCHEMES = [{"method.integrator": name} for name in REGISTRY.names("integrators") if name != "implicit-hht"]
+BODIES = [
+    *({"bodies.short.element": name} for name in REGISTRY.names("elements")),
+    {"bodies.short.material": {"name": "bilinear-plastic", "young": 100.0, "density": 0.01, "yield_stress": 0.02}},
+]
+ALL = [
+    *({"method.contact": name} for name in REGISTRY.names("contacts")),
+    *({"method.mass": name} for name in REGISTRY.names("masses")),
+    *(scheme | bodies for scheme in SCHEMES for bodies in BODIES),
+]
+# Each scheme with bars, and two of them with each element and material; each other pair is compiled for seconds.
+EACH = ("central-difference", "noh-bathe")
+
+
+def is_deep(changes):
+    """Whether a pair of scheme and bodies is left to the whole check."""
+    bodies = changes.get("bodies.short.element", "bar"), "bodies.short.material" in changes
+    return bodies != ("bar", False) and changes.get("method.integrator", EACH[0]) not in EACH
+
+
+def words(changes):
+    return " ".join(value if isinstance(value, str) else value["name"] for value in changes.values())
+
+
+@pytest.mark.skipif(jit_disabled(), reason="compilation is switched off")
+@pytest.mark.parametrize(
+    "changes",
+    [pytest.param(changes, marks=pytest.mark.deep if is_deep(changes) else ()) for changes in ALL],
+    ids=words,
+)
+def test_every_registered_method_is_compiled(changes):
+    """Plain Python gives the same numbers, a hundred times slower: nothing else would show that a kernel is none."""
+    base = hunek(4, integrator="central-difference", contact="penalty", end=0.05)
+    try:
+        result = percuss.run(percuss.load(base, changes))
+    except (percuss.RefusedPair, percuss.InputError):
+        pytest.skip("refused")
+    assert result.summary["compiled"], result.summary["compiled_why"]
