@@ -65,7 +65,8 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     for name, kind in (("soft-stop", "contact"), ("leaper", "integrator"), ("crooked", "load"), ("misnamed", "mass")):
         assert world.run("new", name, "--kind", kind).returncode == 0
     edit(world, "crooked/crooked.py", "from percuss import Doc, Floats,", "from percuss import Doc, Float,")
-    edit(world, "misnamed/misnamed.py", "def percuss_masses", "def percuss_mass")
+    with (world.folder / "misnamed" / "misnamed.py").open("a") as file:
+        file.write("\n\nfrom percuss import hookimpl\n\n\n@hookimpl\ndef percuss_mass():\n    return [Misnamed]\n")
     folders = [f".{os.sep}{name}" for name in ("soft-stop", "leaper", "crooked", "misnamed")]
     world.pip("wheel", "-q", "--no-deps", "--no-build-isolation", "-w", "wheels", *folders)
     world.pip("install", "-q", "--no-deps", *world.wheels("soft-stop", "leaper", "crooked", "misnamed"))

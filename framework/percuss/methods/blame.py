@@ -154,14 +154,15 @@ def error_text(error: BaseException) -> str:
     """Return the text of a plug-in's error; for a name that percuss does not have, suggest the nearest one."""
     if isinstance(error, PluginError):
         return str(error).removeprefix(f"{error.place}: ")
-    text = str(error.msg if isinstance(error, SyntaxError) else error).strip()
+    text = str(error)
     present = f"percuss {version.__version__} (contract {version.CONTRACT})"
     if isinstance(error, ModuleNotFoundError) and (error.name or "").startswith("percuss."):
         text = f"{present} has no module '{error.name}'; a plug-in imports only from percuss and percuss.testing"
-    elif isinstance(error, ImportError) and (missing := _NAME_MISSING.match(text)):
+        return f"ModuleNotFoundError: {text}"
+    if isinstance(error, ImportError) and (missing := _NAME_MISSING.match(text)):
         name, module = missing.groups()
         near = nearest(name, getattr(sys.modules.get(module), "__all__", ()))
         advice = f"did you mean '{near}'?" if near else "was it written for another percuss?"
         advice = "it stands in percuss itself" if name in sys.modules["percuss"].__all__ else advice
-        text = f"{present} has no '{name}' in {module}; {advice}"
-    return ": ".join(filter(None, (type(error).__name__, text)))
+        return f"ImportError: {present} has no '{name}' in {module}; {advice}"
+    return " ".join(described(error).split())

@@ -1,4 +1,4 @@
-"""The mark of the functions with which a package registers its methods.
+"""The marks of the functions with which a package registers its methods.
 
 There is one hook for each family: ``percuss_integrators``, ``percuss_contacts`` and so on. A hook takes no argument and
 returns component classes.
@@ -8,3 +8,4 @@ import pluggy
 
 GROUP = "percuss"
 hookimpl = pluggy.HookimplMarker(GROUP)
+hookspec = pluggy.HookspecMarker(GROUP)

@@ -1,5 +1,8 @@
 """Registry of the components of plug-ins: installed ones by the entry-point group ``percuss``, single files by path.
 
+A plug-in registers what its hooks return. One without a hook, as `percuss_methods` is, registers each finished
+component that it defines, in all modules if it is a package.
+
 A plug-in that cannot be imported, or that registers something wrong, loses only its own components and is listed in
 `Registry.broken`. A single file is different: the user asked for it, so its mistakes are raised.
 """
@@ -9,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import importlib.metadata
-import inspect
+import pkgutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,23 +20,21 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
 
-from pluggy import HookimplOpts, PluginManager
+from pluggy import PluginManager
 
 from percuss.digest import source_digest
 from percuss.errors import PluginError, nearest, suggestion
 from percuss.jit import LOCK
 from percuss.methods.admission import PREFIX, admitted
 from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, place_of
-from percuss.methods.hooks import GROUP
+from percuss.methods.hooks import GROUP, hookspec
 from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.provenance import Broken, Provenance
 from percuss.methods.single_file import SingleFile
 
 NONE_USED = "none is used: have one renamed, or uninstall it"
-HOOKS = {PREFIX + family: family for family in FAMILIES}
 
 Key = tuple[str, str]
-Hook = tuple[str, Callable[[], object]]  # a function of a plug-in, with its family or what is wrong with its name
 Clashes = Mapping[Key, tuple["Provenance", ...]]
 
 
@@ -157,16 +158,14 @@ def _load(environment: tuple[tuple[str, int], ...], files: tuple[SingleFile, ...
         The single-file plug-ins.
     """
     manager = PluginManager(GROUP)
+    manager.add_hookspecs(type("Specs", (), {PREFIX + family: hookspec(lambda: None) for family in FAMILIES}))
     broken: list[Broken] = []
     by_key: dict[Key, list[_Registered]] = {}
     points = importlib.metadata.entry_points(group=GROUP)
     for source, point in sorted(((_provenance_of(point), point) for point in points), key=lambda pair: pair[0].label):
         with _isolate(broken, source, f"entry point '{point.name} = {point.value}'"):
-            top = source.module.partition(".")[0]
-            PLUGIN_MODULES.add(top)
-            with _undoing_failed_import(top):
-                plugin = point.load()
-            for registered in _components_of(manager, plugin, source, broken):
+            PLUGIN_MODULES.add(source.module.partition(".")[0])
+            for registered in _components_of(manager, point.load(), source, broken):
                 by_key.setdefault(registered.key, []).append(registered)
     clashes = {
         key: tuple(candidate.source for candidate in candidates)
@@ -196,19 +195,6 @@ def _provenance_of(point: importlib.metadata.EntryPoint) -> Provenance:
     return Provenance(name or "unnamed", version or "?", point.value.partition(":")[0].strip(), "")
 
 
-@contextlib.contextmanager
-def _undoing_failed_import(top: str) -> Iterator[None]:
-    """Import `top`, or a module in it, inside this context; if that fails, remove its modules imported meanwhile."""
-    before = set(sys.modules)
-    try:
-        yield
-    except BaseException:
-        for name in set(sys.modules) - before:
-            if name.partition(".")[0] == top:
-                del sys.modules[name]
-        raise
-
-
 def _registered_by(key: Key, sources: Iterable[Provenance]) -> str:
     """Return a clause that names the plug-ins that register a component of this family and name."""
     return f"{key[0]} '{key[1]}' is registered by {' and by '.join(map(str, sources))}"
@@ -234,68 +220,50 @@ def _import_file(file: SingleFile) -> ModuleType:
     name = file.source.module
     if name not in sys.modules:
         PLUGIN_MODULES.add(name)
-        with _undoing_failed_import(name):
-            file.import_as(name)
+        file.import_as(name)
     return sys.modules[name]
-
-
-def _hooks_of(manager: PluginManager, plugin: object) -> tuple[list[Hook], list[Hook]]:
-    """Return the hooks of a plug-in, each with its family, and the faults of functions that only look like hooks."""
-    hooks: list[Hook] = []
-    faults: list[Hook] = []
-    for name in dir(plugin):
-        options = manager.parse_hookimpl_opts(plugin, name)
-        function = getattr(plugin, name, None) if options or name.startswith(PREFIX) else None
-        if inspect.isroutine(function):
-            try:
-                hooks += [(family, function) for family in _families_of(plugin, name, function, options)]
-            except PluginError as error:
-                faults.append((f"{name}: {error}", function))
-    return sorted(hooks, key=lambda hook: list(FAMILIES).index(hook[0])), faults
-
-
-def _families_of(plugin: object, name: str, function: Callable[[], object], options: HookimplOpts | None) -> list[str]:
-    """Return the family of a hook, or nothing for another function; raise PluginError if it only looks like a hook."""
-    if options is None and isinstance(plugin, ModuleType) and function.__module__ != plugin.__name__:
-        return []  # a function imported from another module
-    hook = (options and options.get("specname")) or name
-    if hook not in HOOKS:
-        if options and options.get("optionalhook"):
-            return []
-        near = nearest(hook, HOOKS)
-        advice = f"did you mean {near}?" if near else f"there are {', '.join(HOOKS)}"
-        raise PluginError(f"no such hook; {advice}")
-    if options is None:
-        raise PluginError("not marked as a hook; put @hookimpl of percuss above it")
-    if options.get("wrapper") or options.get("hookwrapper"):
-        raise PluginError("a hook that returns classes cannot be a wrapper")
-    if arguments := list(inspect.signature(function).parameters):
-        raise PluginError(f"a hook takes no arguments, this one takes {', '.join(arguments)}")
-    return [HOOKS[hook]]
 
 
 def _components_of(manager: PluginManager, plugin: Any, source: Provenance, broken: list[Broken]) -> list[_Registered]:
     """Return the components that a plug-in registers; add its mistakes to `broken`."""
-    manager.register(plugin)  # which refuses one that is registered already
-    hooks, faults = _hooks_of(manager, plugin)
-    offers: list[tuple[str, object]] = []
-    broken += [Broken(source.label, fault, definition_place(function) or source.file) for fault, function in faults]
-    for family, function in hooks:
-        with _isolate(broken, source, PREFIX + family, function):
-            offers += [(family, offer) for offer in _offers_of(function)]
-    if not hooks and not faults:
-        offers = [] if source.distribution else [(offer.family, offer) for offer in _finished_components(plugin)]
-        if not offers:
-            nor = "" if source.distribution else " and no finished component"
-            raise PluginError(f"registers nothing: it has no hook{nor}")
+    manager.register(plugin)  # which refuses one that is registered already, and a hook with arguments
+    offers: list[tuple[str, str, object]] = []  # hook, family, and what is offered
+    callers = {caller.name: caller for caller in manager.get_hookcallers(plugin) or ()}
+    for caller in callers.values():
+        for hook in (implementation for implementation in caller.get_hookimpls() if implementation.plugin is plugin):
+            with _isolate(broken, source, caller.name, hook.function):
+                if caller.has_spec():
+                    family = caller.name.removeprefix(PREFIX)
+                    offers += [(caller.name, family, offer) for offer in _offers_of(hook.function)]
+                elif not hook.optionalhook:
+                    names = [PREFIX + family for family in FAMILIES]
+                    near = nearest(caller.name, names)
+                    advice = f"did you mean {near}?" if near else f"there are {', '.join(names)}"
+                    raise PluginError(f"no such hook; {advice}")
+    if not callers:
+        known = len(broken)
+        modules = _modules_of(plugin, source, broken)
+        offers = [("", offer.family, offer) for module in modules for offer in _finished_components(module)]
+        if not offers and len(broken) == known:
+            raise PluginError("registers nothing: it has no hook and no finished component")
     components: list[_Registered] = []
-    for family, offer in offers:
-        with _isolate(broken, source, PREFIX + family if hooks else "", offer):
+    for hook_name, family, offer in offers:
+        with _isolate(broken, source, hook_name, offer):
             component = admitted(family, offer)
             file = getattr(sys.modules.get(component.__module__), "__file__", None) or source.file
             PLUGIN_MODULES.add(component.__module__.partition(".")[0])
             components.append(_Registered(component, replace(source, module=component.__module__, file=file)))
     return components
+
+
+def _modules_of(plugin: ModuleType, source: Provenance, broken: list[Broken]) -> list[ModuleType]:
+    """Return a module and, of a package, all modules in it; add those that cannot be imported to `broken`."""
+    modules = [plugin]
+    folders = getattr(plugin, "__path__", ())
+    for found in pkgutil.walk_packages(folders, f"{plugin.__name__}.", onerror=lambda _: None):
+        with _isolate(broken, source, f"module {found.name}"):
+            modules.append(importlib.import_module(found.name))
+    return modules
 
 
 def _offers_of(function: Callable[[], object]) -> list[object]:

@@ -88,4 +88,8 @@ class SingleFile:
         module.__file__ = str(self.path)
         sys.modules[name] = module  # Dataclasses and pickle look the module up there.
         # Python's own loader is not used: its bytecode cache misses an edit within one second that keeps the size.
-        exec(compile(self.content, str(self.path), "exec", dont_inherit=True), vars(module))  # noqa: S102
+        try:
+            exec(compile(self.content, str(self.path), "exec", dont_inherit=True), vars(module))  # noqa: S102
+        except BaseException:
+            del sys.modules[name]
+            raise
