@@ -10,6 +10,8 @@ from percuss.cli.main import app
 from percuss.jit import jit_disabled
 from percuss.march.march import March
 from percuss.march.model import Model
+from percuss.methods.registry import Registry
+from percuss.testing.subject import Subject
 
 LAW = '''
 from dataclasses import dataclass
@@ -222,9 +224,11 @@ KEEPS = {
 
 
 @pytest.mark.parametrize("how", KEEPS)
-def test_a_scheme_that_remembers_elsewhere_is_refused(tmp_path, how):
+def test_the_kit_finds_a_scheme_that_remembers_elsewhere(tmp_path, how):
     file = tmp_path / "forgetful.py"
     file.write_text(SCHEME.replace("HERE", KEEPS[how]), encoding="utf-8")
     case = {**CASE, "method": {"integrator": "forgetful", "contact": "penalty"}}
+    registry = Registry.load([file])
+    subject = Subject.of(registry.get("integrators", "forgetful"), registry)
     with pytest.raises(percuss.PluginError, match=r"integrator forgetful: step gives another .* keeps state between"):
-        Model(percuss.load(case, plugins=[file]))
+        subject.run(case)
