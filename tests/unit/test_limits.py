@@ -41,7 +41,7 @@ ABSURD = [
         "bodies.short.velocity=1e200",
         ["bodies.short.velocity: expected a number between -1e+100 and", "found 1e+200", "Choose units"],
     ),
-    ("bodies.short.material.density=1e-100", ["bodies.short: expected a mass of a node between", "Choose units"]),
+    ("bodies.short.material.density=1e-100", ["bodies.short: expected a mass of an element between", "Choose units"]),
     ("bodies.short.material.young=1e100", ["bodies.short: expected a stiffness EA/h", "found 1e+101"]),
     ("bodies.short.bar.length=1e-100", ["bodies.short: expected an element length"]),
     ("bodies.short.area=1e100", ["bodies.short: expected a stiffness EA/h", "found 1e+103"]),

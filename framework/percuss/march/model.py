@@ -20,8 +20,9 @@ from percuss.contact.model_arrays import ModelArrays
 from percuss.contact.points import LAW, NOTHING
 from percuss.errors import Problem, refuse_if_any
 from percuss.march.features import features_of
+from percuss.march.number_of_steps import check_step, step_count
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
-from percuss.mesh import size_limits, spots
+from percuss.mesh import spots
 from percuss.mesh.bodies import bodies_of
 from percuss.mesh.loads import Constraint, Held, acts_at, supports_and_loads
 from percuss.methods.interfaces import ContactLaw, Floats, LeapFrog
@@ -108,9 +109,9 @@ class Model(ModelArrays):
         return model
 
     def _set_step(self, dt: float) -> None:
-        size_limits.check_step(self.case, dt)
+        check_step(self.case, dt)
         steps = self.case.time.steps
-        self._set(dt=dt, steps=steps if steps is not None else size_limits.step_count(self.case, dt))
+        self._set(dt=dt, steps=steps if steps is not None else step_count(self.case, dt))
 
     def _bind(self) -> None:
         """Bind the integrator and the laws for the step, and refuse methods that do not work together."""

@@ -150,14 +150,11 @@ def recordable(model: Model) -> Model:
     problems: list[Problem] = []
     shapes = record_shapes(model)
     size_bytes = shapes.bytes_of_histories
-    if not size_limits.fits_in_memory(size_bytes):
+    if too_large := size_limits.why_too_large(size_bytes):
         every = case.record.every * 10 ** math.ceil(
             math.log10(size_bytes / (size_limits.MEMORY_SHARE * (size_limits.memory() or 1)))
         )
-        message = (
-            f"expected records that fit into memory, found {model.steps:.4g} steps, whose records take "
-            f"{size_limits.bytes_in_words(size_bytes)}, {size_limits.memory_in_words()}"
-        )
+        message = f"expected records that fit into memory, found {model.steps:.4g} steps, whose records {too_large}"
         advice = f"Keep one of many, as `record: {{every: {every}}}`, or shorten the run."
         problems.append(
             case.problem(("record", "every") if case.record.every > 1 else ("time",), message, advice, any_inside=True)
@@ -179,12 +176,8 @@ def refuse_large(case: Case, snapshots: int, columns: int, problems: Sequence[Pr
     InputError
         With all problems.
     """
-    size_bytes = bytes_of_snapshots(snapshots, columns)
-    if not size_limits.fits_in_memory(size_bytes):
-        message = (
-            f"expected snapshots that fit into memory, found {snapshots:.4g}, which take "
-            f"{size_limits.bytes_in_words(size_bytes)}, {size_limits.memory_in_words()}"
-        )
+    if too_large := size_limits.why_too_large(bytes_of_snapshots(snapshots, columns)):
+        message = f"expected snapshots that fit into memory, found {snapshots:.4g}, which {too_large}"
         problems = [*problems, case.problem(("record", "fields"), message, "A picture needs some hundreds.")]
     if problems:
         raise TooLargeError(problems)
