@@ -12,6 +12,8 @@ import places
 from percuss.certificate.criteria import operator_criterion, step_criterion
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
+from percuss.methods.registry import Registry
+from percuss.testing.subject import Subject
 from strategies import CORE, INTEGRATORS, INVISCID, each_integrator, number, run
 
 CD = "central-difference"
@@ -293,11 +295,10 @@ def percuss_loads():
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("return (1.0,)", "return 1.0", "drag: numbers returned a float, expected a tuple of numbers"),
+        ("return (1.0,)", "return 1.0", "drag: numbers returned numbers of shape (), expected (n,)"),
         ("return (1.0,)", "return (float('nan'),)", "drag: numbers returned nan at index 0"),
         ("return -numbers[0] * velocity", "pass", "drag: follow returned nothing"),
-        ("return -numbers[0] * velocity", "return float('nan') * velocity", "drag: follow returned nan at the time 0"),
-        ("return -n", "CALLS.append(0)\n        return len(CALLS) - n", "drag: follow gives another answer"),
+        ("return -numbers[0] * velocity", "return float('nan') * velocity", "drag: follow returned nan"),
         ("return -n", "if time > 0.05:\n            raise ValueError('too late')\n        return -n",
          "load drag: follow: ValueError: too late (in step 2, at time 0.1)"),
         ("follow(numbers, time, displacement, velocity)", "follow(numbers, velocity)",
@@ -315,6 +316,15 @@ def test_a_misdeed_of_a_load_is_named(old, new, said, tmp_path):
         percuss.run(percuss.load(case, plugins=[file]))
     assert said in str(caught.value)
     assert str(file) in str(caught.value)
+
+
+def test_the_kit_finds_a_load_that_keeps_state(tmp_path):
+    file = tmp_path / "drag.py"
+    file.write_text(DRAG.replace("return -n", "CALLS.append(0)\n        return len(CALLS) - n", 1), encoding="utf-8")
+    registry = Registry.load([file])
+    subject = Subject.of(registry.get("loads", "drag"), registry)
+    with pytest.raises(percuss.PluginError, match="drag: follow gives another answer"):
+        subject.run(bar({"drag": {"drag": {}, "on": "bar.right"}}, elements=1, velocity=1.0, courant=0.5, end=0.1))
 
 
 def test_the_critical_courant_number_of_the_page_is_true():

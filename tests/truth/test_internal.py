@@ -12,6 +12,8 @@ import places
 from percuss.certificate.verdict import certificate
 from percuss.march.march import March
 from percuss.march.model import Model
+from percuss.methods.registry import Registry
+from percuss.testing.subject import Subject
 from strategies import hunek
 
 PAGE = (places.ROOT / "plugins" / "INTEGRATOR.md").read_text(encoding="utf-8")
@@ -232,11 +234,13 @@ def test_a_closed_contact_is_no_spring_of_the_mesh(gradient):
     assert 0.0 < judged["courant_critical"] < math.sqrt(3.0)
 
 
-def test_a_stage_that_does_not_exist_is_told(tmp_path):
+def test_the_kit_finds_a_stage_that_does_not_exist(tmp_path):
     file = keeper(tmp_path)[0]
     file.write_text(file.read_text().replace("internal(system, 0", "internal(system, 3"), encoding="utf-8")
+    registry = Registry.load([file])
+    subject = Subject.of(registry.get("integrators", "keeper"), registry)
     with pytest.raises(percuss.PluginError, match="asks for stage 3"):
-        percuss.run(percuss.load(two_bars("keeper"), plugins=[file]), compiled=False)
+        subject.run(two_bars("keeper"))
 
 
 def test_schemes_that_do_not_ask_for_internal_forces_compile_none():

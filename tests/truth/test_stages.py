@@ -17,8 +17,10 @@ from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
 from percuss.march.march import March
 from percuss.march.model import Model
+from percuss.methods.registry import Registry
 from percuss.reporting.explanation import explanation
 from percuss.results.exact import exact_solution
+from percuss.testing.subject import Subject
 from strategies import CORE, INTEGRATORS, LEAPFROG, REGISTRY, hunek, rows, with_pair
 
 STAGED = [name for name in CORE if name not in LEAPFROG]
@@ -679,6 +681,7 @@ WRONG = {
     "three numbers greater": (GOOD, "Stages((1.0,), end=((dt, dt, dt), (dt, dt, dt)))", "kept = 1"),
     "expected LeapFrog or Stages": (GOOD, "(1.0,)", "kept = 1"),
 }
+BY_THE_KIT = ("in place", "change of v by 0.5 dt a", "asks for stage 1")
 
 
 @pytest.mark.parametrize("message", WRONG)
@@ -699,8 +702,11 @@ class Wrong(Integrator):
     @staticmethod
     def step(numbers, system, u, v, kept, dt):{body}
 '''
+    case = hunek(4, integrator="wrong", contact={"name": "penalty"})
+    registry = Registry.load(plugin(tmp_path, text))
+    subject = Subject.of(registry.get("integrators", "wrong"), registry)
     with pytest.raises(percuss.PluginError, match=f"integrator wrong: .*{message}"):
-        go(hunek(4, integrator="wrong", contact={"name": "penalty"}), plugin(tmp_path, text))
+        subject.run(case) if message in BY_THE_KIT else percuss.run(percuss.load(case, registry=registry))
 
 
 def test_a_scheme_without_a_kernel_is_told(tmp_path):

@@ -169,7 +169,8 @@ class Returned(NamedTuple):
             raise self.wrong(f"numbers of shape {array.shape}, expected {words}")
         array = np.atleast_1d(array)
         for place in map(tuple, np.argwhere(~np.isfinite(array))):
-            raise self.wrong(f"{array[place]} at index {', '.join(map(str, place))}")
+            at = f" at index {', '.join(map(str, place))}" if shape else ""
+            raise self.wrong(f"{array[place]}{at}")
 
     def expect_fields(self, shapes: Mapping[str, tuple[int, ...]]) -> None:
         """Expect finite numbers of these shapes in attributes."""

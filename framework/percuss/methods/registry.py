@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType, ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from pluggy import PluginManager
 
@@ -234,7 +234,7 @@ def _components_of(manager: PluginManager, plugin: Any, source: Provenance, brok
             with _isolate(broken, source, caller.name, hook.function):
                 if caller.has_spec():
                     family = caller.name.removeprefix(PREFIX)
-                    offers += [(caller.name, family, offer) for offer in _offers_of(hook.function)]
+                    offers += [(caller.name, family, offer) for offer in cast("Iterable[object]", hook.function())]
                 elif not hook.optionalhook:
                     names = [PREFIX + family for family in FAMILIES]
                     near = nearest(caller.name, names)
@@ -264,15 +264,6 @@ def _modules_of(plugin: ModuleType, source: Provenance, broken: list[Broken]) ->
         with _isolate(broken, source, f"module {found.name}"):
             modules.append(importlib.import_module(found.name))
     return modules
-
-
-def _offers_of(function: Callable[[], object]) -> list[object]:
-    """Return the objects that a hook returns, as a list; refuse a class, a string, a mapping and a non-iterable."""
-    result = function()
-    if isinstance(result, type | str | Mapping) or not isinstance(result, Iterable):
-        returned = f"the class {result.__name__}" if isinstance(result, type) else repr(result)
-        raise PluginError(f"returned {returned}, expected a list of classes")
-    return list(result)
 
 
 def _finished_components(module: ModuleType) -> list[type[Component]]:

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
 LOWEST_INDEX = -2  # A lower index of a bound array counts as a mistake; -1 and -2 are used on purpose.
 ROUND_OFF_TOLERANCE = 1e-9
+MOTIONS = ((0.0, 0.0, 0.0), (1e-3, 1e-6, -1e-3), (1.0, -1e-3, 1e-1))  # time, displacement and velocity of an end
 FORCE, CELL_FORCE = "internal_force", "force"
 DIFFERENT = (
     "gives another answer when it is asked the same again: it keeps state between calls, draws random numbers or reads "
@@ -105,7 +106,8 @@ def try_kernels(case: Case, component: type[Component], asked: Counter[str]) -> 
     PluginError
         If a kernel fails, changes what it was handed, leaves its result unset, or gives another one the second time.
     """
-    methods = (case.method.integrator, *(contact.law for contact in case.contacts.values()))
+    laws = [contact.law for contact in case.contacts.values()]
+    methods = (case.method.integrator, *laws, *(load.load for load in case.loads.values()))
     parts = [(body.element, body.material, body.shape.dimension()) for body in case.bodies.values()]
     of_class = [each for each in (*methods, *parts) if component in map(type, each if type(each) is tuple else [each])]
     question = f"kernels {len(case.contacts)} {of_class!r}"
@@ -119,6 +121,10 @@ def try_kernels(case: Case, component: type[Component], asked: Counter[str]) -> 
     for bound_law in model.laws:
         if isinstance(bound_law.law, component) and bound_law.linear is None:
             _try_law(bound_law, model.dt)
+    for follower in model.loads.followers:
+        if isinstance(follower.load.load, component):
+            follow = functools.partial(plain_function(follower.kernel), follower.numbers)
+            _called_twice(follower.load.load, "follow", follow, MOTIONS)
     for body in model.bodies.values():
         if {type(body.spec.element), type(body.spec.material)} & {component}:
             _try_kernels_of_body(body.spec.element, body.spec.material, body.view, component)
