@@ -194,6 +194,14 @@ class Returned(NamedTuple):
         return breach(self.component, self.method, f"{self.method} returned{self.part} {words}")
 
 
+def _amplitude(returned: Returned, time: Floats) -> None:
+    array = as_numbers(returned.value)
+    if array is not None and array.shape == np.shape(time) and not np.isfinite(array).all():
+        first = np.isfinite(array).argmin()
+        raise returned.wrong(f"{array.flat[first]} at the time {np.ravel(time)[first]:.6g}")
+    returned.expect(*np.shape(time))
+
+
 def _mesh(returned: Returned, at: Floats, _refine: float) -> None:
     returned.expect_kind(Mesh, "a Mesh")
     mesh, dim = returned.value, np.size(at)
@@ -250,7 +258,7 @@ def _of_nodes(returned: Returned, _element_mass: Floats, lumping: Lumping, *_: o
 
 # Each check receives what a method returned and the arguments of the method.
 CHECKS: dict[tuple[str, str], Callable[..., None]] = {
-    ("loads", "amplitude"): lambda returned, time: returned.expect(*np.shape(time)),
+    ("loads", "amplitude"): _amplitude,
     ("loads", "numbers"): lambda returned, _end: returned.expect(-1),
     ("loads", "follow"): lambda returned, *_: returned.expect(),
     ("shapes", "mesh"): _mesh,
