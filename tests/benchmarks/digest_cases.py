@@ -128,8 +128,8 @@ FEATURES: Mapping[str, Mapping[str, Any]] = {
         "contacts": {
             "ab": TIP,
             "ac": {"between": ["a.right", "c.left"], "method": "hunt-crossley"},
-            "aw": {"body": "a.right", "wall": 10.001, "method": "uzawa"},
-            "stop": {**STOP, "method": "walton-braun"},
+            "aw": {"body": "a.right", "wall": 10.001, "method": "walton-braun"},
+            "stop": {**STOP, "method": "uzawa"},
         },
     },
     "several contacts of one law at one end": {

@@ -19,7 +19,6 @@ from percuss import (
     Ge,
     Gt,
     Integrator,
-    Le,
     LeapFrog,
     LinearLaw,
     Load,
@@ -632,44 +631,6 @@ class Impulsive(ContactLaw):
                 break
 
 
-class OneNumber(NamedTuple):
-    e: float
-
-
-@caught_by("contacts-at-one-end")
-@dataclass(frozen=True)
-class OneRestitution(ContactLaw):
-    """Binds an option as one number for all of its contacts, though those at one end may have others.
-
-    Formula: where ``g* <= 0``: ``0 <= lambda, g' + e g'_before >= 0``, one of them zero; else ``lambda = 0``.
-    """
-
-    name = "one-restitution"
-    summary = law.summary
-    references = Impulsive.references
-    guarantees = ("never pulls",)
-    uses_coupling = True
-    expected_failures = Impulsive.expected_failures
-    e: Annotated[float, Ge(0), Le(1), Unit("1"), Doc("restitution")] = 0.0
-
-    def bind(self, points, dt):
-        return OneNumber(self.e)
-
-    @staticmethod
-    def multipliers(bound, trial, multiplier):
-        multiplier[:] = 0.0
-        for _ in range(1000):
-            moved, largest = 0.0, 0.0
-            for p in range(multiplier.size):
-                if trial.predicted_gap[p] <= 0.0:
-                    before = multiplier[p]
-                    rate = coupled_rate(trial, multiplier, p) + bound.e * trial.rate[p]
-                    multiplier[p] = max(before - rate / (trial.rate_response * trial.delassus[p]), 0.0)
-                    moved, largest = max(moved, abs(multiplier[p] - before)), max(largest, multiplier[p])
-            if moved <= 1e-14 * largest:
-                break
-
-
 @caught_by("contacts-at-one-end")
 @dataclass(frozen=True)
 class SweepsOnce(ContactLaw):
@@ -713,30 +674,6 @@ class CouplingClaimed(ContactLaw):
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
             multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.gap_response * trial.delassus[p])
-
-
-@caught_by("coupling")
-@dataclass(frozen=True)
-class OwnCouplingAlone(ContactLaw):
-    """Takes account of the other contacts of the law, and of none of other laws."""
-
-    name = "own-coupling-alone"
-    summary = law.summary
-    uses_coupling = True
-
-    def bind(self, points, dt):
-        return NOTHING
-
-    @staticmethod
-    def multipliers(bound, trial, multiplier):
-        multiplier[:] = 0.0
-        for _ in range(50):
-            for p in range(multiplier.size):
-                push = trial.delassus[p] * multiplier[p]
-                for k in range(trial.first_neighbour[p], trial.first_neighbour[p + 1]):
-                    push += trial.coupling[k] * multiplier[trial.neighbour[k]]
-                gap = trial.predicted_gap[p] + trial.gap_response * push
-                multiplier[p] = max(multiplier[p] - gap / (trial.gap_response * trial.delassus[p]), 0.0)
 
 
 @caught_by("any-number-of-contacts")

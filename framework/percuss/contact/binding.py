@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contact.bound_law import BoundLaw, bind_law, joined
+from percuss.contact.bound_law import BoundLaw, bind_law
 from percuss.contact.stiffness_limits import stiffness_limits
 from percuss.contact.surface_limits import SurfaceLimits
 from percuss.errors import Problem, refuse_if_any
@@ -63,7 +62,7 @@ class Binding:
         Raises
         ------
         InputError
-            If the options of a law do not fit, or laws of coupled contacts cannot be solved together by their kernel.
+            If the options of a law do not fit, or a kernel that solves coupled contacts together has only some of them.
         """
         groups: dict[ContactLaw, list[int]] = {}
         for p, contact_point in enumerate(self.contact_points):
@@ -77,13 +76,7 @@ class Binding:
                 problems.append(self.model.case.problem(("method", "contact"), said_by(error)))
         refuse_if_any(problems)
         coupled = [bound_law for bound_law in laws if bound_law.linear is None and bound_law.law.uses_coupling]
-        for kind in dict.fromkeys(type(bound_law.law) for bound_law in coupled):
-            alike = [bound_law for bound_law in coupled if type(bound_law.law) is kind]
-            one = joined(alike, self.points, dt)
-            if one is not None:
-                laws = [*(bound_law for bound_law in laws if bound_law not in alike), one]
-            else:
-                self._refuse_shared_ends(alike)
+        refuse_if_any([problem for bound_law in coupled for problem in self._shared_with_others(bound_law)])
         return tuple(sorted(laws, key=lambda bound_law: (bound_law.linear is None, bound_law.where)))
 
     @cached_property
@@ -94,20 +87,22 @@ class Binding:
             neighbours = [near.union(row) for near, row in zip(neighbours, rows.others, strict=True)]
         return neighbours
 
-    def _refuse_shared_ends(self, laws: Sequence[BoundLaw]) -> None:
-        """Refuse laws of one class between coupled contacts, which their kernel is to solve together, and cannot."""
-        advice = "Give both the same options, or let its `bind` return arrays of one number for each point."
+    def _shared_with_others(self, bound_law: BoundLaw) -> Iterator[Problem]:
+        """Yield each contact that shares an end with one of a law, whose kernel solves them together, and has another.
 
-        def problem(p: int, q: int) -> Problem:
-            first, second = self.contact_points[p].name, self.contact_points[q].name
+        The kernel would not know its force.
+        """
+        name = bound_law.law.name
+        shared = {q: p for p in bound_law.where for q in self.neighbours[p].difference(bound_law.where)}
+        for q, p in sorted(shared.items()):
+            one, other = self.contact_points[p], self.contact_points[q]
+            found = other.law.name if other.law.name != name else "other options"
             message = (
-                f"expected the coupled contacts '{first}' and '{second}' to be solved together by the kernel of "
-                f"{laws[0].law.name}; found options that it cannot tell apart"
+                f"expected {name} with the options of contact '{one.name}', as both act on one end and the kernel of "
+                f"{name} solves all contacts there together; found {found}"
             )
-            return self.model.case.problem(("contacts", second), message, advice, any_inside=True)
-
-        pairs = [(p, other) for one, other in itertools.combinations(laws, 2) for p in one.where]
-        refuse_if_any([problem(p, q) for p, other in pairs for q in self.neighbours[p] if q in other.where])
+            advice = "Give both the same law and options, or take laws without such a kernel."
+            yield self.model.case.problem(("contacts", other.name), message, advice, any_inside=True)
 
     def _over_the_run(self) -> Iterator[ContactRows]:
         """Yield the rows of each stretch of the run in which other supports or drives act."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +12,7 @@ from percuss.contact.law_trials import kernel_of
 from percuss.jsonable import Entries
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LinearLaw
-from percuss.methods.plugin_calls import answer, as_numbers, mapped, read_only, same
+from percuss.methods.plugin_calls import answer, as_numbers, read_only
 
 COEFFICIENTS = ("sigma", "gap", "rate", "acceleration")
 
@@ -25,7 +24,7 @@ class BoundLaw:
     Attributes
     ----------
     law
-        The law with its options; of laws that are `joined` the first, which stands for their class.
+        The law with its options.
     where
         Numbers of its contact points, in the order of the case.
     points
@@ -37,7 +36,7 @@ class BoundLaw:
     kernel, kernel_data
         The kernel of a law that is not linear, and the data that its `bind` returned for the kernel.
     resolved
-        Its parameters with the values used, one number or one for each point, for the points of each option set.
+        Its parameters with the values used, one number or one for each point.
     """
 
     law: ContactLaw
@@ -47,7 +46,7 @@ class BoundLaw:
     during: Floats | None
     kernel: Callable[..., None] | None
     kernel_data: Any
-    resolved: tuple[tuple[tuple[int, ...], Mapping[str, Floats | float]], ...]
+    resolved: Mapping[str, Floats | float]
 
     @property
     def bonds(self) -> bool:
@@ -93,39 +92,8 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
         during=linear.during if linear is not None else None,
         kernel=kernel_of(law) if linear is None else None,
         kernel_data=bound if linear is None else None,
-        resolved=((where, resolved),),
+        resolved=resolved,
     )
-
-
-def joined(
-    laws: Sequence[BoundLaw], points_of: Callable[[Sequence[int], float], ContactPoints], dt: float
-) -> BoundLaw | None:
-    """Return laws of one class with a kernel as one; None if their bound data differ in more than values of points.
-
-    Values of points are the rows of arrays that have one for each point, and two where each point is there twice;
-    `points_of` returns the properties of contact points.
-    """
-    if len(laws) == 1:
-        return laws[0]
-    counts = [len(bound_law.where) for bound_law in laws]
-    where = [point for bound_law in laws for point in bound_law.where]
-    order = np.argsort(where)
-
-    def join(*values: Any) -> Any:
-        own, twice = values[: len(laws)], values[len(laws) :]
-        if [np.shape(value)[:1] for value in (*own, *twice)] == [(k,) for k in counts] + [(2 * k,) for k in counts]:
-            return np.concatenate(own)[order]
-        if not all(same(own[0], value) for value in own):
-            raise ValueError("unlike values for all points")
-        return own[0]
-
-    twice = [answer(bound_law.law, "bind", points_of(bound_law.where * 2, dt), dt) for bound_law in laws]
-    try:
-        data = read_only(mapped(join, *(bound_law.kernel_data for bound_law in laws), *twice))
-    except (TypeError, ValueError):
-        return None
-    points, resolved = points_of(sorted(where), dt), tuple(part for each in laws for part in each.resolved)
-    return dataclasses.replace(laws[0], where=tuple(sorted(where)), points=points, kernel_data=data, resolved=resolved)
 
 
 def broadcast(linear_law: LinearLaw, points: ContactPoints, law: ContactLaw) -> LinearLaw:

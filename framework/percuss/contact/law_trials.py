@@ -91,19 +91,18 @@ def trial_of(
     count, chained = len(points.names), bool(law.uses_coupling and strength)
     neighbours = [[q for q in (p - 1, p + 1) if 0 <= q < count] if chained else [] for p in range(count)]
     pairs = [(p, q) for p, row in enumerate(neighbours) for q in row]
-    first_neighbour, neighbour, coupling, pushed_by_others = read_only(
+    first_neighbour, neighbour, coupling = read_only(
         (
             np.cumsum([0, *map(len, neighbours)], dtype=np.int64),
             np.array([q for _, q in pairs], dtype=np.int64),
             np.array([strength * np.sqrt(points.delassus[p] * points.delassus[q]) for p, q in pairs], dtype=float),
-            np.zeros(count),
         )
     )
     gap, predicted_gap, rate, predicted_rate = read_only(tuple(map(np.ascontiguousarray, state)))
     before = read_only(np.zeros((count, law.state)) if before is None else before)
     return Trial(
         gap, predicted_gap, rate, predicted_rate, points.delassus, dt, 0.0, dt * dt, dt, first_neighbour, neighbour,
-        coupling, pushed_by_others, before, before.copy(),
+        coupling, before, before.copy(),
     )  # fmt: skip
 
 

@@ -57,8 +57,6 @@ STATE = np.dtype(
         ("rate", "f8"),  # at n - 1/2
         ("predicted_rate", "f8"),  # after the bulk update
         ("multiplier", "f8"),
-        ("found_before", "f8"),  # multiplier of the sweep before, if kernels and contact equation are solved in turn
-        ("pushed_by_others", "f8"),  # gap acceleration by the multipliers of other laws, for kernels that use it
     ]
 )
 # What is summed up over the steps of a run, or is carried from one step to the next.

@@ -124,7 +124,6 @@ class Arrays:
         if not first:
             carry_over(self.step.points, points)
         self.step = self.step._replace(points=points, loads=self._loads(constraints, sides, midpoint))
-        self.step.now["in_turn"] = 0
         setting = Setting(
             model,
             midpoint,

@@ -315,14 +315,13 @@ class Model(ModelArrays):
             contact_point.name: {"law": contact_point.law.name} for contact_point in self.contact_points
         }
         for bound_law in self.laws:
-            for where, resolved in bound_law.resolved:
-                options = options_of(type(bound_law.law))
-                for name, value in resolved.items():
-                    per_area = name in options and options[name].unit in PER_AREA
-                    for point, number in zip(where, np.broadcast_to(value, (len(where),)), strict=True):
-                        area = self.contact_points[point].weight if per_area else 1.0
-                        of_contact = parameters[self.contact_points[point].name]
-                        if name in bound_law.law.totals:
-                            of_contact[name] = of_contact.get(name, 0.0) + float(number)
-                        of_contact.setdefault(name, float(number) / area)
+            where, options = bound_law.where, options_of(type(bound_law.law))
+            for name, value in bound_law.resolved.items():
+                per_area = name in options and options[name].unit in PER_AREA
+                for point, number in zip(where, np.broadcast_to(value, (len(where),)), strict=True):
+                    area = self.contact_points[point].weight if per_area else 1.0
+                    of_contact = parameters[self.contact_points[point].name]
+                    if name in bound_law.law.totals:
+                        of_contact[name] = of_contact.get(name, 0.0) + float(number)
+                    of_contact.setdefault(name, float(number) / area)
         return parameters

@@ -14,10 +14,9 @@ if TYPE_CHECKING:
 def coupled_push(trial: Trial, multiplier: Floats, p: int) -> float:
     """Return the gap acceleration of point p that all contacts at its ends cause, its own included.
 
-    It is ``sum over q of S_pq lambda_q``, with the present `multiplier` of the law's own points and, for points of
-    other laws, the multipliers computed last in this step.
+    It is ``sum over q of S_pq lambda_q`` with the present `multiplier`.
     """
-    push = trial.delassus[p] * multiplier[p] + trial.pushed_by_others[p]
+    push = trial.delassus[p] * multiplier[p]
     for k in range(trial.first_neighbour[p], trial.first_neighbour[p + 1]):
         push += trial.coupling[k] * multiplier[trial.neighbour[k]]
     return push  # type: ignore[no-any-return]

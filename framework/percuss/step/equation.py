@@ -9,8 +9,6 @@ multiplier changes by more than `TOLERANCE` times the largest.
 
 from __future__ import annotations
 
-import numpy as np
-
 from percuss.contact.points import FROM_LINE, FROM_PART, Points
 from percuss.methods.interfaces import Floats
 from percuss.record_arrays import Records, Row
@@ -18,8 +16,6 @@ from percuss.step.actions import LAWS, perform
 
 TOLERANCE = 1e-14
 SWEEPS = 10_000
-SWEEPS_BETWEEN_LAWS = 1000
-TOLERANCE_BETWEEN_LAWS = 1e-13  # of the largest multiplier
 
 
 def see(points: Points, boundary: Records, dt: float) -> None:
@@ -48,30 +44,9 @@ def find_multipliers(points: Points, now: Row, actions: object, n: int, u: Float
     """Find the multipliers of all points in a step or stage; return whether the solution converged.
 
     Laws with a kernel set theirs first, one law after the other; the contact equation is then solved with these forces.
-    Where a kernel that uses the coupling shares an end with another law, both are repeated in turn until no multiplier
-    changes any more.
     """
-    states = points.state
-    if now.in_turn == 1:
-        for i in range(states.size):
-            states[i].multiplier = 0.0
-    for sweep in range(SWEEPS_BETWEEN_LAWS):
-        perform(actions, LAWS, n, u, v, v)
-        sound = solve(points, now.span, FROM_LINE)
-        if now.in_turn == 0 or not sound:
-            return sound
-        moved = 0.0
-        largest = 0.0
-        for i in range(states.size):
-            state = states[i]
-            if not np.isfinite(state.multiplier):
-                return False
-            moved = max(moved, abs(state.multiplier - state.found_before))
-            largest = max(largest, abs(state.multiplier))
-            state.found_before = state.multiplier
-        if sweep > 0 and moved <= TOLERANCE_BETWEEN_LAWS * largest:
-            return True
-    return False
+    perform(actions, LAWS, n, u, v, v)
+    return solve(points, now.span, FROM_LINE)
 
 
 def solve(points: Points, span: float, source: int) -> bool:

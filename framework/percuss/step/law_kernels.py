@@ -15,7 +15,7 @@ from percuss.step.actions import LAWS, Action
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
-    from percuss.methods.interfaces import Floats, Integers
+    from percuss.methods.interfaces import Floats
 
 
 class KernelLaw(NamedTuple):
@@ -24,11 +24,6 @@ class KernelLaw(NamedTuple):
     bound: Any  # the arrays that the law has bound
     trial: Trial
     multiplier: Floats  # of its points
-    first: int  # number of its first point
-    pushed: int  # 1 if its kernel uses the coupling and other laws act on its ends
-    first_other: Integers  # (its points + 1,) index of the first entry of S of each point
-    others: Records  # percuss.contact.points.OTHER
-    states: Records  # percuss.contact.points.STATE, of all points
     now: Records  # percuss.step.records.NOW
 
 
@@ -39,18 +34,9 @@ def multipliers(bound: object, trial: Trial, multiplier: Floats) -> None:
 
 def apply_law(law: KernelLaw, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Let one law set the multipliers of its points."""
-    views, now, count = law.trial, law.now[0], law.multiplier.size
-    # The kernel uses the coupling and other laws act on the same ends: sum the gap accelerations by their multipliers.
-    if law.pushed == 1:
-        for i in range(count):
-            pushed = 0.0
-            for k in range(law.first_other[i], law.first_other[i + 1]):
-                neighbour = law.others[k].point
-                if neighbour < law.first or neighbour >= law.first + count:
-                    pushed += law.others[k].value * law.states[neighbour].multiplier
-            law.states[law.first + i].pushed_by_others = pushed
+    views, now = law.trial, law.now[0]
     # A multiplier that the kernel does not set remains nan and stops the run.
-    for i in range(count):
+    for i in range(law.multiplier.size):
         law.multiplier[i] = np.nan
     # What the kernel does not write of the state remains as it was.
     for i in range(views.before.shape[0]):
@@ -59,7 +45,7 @@ def apply_law(law: KernelLaw, n: int, u: Floats, v: Floats, a: Floats) -> None:
     trial = Trial(
         views.gap, views.predicted_gap, views.rate, views.predicted_rate, views.delassus, now.dt, now.time,
         now.gap_response, now.rate_response, views.first_neighbour, views.neighbour, views.coupling,
-        views.pushed_by_others, views.before, views.after,
+        views.before, views.after,
     )  # fmt: skip
     multipliers(law.bound, trial, law.multiplier)
 
@@ -67,7 +53,7 @@ def apply_law(law: KernelLaw, n: int, u: Floats, v: Floats, a: Floats) -> None:
 def kernel_laws(
     laws: Sequence[BoundLaw], points: Points, now: Any, variables: tuple[Floats, Floats]
 ) -> Iterator[Action]:
-    """Yield the actions of the laws with a kernel, and set whether they are solved in turn with the contact equation.
+    """Yield the actions of the laws with a kernel.
 
     Parameters
     ----------
@@ -85,36 +71,28 @@ def kernel_laws(
     for bound_law in laws:
         count, law = len(bound_law.where), bound_law.law
         stop, end = first + count, start + count * law.state
-        trial, pushed = _trial(points, first, stop, coupled=bool(law.uses_coupling))
+        trial = _trial(points, first, stop, coupled=bool(law.uses_coupling))
         before, after = (array[start:end].reshape(count, law.state) for array in variables)
         before.flags.writeable = False
         trial = trial._replace(before=before, after=after)
-        now["in_turn"] = max(int(now["in_turn"][0]), pushed)
-        first_other = np.append(points.law["other_start"][first:stop], points.law["other_stop"][stop - 1])
-        data = KernelLaw(
-            bound_law.kernel_data, trial, points.state["multiplier"][first:stop], first, pushed, first_other,
-            points.others, points.state, now,
-        )  # fmt: skip
+        data = KernelLaw(bound_law.kernel_data, trial, points.state["multiplier"][first:stop], now)
         kernel: Any = bound_law.kernel
         name = f"contact law {law.name}"
         yield Action(LAWS, apply_law, data, {multipliers: kernel}, of_plugin=True, allocates=law.allocates, name=name)
         first, start = stop, end
 
 
-def _trial(points: Points, first: int, stop: int, *, coupled: bool) -> tuple[Trial, int]:
-    """Return the states of the points from `first` to `stop`, and 1 if other laws act on their ends, else 0.
+def _trial(points: Points, first: int, stop: int, *, coupled: bool) -> Trial:
+    """Return the states of the points from `first` to `stop`.
 
     The arrays are views of the records of the points. Times and responses are those of a step, which its action sets. A
-    law that does not use the coupling gets no neighbours, and 0.
+    law that does not use the coupling gets no neighbours.
     """
-    starts, neighbours, values, pushed = [0], [], [], 0
+    starts, neighbours, values = [0], [], []
     for point in points.law[first:stop]:
         for entry in points.others[point.other_start : point.other_stop] if coupled else ():
-            if first <= entry.point < stop:
-                neighbours.append(entry.point - first)
-                values.append(entry.value)
-            else:
-                pushed = 1
+            neighbours.append(entry.point - first)
+            values.append(entry.value)
         starts.append(len(neighbours))
     views: Entries = {name: points.state[name][first:stop] for name in Trial._fields if name in (STATE.names or ())}
     rows: Entries = {
@@ -127,4 +105,4 @@ def _trial(points: Points, first: int, stop: int, *, coupled: bool) -> tuple[Tri
         array.flags.writeable = False
     nothing = np.zeros((stop - first, 0))
     of_step: Entries = dict.fromkeys(("dt", "time", "gap_response", "rate_response"), 0.0)
-    return Trial(**views, **rows, **of_step, before=nothing, after=nothing), pushed
+    return Trial(**views, **rows, **of_step, before=nothing, after=nothing)

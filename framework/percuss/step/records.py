@@ -48,7 +48,6 @@ NOW = np.dtype(
         ("rate_response", "f8"),  # the same of the predicted gap rate
         ("span", "f8"),  # time between the two gap rates of a point
         ("dim", "i8"),
-        ("in_turn", "i8"),  # 1 if kernels and the contact equation are solved in turn
         ("row", "i8"),  # of the records or snapshots that is being written
         ("solved", "i8"),  # 1 while all contact equations of the step were solved
     ]

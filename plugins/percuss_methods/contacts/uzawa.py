@@ -12,14 +12,14 @@ from percuss import ContactLaw, ContactPoints, Doc, Ge, Le, Trial, Unit, coupled
 from percuss_methods.contacts import _auto
 
 if TYPE_CHECKING:
-    from percuss import Floats, Integers
+    from percuss import Floats
 
 
 class Bound(NamedTuple):
-    """Stiffness eps_s and number of iterations of each point."""
+    """Stiffness eps_s of each point, and number of iterations."""
 
     stiffness: Floats
-    iterations: Integers
+    iterations: int
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,7 @@ class Uzawa(ContactLaw):
     """Augmented Lagrangian: a fixed number of Uzawa's iterations on the gap at the end of the step.
 
     Formula: ``lambda^0 = 0``, ``lambda^{k+1} = <lambda^k - eps_s g(u_{n+1}(lambda^k))>`` for all contacts at once;
-    lambda_n is the last iterate. ``eps_s = beta_s EA/h`` on the softer side. A contact whose iterations are fewer than
-    those of others at the same ends keeps its last iterate while theirs go on.
+    lambda_n is the last iterate. ``eps_s = beta_s EA/h`` on the softer side.
 
     The first iterate is the penalty force at the predicted gap, as with Wu's predictor-corrector and `penalty`. At ends
     in no other contact the distance to the multiplier of `lagrange` shrinks by ``1 - theta`` in each iteration,
@@ -60,23 +59,19 @@ class Uzawa(ContactLaw):
         _auto.refuse_several(self, ("beta_s", "epsilon_s"), "stiffness")
 
     def bind(self, points: ContactPoints, dt: float) -> Bound:
-        """Return stiffness and number of iterations of each point."""
-        return Bound(_auto.limited_stiffness(self, points, dt), np.full(len(points.names), self.iterations))
+        """Return the stiffness of each point, and the number of iterations."""
+        return Bound(_auto.limited_stiffness(self, points, dt), self.iterations)
 
     @staticmethod
     def multipliers(bound: Bound, trial: Trial, multiplier: Floats) -> None:
         """Set the multipliers to the last iterate."""
         multiplier[:] = 0.0
         gap = np.empty(multiplier.size)
-        most = 0
-        for p in range(multiplier.size):
-            most = max(most, bound.iterations[p])
-        for k in range(most):
+        for _ in range(bound.iterations):
             for p in range(multiplier.size):
                 gap[p] = coupled_gap(trial, multiplier, p)
             for p in range(multiplier.size):
-                if k < bound.iterations[p]:
-                    multiplier[p] = max(multiplier[p] - bound.stiffness[p] * gap[p], 0.0)
+                multiplier[p] = max(multiplier[p] - bound.stiffness[p] * gap[p], 0.0)
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:
         """Return the stiffness in both forms, and theta; of contacts that share an end a bound of it."""

@@ -137,10 +137,6 @@ class Trial(NamedTuple):
         [1/mass] with the point ``neighbour[k]``, for k from ``first_neighbour[p]`` up to, but not including,
         ``first_neighbour[p + 1]``. The arrays are (P + 1,) integers, (K,) integers and (K,) floats. They are empty
         (K = 0) for a law that does not declare `ContactLaw.uses_coupling`.
-    pushed_by_others
-        Gap acceleration caused in this step by contacts of other laws at the same ends, with their latest computed
-        forces: the kernel is called again until the forces of all laws agree. Zero for a law that does not declare
-        `ContactLaw.uses_coupling`.
     before, after
         State variables of each point, (P, k) for a law with ``state = k``: `before` as the last step has left them,
         zeros in the first step, and `after` for the kernel to write, which begins as a copy of `before`.
@@ -158,7 +154,6 @@ class Trial(NamedTuple):
     first_neighbour: Integers
     neighbour: Integers
     coupling: Floats
-    pushed_by_others: Floats
     before: Floats
     after: Floats
 
@@ -192,8 +187,7 @@ class ContactLaw(Component, contract="contacts"):
     A kernel receives the state of each point as if no other contact force acted in the step, unless it declares
     `uses_coupling`; then `percuss.coupled_gap` and `percuss.coupled_rate` give the predicted gap and rate including the
     forces of all contacts at the ends of the point, and a few sweeps over the points solve them together. All contacts
-    of such a law are then points of one call, whatever their options, so `bind` returns what may differ with the
-    options as arrays of one row for each point; contacts that share an end and for which it does not are refused::
+    at such an end have to have this law with the same options::
 
         @staticmethod
         def multipliers(bound, trial, multiplier):  # no overlap at the end of the step
