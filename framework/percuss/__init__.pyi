@@ -17,6 +17,7 @@ from percuss.errors import RunError as RunError
 from percuss.heartbeat import progress as progress
 from percuss.jit import compiled_function as compiled_function
 from percuss.methods.hooks import hookimpl as hookimpl
+from percuss.methods.interfaces import REFERENCE_CELLS as REFERENCE_CELLS
 from percuss.methods.interfaces import AllowInf as AllowInf
 from percuss.methods.interfaces import BodyEnd as BodyEnd
 from percuss.methods.interfaces import BodyMesh as BodyMesh
@@ -55,6 +56,7 @@ from percuss.methods.interfaces import Pairing as Pairing
 from percuss.methods.interfaces import ProblemBody as ProblemBody
 from percuss.methods.interfaces import ProblemContact as ProblemContact
 from percuss.methods.interfaces import ProblemLoad as ProblemLoad
+from percuss.methods.interfaces import ReferenceCell as ReferenceCell
 from percuss.methods.interfaces import Region as Region
 from percuss.methods.interfaces import Shape as Shape
 from percuss.methods.interfaces import SolidElement as SolidElement

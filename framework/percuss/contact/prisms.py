@@ -128,7 +128,7 @@ def _prism(body: Body, axis: Floats, held: set[tuple[int, int]]) -> Prism:
     place = body.mesh.nodes @ axis
     start, length = float(place.min()), float(np.ptp(place))
     volume = float(body.volumes_of_cells.sum())
-    surface = whole_surface(body.view, body.volumes_of_cells)
+    surface = whole_surface(body.view)
     looks = _looks(surface, axis)
     apart = surface.positions[surface.facets] @ axis - start - np.where(looks > 0.0, length, 0.0)[:, None]
     area = float(surface.areas[looks == -1.0].sum())

@@ -1,8 +1,11 @@
 """Bodies as arrays: their meshes and masses, the kernels of their cells, supports and loads on their nodes.
 
-`body` has one body of any dimension, `bar` one along a line, `surfaces` the surface of a body at a region, `block` the
-bodies of one kind as a step reads them. `cells`, `cell_kernels` and `materials` call the kernels of elements and
-materials, `cell_stiffness` takes the stiffness of cells from them. `banded_matrices` is for bars alone, `ritz_values`
-for all others. Nothing here knows of contact or of time steps. Whoever adds a shape, an element or a material touches
+`body` has one body of any dimension (a bar is a body along a line), `bodies` all of them, `surfaces` the surface of a
+body at a region, `spots` a point of it, `block` the bodies of one kind as a step reads them. `cells`, `cell_kernels`
+and `materials` call the kernels of elements and materials. `element_probe` asks the same kernels for one element after
+the other: `cell_stiffness` takes the stiffness of cells from it, `stresses` the stress field of a body.
+`banded_matrices` has the masses of bars that couple nodes, and the matrices of anything along a line. `ritz_values`
+finds the highest frequency of large bodies. `masses` knows which ends are in contact, and `loads` when a load acts in a
+step; else nothing here knows of contact or of time steps. Whoever adds a shape, an element or a material touches
 nothing in this folder.
 """

@@ -21,13 +21,6 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Element, Floats, Integers, Material, Region
 
 PROBING_STRAIN = 1e-7  # far below any strain at which the stiffness of a material or an element changes
-# Corners next to each corner of a cell, in space anticlockwise as seen from there, by its nodes and dimensions.
-NEXT = {
-    (3, 2): [[1, 2]],
-    (4, 2): [[1, 3], [2, 0], [3, 1], [0, 2]],
-    (4, 3): [[1, 2, 3]],
-    (8, 3): [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]],
-}
 SAME_SHAPE = 11  # decimal digits of the coordinates of a cell, over its length, by which cells are told apart
 
 
@@ -110,17 +103,6 @@ def _moved(region: Region, order: int) -> Region:
 def cells_of(mesh: Mesh) -> Integers:
     """Return the nodes of each element, (elements, nodes of a cell)."""
     return next(iter(mesh.cells.values()))
-
-
-def inside_out(corners: Floats) -> Any:
-    """Return for cells, (cells, nodes, dim), whether each is turned inside out at a corner."""
-    beside = np.array(NEXT[corners.shape[1:]])
-    x = np.moveaxis(corners, 2, 0)
-    a, b, *c = (x[:, :, beside[:, k]] - x[:, :, : len(beside)] for k in range(beside.shape[1]))
-    volumes = a[0] * b[1] - a[1] * b[0]  # quicker than the determinants of LAPACK
-    if c:
-        volumes = volumes * c[0][2] + (a[1] * b[2] - a[2] * b[1]) * c[0][0] + (a[2] * b[0] - a[0] * b[2]) * c[0][1]
-    return ~(volumes > 0.0).all(axis=1)
 
 
 def lumping_of(element: Element, body: BodyMesh) -> Lumping:

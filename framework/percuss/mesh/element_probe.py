@@ -287,7 +287,7 @@ class ElementProbe:
         self, numbers: Integers, displacement: Floats, state: Floats | None = None, *, calls: int = 1
     ) -> Floats:
         """Return the forces of elements, (k, nodes, dim); compiled code finds them if there are many calls in all."""
-        answers, forces = self._answers, np.empty((len(numbers), *self._shape))
+        answers, forces = self._answers, np.zeros((len(numbers), *self._shape))
         for kept in self._views:
             kept[numbers] = 0
         if state is not None and state.size:

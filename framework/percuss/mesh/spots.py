@@ -9,7 +9,7 @@ import numpy as np
 from percuss.case.specs import Spot
 from percuss.case.type_words import found
 from percuss.mesh.cells import cells_of
-from percuss.methods.interfaces.nearest import SQUARE
+from percuss.methods.interfaces import REFERENCE_CELLS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -73,12 +73,9 @@ def _shares(corners: Floats, point: Floats) -> Floats:
     if count == dim + 1:  # a triangle or a tetrahedron
         shares: Floats = np.linalg.solve(np.vstack([corners.T, np.ones(count)]), np.append(point, 1.0))
         return shares
-    at = np.zeros(dim)
-    signs = np.concatenate([np.insert(SQUARE, 2, side, axis=1) for side in (-1.0, 1.0)]) if dim == 3 else SQUARE
+    cell, at = REFERENCE_CELLS["quad" if dim == 2 else "hexahedron"], np.zeros((1, dim))
     for _ in range(NEWTON):
-        factors = 1.0 + signs * at
-        others = np.stack([np.delete(factors, d, axis=1).prod(axis=1) for d in range(dim)], axis=1)
-        step = corners.T @ factors.prod(axis=1) - count * point
-        at = at - np.linalg.solve(corners.T @ (signs * others), step)
+        shapes, slopes = cell.shape_functions(at)
+        at = at - np.linalg.solve(corners.T @ slopes[0], shapes[0] @ corners - point)
     outside = float(np.abs(at).max()) - 1.0
-    return np.array([-outside]) if outside > OUTSIDE else (1.0 + signs * at).prod(axis=1) / count
+    return np.array([-outside]) if outside > OUTSIDE else cell.shape_functions(at)[0][0]

@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from percuss.methods.interfaces import Region, Surface
+from percuss.methods.interfaces import REFERENCE_CELLS, Surface
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import BodyMesh, Floats, Integers
 
 # Volume of a cell over the area of a facet is the height of the cell for squares and cubes; a part of it for others.
 PARTS_OF_HEIGHT = {"triangle": 2.0, "tetra": 3.0}
-# Of each kind of cell and of facet, as seen from outside; edges of a plane cell have it on their left.
-FACETS = {
-    "line": [[0], [1]],
-    "triangle": [[0, 1], [1, 2], [2, 0]],
-    "quad": [[0, 1], [1, 2], [2, 3], [3, 0]],
-    "tetra": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
-    "hexahedron": [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
-}
-KIND_OF_FACET = {"triangle": "line", "quad": "line", "tetra": "triangle", "hexahedron": "quad"}
 
 
 class BodySurface(NamedTuple):
@@ -48,17 +38,17 @@ class BodySurface(NamedTuple):
 
 def boundary_of(kind: str, cells: Integers) -> Integers:
     """Return the facets that bound cells of a kind, or the ends of edges and the rims of faces, each in one of them."""
-    facets = cells[:, FACETS[kind]].reshape(-1, len(FACETS[kind][0]))
+    of_cell = REFERENCE_CELLS[kind].facets
+    facets = cells[:, of_cell].reshape(-1, of_cell.shape[1])
     _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
     alone: Integers = facets[first[count == 1]]
     return alone
 
 
-def whole_surface(body: BodyMesh, volumes: Floats) -> Surface:
-    """Return the whole boundary of a body, whatever its regions are; parameters are those of `surface_of`."""
+def whole_surface(body: BodyMesh, start: int = 0) -> Surface:
+    """Return the whole boundary of a body, whatever its regions are; `start` is the number of its first node."""
     ((kind, cells),) = body.mesh.cells.items()
-    region = Region((), np.zeros(0), {KIND_OF_FACET[kind]: boundary_of(kind, cells)})
-    return surface_of(replace(body, mesh=body.mesh._replace(regions={"": region})), "", 0, volumes).surface
+    return _surface(body, boundary_of(kind, cells), start)[0]
 
 
 def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> BodySurface:
@@ -77,27 +67,33 @@ def surface_of(body: BodyMesh, region: str, start: int, volumes: Floats) -> Body
     if mesh.line is not None:
         return _end_of(body, region, start)
     facets = np.asarray(next(iter(mesh.regions[region].facets.values())))
+    surface, of_nodes, size = _surface(body, facets, start)
+    # On the axis of revolution rings have no area: there their lengths count.
+    means = of_nodes if surface.areas.any() else surface._replace(areas=size, around=None).of_nodes()
+    shares = np.bincount(surface.facets.ravel(), means.ravel(), surface.nodes.size) / means.sum()
+    ((kind, cells),) = mesh.cells.items()
+    behind = _cells_behind(cells, facets, len(mesh.nodes))
+    # The height of a ring is that of its section.
+    of_ring = surface.around is not None
+    over = _sections(mesh.nodes[cells[behind]]) / size if of_ring else volumes[behind] / surface.areas
+    heights = PARTS_OF_HEIGHT.get(kind, 1.0) * over
+    outward = np.zeros_like(surface.positions)
+    np.add.at(outward, surface.facets, of_nodes[..., None] * surface.normals[:, None])
+    return BodySurface(surface, heights, shares, outward)
+
+
+def _surface(body: BodyMesh, facets: Integers, start: int) -> tuple[Surface, Floats, Floats]:
+    """Return a surface of facets, their areas that belong to each of their nodes, and their sizes in the section."""
     nodes, places = np.unique(facets, return_inverse=True)
-    places = places.reshape(facets.shape)
-    around = 2.0 * np.pi * mesh.nodes[nodes, 0] if body.plane == "axisymmetric" else None
-    surface = Surface(nodes + start, mesh.nodes[nodes], places, np.zeros((0, 0)), np.zeros(0), around)
+    places, positions = places.reshape(facets.shape), body.mesh.nodes[nodes]
+    around = 2.0 * np.pi * positions[:, 0] if body.plane == "axisymmetric" else None
+    surface = Surface(nodes + start, positions, places, np.zeros((0, 0)), np.zeros(0), around)
     out = surface.outward(np.arange(len(facets)), np.full(facets.shape, 1.0 / facets.shape[1]))
     size = np.linalg.norm(out, axis=1)
     areas = size * (body.section if around is None else around[places].mean(axis=1))
     surface = surface._replace(normals=out / size[:, None], areas=areas)
     of_nodes = surface.of_nodes()
-    areas = of_nodes.sum(axis=1)
-    # On the axis of revolution rings have no area: there their lengths count.
-    means = of_nodes if areas.any() else surface._replace(areas=size, around=None).of_nodes()
-    shares = np.bincount(places.ravel(), means.ravel(), nodes.size) / means.sum()
-    ((kind, cells),) = mesh.cells.items()
-    behind = _cells_behind(cells, facets, len(mesh.nodes))
-    # The height of a ring is that of its section.
-    over = volumes[behind] / areas if around is None else _sections(mesh.nodes[cells[behind]]) / size
-    heights = PARTS_OF_HEIGHT.get(kind, 1.0) * over
-    outward = np.zeros((nodes.size, out.shape[1]))
-    np.add.at(outward, places, of_nodes[..., None] * surface.normals[:, None])
-    return BodySurface(surface._replace(areas=areas), heights, shares, outward)
+    return surface._replace(areas=of_nodes.sum(axis=1)), of_nodes, size
 
 
 def _end_of(body: BodyMesh, region: str, start: int) -> BodySurface:

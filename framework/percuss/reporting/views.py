@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.mesh.surfaces import FACETS
+from percuss.methods.interfaces import REFERENCE_CELLS
 from percuss.reporting.figures import FAINT, INK
 
 if TYPE_CHECKING:
@@ -20,7 +20,10 @@ ACROSS, ABOVE = np.radians(28.0), np.radians(22.0)
 TO_CAMERA = np.array([np.sin(ACROSS) * np.cos(ABOVE), -np.cos(ACROSS) * np.cos(ABOVE), np.sin(ABOVE)])
 RIGHT = np.array([np.cos(ACROSS), np.sin(ACROSS), 0.0])
 PAGE = np.stack([RIGHT, np.cross(TO_CAMERA, RIGHT)], axis=1)  # (3, 2)
-FACES: Mapping[int, list[list[int]]] = {4: FACETS["tetra"], 8: FACETS["hexahedron"]}  # by the corners of a cell
+# The faces of cells by the number of their corners.
+FACES: Mapping[int, list[list[int]]] = {
+    len(REFERENCE_CELLS[kind].corners): REFERENCE_CELLS[kind].facets.tolist() for kind in ("tetra", "hexahedron")
+}
 SHARP = 0.8  # largest cosine between two faces that meet in an edge which is drawn
 
 

@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.contact.paired_surfaces import walls_of
-from percuss.mesh.surfaces import boundary_of
+from percuss.mesh.surfaces import whole_surface
 from percuss.methods.interfaces import Surface
 from percuss.methods.interfaces.nearest import EVEN, nearest_places, places_on
 
 if TYPE_CHECKING:
     from percuss.march.march import March, Outcome
     from percuss.march.model import Model
-    from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats, Integers, Wall
 
 TOLD = 1e-3  # of a facet: a node that lies deeper inside another body is told
@@ -91,7 +90,7 @@ class Solids:
     @cached_property
     def skins(self) -> dict[str, Surface]:
         """The boundary of each body."""
-        return {body.name: _skin(body) for body in self.model.bodies.values()}
+        return {body.name: whole_surface(body.view, body.start) for body in self.model.bodies.values()}
 
     @cached_property
     def walls(self) -> dict[str, Wall]:
@@ -211,15 +210,6 @@ def _in_box(at: Floats, others: Floats) -> tuple[Integers, Floats]:
     return near, at[near]
 
 
-def _skin(body: Body) -> Surface:
-    ((kind, cells),) = body.mesh.cells.items()
-    facets = boundary_of(kind, cells)
-    nodes, places = np.unique(facets, return_inverse=True)
-    return Surface(
-        nodes + body.start, body.mesh.nodes[nodes], places.reshape(facets.shape), np.zeros((0, 0)), np.zeros(0)
-    )
-
-
 def _deepest(nodes: Integers, at: Floats, skin: Surface) -> tuple[int, float] | None:
     """Return that of some points which lies deepest inside a body with a given boundary, and its depth."""
     if not len(nodes):
@@ -229,12 +219,10 @@ def _deepest(nodes: Integers, at: Floats, skin: Surface) -> tuple[int, float] | 
     vector = at - np.einsum("pa,pad->pd", shares, corners[facet])
     depth = np.linalg.norm(vector, axis=1)
     size = np.ptp(corners, axis=1).max(axis=1)[facet]
-    for p in np.argsort(-depth):
-        if depth[p] <= TOLD * size[p]:
-            continue
-        # All facets that meet at the nearest place look away from a point inside, also where they meet at an edge.
-        ends = skin.facets[facet[p]][shares[p] > EVEN]
-        (meeting,) = np.nonzero(np.isin(skin.facets, ends).sum(axis=1) == ends.size)
+    deepest = [p for p in np.argsort(-depth).tolist() if depth[p] > TOLD * size[p]]
+    # All facets that meet at the nearest place look away from a point inside, also where they meet at an edge.
+    meetings = skin.facets_at(skin.facets[facet[p]][shares[p] > EVEN] for p in deepest)
+    for p, meeting in zip(deepest, meetings, strict=True):
         middle = np.full((meeting.size, skin.facets.shape[1]), 1.0 / skin.facets.shape[1])
         if (skin.outward(meeting, middle) @ vector[p] < 0.0).all():
             return int(nodes[p]), float(depth[p])

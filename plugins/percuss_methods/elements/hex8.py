@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from percuss import REFERENCE_CELLS
 from percuss_methods.elements._full_cell import FullCell, solid_forces
-from percuss_methods.elements.quad4 import CORNERS as SQUARE
 
-CORNERS = np.concatenate([np.insert(SQUARE, 2, side, axis=1) for side in (-1.0, 1.0)])
-POINTS = CORNERS / np.sqrt(3.0)  # of Gauss' rule
-FACTORS = 1.0 + POINTS[:, None] * CORNERS  # (points, nodes, 3): 1 + xi xi_a and so on
+CELL = REFERENCE_CELLS["hexahedron"]
+SHAPES, SLOPES = CELL.shape_functions(CELL.corners / np.sqrt(3.0))  # at the points of Gauss' rule
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,5 @@ class Hex8(FullCell):
     dimension = 3
     locks = True
     references = ("Hughes: The Finite Element Method, Dover 2000, ch. 3",)
-    shapes = 0.125 * FACTORS.prod(axis=-1)
-    slopes = 0.125 * CORNERS * np.stack([FACTORS[..., (d + 1) % 3] * FACTORS[..., (d + 2) % 3] for d in range(3)], -1)
-    weights = np.ones(8)
+    shapes, slopes, weights = SHAPES, SLOPES, np.ones(8)
     force = staticmethod(solid_forces)

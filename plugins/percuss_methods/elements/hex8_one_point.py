@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from percuss_methods.elements._one_point import OnePointCell, solid_forces
-from percuss_methods.elements.hex8 import CORNERS, Hex8
+from percuss_methods.elements.hex8 import CELL, Hex8
 
-X, Y, Z = CORNERS.T
+X, Y, Z = CELL.corners.T
 
 
 @dataclass(frozen=True)

@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from percuss import REFERENCE_CELLS
 from percuss_methods.elements._full_cell import FullCell, plane_forces
 
-if TYPE_CHECKING:
-    from percuss import Floats
-
-CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-
-
-def bilinear(places: Floats) -> tuple[Floats, Floats]:
-    """Return the shape functions of a quadrilateral, (points, 4), and their slopes, (points, 4, 2), at places of it."""
-    factors = 1.0 + places[:, None] * CORNERS  # 1 + xi xi_a and 1 + eta eta_a
-    return 0.25 * factors.prod(axis=-1), 0.25 * CORNERS * factors[..., ::-1]
-
-
-SHAPES, SLOPES = bilinear(CORNERS / np.sqrt(3.0))  # at the points of Gauss' rule
+CELL = REFERENCE_CELLS["quad"]
+SHAPES, SLOPES = CELL.shape_functions(CELL.corners / np.sqrt(3.0))  # at the points of Gauss' rule
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from percuss_methods.elements._one_point import OnePointCell, plane_forces
-from percuss_methods.elements.quad4 import CORNERS, Quad4
+from percuss_methods.elements.quad4 import CELL, Quad4
 
 
 @dataclass(frozen=True)
@@ -30,5 +30,5 @@ class Quad4OnePoint(OnePointCell):
     references = ("Flanagan, Belytschko 1981, doi:10.1002/nme.1620170504",)
     examples = ({}, {"hourglass": 0.2})
     shapes, slopes, weights = Quad4.shapes, Quad4.slopes, Quad4.weights
-    modes = CORNERS.prod(axis=1)[None]
+    modes = CELL.corners.prod(axis=1)[None]
     force = staticmethod(plane_forces)

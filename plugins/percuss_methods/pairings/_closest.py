@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,12 +57,11 @@ def _met(at: Floats, surface: Surface) -> tuple[Integers, Floats, Floats, Floats
     size = np.ptp(surface.positions[surface.facets[facet]], axis=1).max(axis=1)
     rim = _at_the_end(surface, facet, other)
     # Where facets meet, the gap is the distance, along the vector to the point; of points that touch along their mean.
-    order = np.argsort(surface.facets, axis=None, kind="stable")
-    start = np.searchsorted(surface.facets.ravel()[order], np.arange(len(surface.nodes) + 1))
-    for p in np.flatnonzero(~rim & (other <= AT_AN_END).any(axis=1)):
-        vector, ends = at[p] - met[p], surface.facets[facet[p]][other[p] > AT_AN_END]
-        at_ends = [order[start[end] : start[end + 1]] // surface.facets.shape[1] for end in ends]
-        normals, apart = surface.normals[reduce(np.intersect1d, at_ends)], float(np.linalg.norm(vector))
+    cornered = np.flatnonzero(~rim & (other <= AT_AN_END).any(axis=1))
+    meetings = surface.facets_at(surface.facets[facet[p]][other[p] > AT_AN_END] for p in cornered)
+    for p, meeting in zip(cornered, meetings, strict=True):
+        vector, normals = at[p] - met[p], surface.normals[meeting]
+        apart = float(np.linalg.norm(vector))
         if apart <= AT_AN_END * size[p]:
             outward[p] = normals.sum(axis=0) / np.linalg.norm(normals.sum(axis=0))
         elif (normals @ vector > 0.0).any():  # else the point lies inside

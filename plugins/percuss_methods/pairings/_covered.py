@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from percuss_methods.elements.quad4 import CORNERS, bilinear
+from percuss import REFERENCE_CELLS
 from percuss_methods.pairings._closest import AT_AN_END
 from percuss_methods.pairings.gauss_points import rule
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 ROUND_OFF = 1e-14  # of the area of a facet: smaller pieces are left out
 PAIRS = 1_000_000  # of facets that are looked at together
 NEWTON = 30  # most steps of the search for a place
-TRIANGLE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+TRIANGLE, QUAD = REFERENCE_CELLS["triangle"], REFERENCE_CELLS["quad"]
 
 
 class Quadrature(NamedTuple):
@@ -274,14 +274,14 @@ def _shares(place: Floats, corners: Floats) -> Floats:
         return np.stack(parts, axis=1) / _areas(corners)[:, None]
     at = np.zeros_like(place)
     for _ in range(NEWTON):
-        shares, slopes = bilinear(at)
+        shares, slopes = QUAD.shape_functions(at)
         miss = place - np.einsum("pa,pad->pd", shares, corners)
         x, y = np.einsum("pai,pad->ipd", slopes, corners)
         step = np.stack([_cross(miss, y), _cross(x, miss)], axis=1) / _cross(x, y)[:, None]
         at += step
         if np.abs(step).max(initial=0.0) < ROUND_OFF:
             break
-    return bilinear(at)[0]
+    return QUAD.shape_functions(at)[0]
 
 
 def _basis(facet: Integers, share: Floats, area: Floats, facets: int) -> tuple[Floats, Floats]:
@@ -290,7 +290,7 @@ def _basis(facet: Integers, share: Floats, area: Floats, facets: int) -> tuple[F
     They are 1, s, t and, on a quadrilateral, s t, with the origin in the middle of the covered part and its size as
     unit: the matrix of their products is regular on a small part, where that of the shape functions is not.
     """
-    corners = TRIANGLE if share.shape[1] == 3 else CORNERS
+    corners = (TRIANGLE if share.shape[1] == 3 else QUAD).corners
     place = share @ corners
     whole = np.maximum(np.bincount(facet, area, facets), np.finfo(float).tiny)
 

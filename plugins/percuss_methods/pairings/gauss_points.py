@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from percuss import Doc, Ge, Le, PairedPoints, Pairing, Unit
-from percuss_methods.elements.quad4 import bilinear
+from percuss import REFERENCE_CELLS, Doc, Ge, Le, PairedPoints, Pairing, Unit
 from percuss_methods.pairings._closest import paired
 
 if TYPE_CHECKING:
@@ -54,7 +53,8 @@ def rule(corners: int, along: int) -> tuple[Floats, Floats]:
     if corners == 2:
         return on_edge, weight
     if corners == 4:  # the product of two rules
-        shares, _ = bilinear(np.stack([np.repeat(place, along), np.tile(place, along)], axis=1))
+        places = np.stack([np.repeat(place, along), np.tile(place, along)], axis=1)
+        shares, _ = REFERENCE_CELLS["quad"].shape_functions(places)
         return shares, np.outer(weight, weight).ravel()
     if along == 2:
         return np.full((3, 3), 1.0 / 6.0) + 0.5 * np.eye(3), np.full(3, 1.0 / 3.0)

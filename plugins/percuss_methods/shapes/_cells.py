@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
-from percuss import Doc, Region, Shape
+from percuss import REFERENCE_CELLS, Doc, Region, Shape
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,9 +17,6 @@ PlaneCells = Annotated[Literal["quad4", "tri3"], Doc("kind of cells; two triangl
 SolidCells = Annotated[Literal["hex8", "tet4"], Doc("kind of cells; six tetrahedra for a hexahedron")]
 KINDS = {"quad4": "quad", "tri3": "triangle", "hex8": "hexahedron", "tet4": "tetra"}
 PARTS = {"triangle": 2, "tetra": 6}
-FACES = np.array(
-    [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-)  # of a hexahedron
 
 
 class FilledShape(Shape, contract="shapes"):
@@ -82,7 +79,7 @@ def tetrahedra_of(hexahedra: Integers) -> Integers:
 
     Each is a triangle of a face, as `triangles_of` makes it, with the node of the least number, which is not on it.
     """
-    faces = hexahedra[:, FACES]
+    faces = hexahedra[:, REFERENCE_CELLS["hexahedron"].facets]
     least = hexahedra.min(axis=1)
     away = faces[(faces != least[:, None, None]).all(axis=2)]
     triangles = triangles_of(away)

@@ -7,18 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from percuss import REFERENCE_CELLS
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from percuss import Floats, Integers
-
-SIMPLICES = {"triangle": 2, "tetra": 3}
-# Corners of the cells that are products of lines, in units of their edges.
-CORNERS = {
-    "line": [[0], [1]],
-    "quad": [[0, 0], [1, 0], [1, 1], [0, 1]],
-    "hexahedron": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
-}
 
 
 def cut(nodes: Floats, cells: Mapping[str, Integers], parts: int) -> tuple[Floats, dict[str, Integers]]:
@@ -73,12 +67,12 @@ def cut(nodes: Floats, cells: Mapping[str, Integers], parts: int) -> tuple[Float
 
 def _pattern(kind: str, parts: int) -> tuple[Integers, Integers]:
     """Return the weights of the corners at each point of a cell, (points, corners), and the points of each part."""
-    dim = SIMPLICES.get(kind) or len(CORNERS[kind][0])
+    dim = REFERENCE_CELLS[kind].corners.shape[1]
     lattice = np.array(list(product(range(parts + 1), repeat=dim)))
     place = {tuple(point): k for k, point in enumerate(lattice.tolist())}
     starts = lattice[(lattice < parts).all(axis=1)]
-    if kind in CORNERS:
-        corners = np.array(CORNERS[kind])
+    if kind not in {"triangle", "tetra"}:
+        corners = (REFERENCE_CELLS[kind].corners > 0.0).astype(np.int64)
         ways = [corners]
         ahead = np.where(corners, lattice[:, None], parts - lattice[:, None])
         weights, inside = ahead.prod(axis=2), np.ones(len(lattice), dtype=bool)

@@ -8,27 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from percuss import Doc, Gt, Mesh, MeshFile, OptionError, Region, Shape, Unit
-from percuss_methods.shapes._cells import FACES
+from percuss import REFERENCE_CELLS, Doc, Gt, Mesh, MeshFile, OptionError, ReferenceCell, Region, Shape, Unit
 from percuss_methods.shapes._cuts import cut
 
 if TYPE_CHECKING:
     from percuss import Floats, Integers
 
-# Faces of each kind of cells, that run counter-clockwise as seen from outside, and the kind of the faces.
-SIDES = {
-    "triangle": ("line", np.array([[0, 1], [1, 2], [2, 0]])),
-    "quad": ("line", np.array([[0, 1], [1, 2], [2, 3], [3, 0]])),
-    "tetra": ("triangle", np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])),
-    "hexahedron": ("quad", FACES),
-}
-# Corners of a cell that are next to each of its corners, in space anticlockwise as seen from there.
-NEXT = {
-    "triangle": [[1, 2]],
-    "quad": [[1, 3], [2, 0], [3, 1], [0, 2]],
-    "tetra": [[1, 2, 3]],
-    "hexahedron": [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]],
-}
 TURNED = {"triangle": [0, 2, 1], "quad": [0, 3, 2, 1], "tetra": [0, 2, 1, 3], "hexahedron": [4, 5, 6, 7, 0, 1, 2, 3]}
 FLAT = 1e-9  # of the size of the body or, for volumes, of a cell; and of unit vectors, below which a region is plane
 SKIN = "skin"
@@ -55,8 +40,8 @@ class MeshFromFile(Shape):
 
     def __post_init__(self) -> None:
         path, nodes, groups = self.file.path, self.file.nodes, self.file.groups
-        if self.part and not set(groups.get(self.part, {})) & SIDES.keys():
-            known = [name for name, parts in groups.items() if set(parts) & SIDES.keys()]
+        if self.part and not set(groups.get(self.part, {})) & TURNED.keys():
+            known = [name for name, parts in groups.items() if set(parts) & TURNED.keys()]
             message = f"expected a physical group of cells of {path}, found '{self.part}'"
             raise OptionError(f"{message}; it has {', '.join(known) or 'none'}", "part")
         if len(self._kinds) != 1:
@@ -73,7 +58,7 @@ class MeshFromFile(Shape):
     @cached_property
     def _kinds(self) -> list[str]:
         """Kinds of the cells of the body: those of three dimensions where there are any."""
-        kinds = [kind for kind in SIDES if kind in (self.file.groups[self.part] if self.part else self.file.cells)]
+        kinds = [kind for kind in TURNED if kind in (self.file.groups[self.part] if self.part else self.file.cells)]
         return [kind for kind in kinds if kind in {"tetra", "hexahedron"}] or kinds
 
     @property
@@ -94,7 +79,7 @@ class MeshFromFile(Shape):
     @cached_property
     def _boundary(self) -> Integers:
         """The faces that belong to one cell alone, (faces, nodes of a face)."""
-        faces = self._cells[:, SIDES[self.cell][1]].reshape(-1, SIDES[self.cell][1].shape[1])
+        faces = self._cells[:, self._reference.facets].reshape(-1, self._reference.facets.shape[1])
         _, inverse, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
         single: Integers = faces[count[inverse.ravel()] == 1]
         return single
@@ -118,7 +103,7 @@ class MeshFromFile(Shape):
     def _all_groups(self) -> dict[str, Integers]:
         """Numbers of the faces of the boundary in each group of facets, -1 for a facet that is none of them."""
         kind, known = (
-            SIDES[self.cell][0],
+            self._reference.kind_of_facet,
             {tuple(row): k for k, row in enumerate(np.sort(self._boundary, axis=1).tolist())},
         )
         own = np.isin(np.arange(len(self.file.nodes)), self._cells)
@@ -139,9 +124,14 @@ class MeshFromFile(Shape):
         whole = len(np.unique(grouped)) == len(self._boundary)
         return tuple(self._groups) if whole or SKIN in self._groups else (*self._groups, SKIN)
 
+    @property
+    def _reference(self) -> ReferenceCell:
+        """The kind of its cells."""
+        return REFERENCE_CELLS[self.cell]
+
     def dimension(self) -> int:
         """Return 2 or 3."""
-        return 2 if SIDES[self.cell][0] == "line" else 3
+        return self._reference.corners.shape[1]
 
     def element_count(self, refine: float) -> int:
         """Return the number of cells."""
@@ -157,7 +147,7 @@ class MeshFromFile(Shape):
         """
         if refine < 1 or refine % 1:
             raise OptionError(f"expected a whole number for a mesh from a file, found {refine:g}", "file")
-        kind, side, cells = self.cell, SIDES[self.cell][0], self._cells
+        kind, side, cells = self.cell, self._reference.kind_of_facet, self._cells
         used = np.unique(cells)
         number = np.zeros(len(self.file.nodes), dtype=np.int64)
         number[used] = np.arange(len(used))
@@ -180,9 +170,10 @@ def _region(nodes: Floats, facets: Integers, kind: str) -> Region:
 
 def _volumes(corners: Floats, kind: str) -> Floats:
     """Return the signed volumes that the edges at the corners of each cell span, (cells, corners), its size being 1."""
-    dim = len(NEXT[kind][0])
+    beside = REFERENCE_CELLS[kind].beside
+    dim = beside.shape[1]
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         size = np.abs(corners - corners[:, :1]).max(axis=(1, 2))
         unit = (corners - corners[:, :1])[..., :dim] / size[:, None, None]
-        volumes: Floats = np.linalg.det(unit[:, NEXT[kind]] - unit[:, : len(NEXT[kind]), None])
+        volumes: Floats = np.linalg.det(unit[:, beside] - unit[:, : len(beside), None])
     return volumes

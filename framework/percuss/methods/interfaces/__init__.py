@@ -37,6 +37,7 @@ from percuss.methods.interfaces.body import (
     SolidElement,
     SolidMaterial,
 )
+from percuss.methods.interfaces.cells import REFERENCE_CELLS, ReferenceCell
 from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, LinearLaw, Trial
 from percuss.methods.interfaces.integrator import ContactState, Integrator, LeapFrog, Stages, end_of_step
 from percuss.methods.interfaces.load import FollowingLoad, Load, LoadedEnd

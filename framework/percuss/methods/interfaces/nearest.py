@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from percuss.methods.interfaces.base import Floats, Integers
+from percuss.methods.interfaces.cells import REFERENCE_CELLS
 
-SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])  # the corners of a quadrilateral in reference
-OF_TRIANGLE = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # slopes of its shape functions
 EVEN = 1e-8  # of the size of a facet: places whose distances differ by less are equally near
 FEW = 10_000  # pairs of a point and a facet that are all tried, as that takes less time than a search
 FIRST_TRIED = 8  # facets whose middles are nearest to a point
@@ -90,33 +89,21 @@ def _inside(at: Floats, corners: Floats) -> Floats:
     Newton's method for quadrilaterals, with the curvature of the facet; of triangles its first step is exact.
     """
     width = corners.shape[1]
-    place = np.zeros((len(at), 2))
+    cell, place = REFERENCE_CELLS["triangle" if width == 3 else "quad"], np.zeros((len(at), 2))
     for _ in range(1 if width == 3 else NEWTON):
-        shares, slopes = shapes_of_facet(place, width)
+        shares, slopes = cell.shape_functions(place)
         tangents = np.einsum("pai,pad->pid", slopes, corners)
         apart = at - np.einsum("pa,pad->pd", shares, corners)
         matrix = np.einsum("pid,pjd->pij", tangents, tangents)
         if width == 4:
-            twist = 0.25 * np.einsum("a,pad->pd", SQUARE.prod(axis=1), corners)
+            twist = 0.25 * np.einsum("a,pad->pd", cell.corners.prod(axis=1), corners)
             matrix[:, [0, 1], [1, 0]] -= np.einsum("pd,pd->p", apart, twist)[:, None]
         right = np.einsum("pid,pd->pi", tangents, apart)
         sound = np.abs(np.linalg.det(matrix)) > 1e-12 * np.trace(matrix, axis1=1, axis2=2) ** 2
         matrix[~sound] = np.eye(2)
         step = np.where(sound[:, None], np.linalg.solve(matrix, right[..., None])[..., 0], 0.0)
         place = np.clip(place + step, -FARTHEST, FARTHEST)
-    shares, _ = shapes_of_facet(place, width)
+    shares, _ = cell.shape_functions(place)
     outside = np.abs(place).max(axis=1) > 1.0 if width == 4 else np.zeros(len(at), dtype=bool)
     shares[outside, 0] = -1.0
     return shares
-
-
-def shapes_of_facet(place: Floats, width: int) -> tuple[Floats, Floats]:
-    """Return shape functions of triangles or of quadrilaterals, (P, width), and their slopes, (P, width, 2), at places.
-
-    Places of a quadrilateral run from -1 to 1 along both axes, those of a triangle from 0 to 1.
-    """
-    if width == 4:
-        factors = 1.0 + place[:, None] * SQUARE  # 1 + xi xi_a and 1 + eta eta_a
-        return 0.25 * factors.prod(axis=-1), 0.25 * SQUARE * factors[..., ::-1]
-    x, y = place.T
-    return np.stack([1.0 - x - y, x, y], axis=1), np.repeat(OF_TRIANGLE[None], len(place), axis=0)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable, Iterator
+from functools import reduce
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from percuss.methods.interfaces.base import Component, Floats, Integers
-from percuss.methods.interfaces.nearest import SQUARE, nearest_places
+from percuss.methods.interfaces.cells import REFERENCE_CELLS
+from percuss.methods.interfaces.nearest import nearest_places
 
 
 class Surface(NamedTuple):
@@ -57,7 +60,7 @@ class Surface(NamedTuple):
             return np.stack([along[:, 1], -along[:, 0]], axis=1)
         if corners.shape[1] == 3:
             return 0.5 * np.cross(along, corners[:, 2] - corners[:, 0])
-        x, y = (shares @ SQUARE).T[:, :, None]
+        x, y = (shares @ REFERENCE_CELLS["quad"].corners).T[:, :, None]
         first = (1.0 - y) * along + (1.0 + y) * (corners[:, 2] - corners[:, 3])
         second = (1.0 - x) * (corners[:, 3] - corners[:, 0]) + (1.0 + x) * (corners[:, 2] - corners[:, 1])
         return 0.25 * np.cross(first, second)
@@ -75,6 +78,19 @@ class Surface(NamedTuple):
         (P,) and (P, nodes of a facet) arrays
         """
         return nearest_places(at, self.positions[self.facets])
+
+    def facets_at(self, ends: Iterable[Integers]) -> Iterator[Integers]:
+        """Yield, for each of some sets of nodes, the facets that have all nodes of the set.
+
+        Parameters
+        ----------
+        ends
+            Nodes as indices into `nodes`, one array a set.
+        """
+        order = np.argsort(self.facets, axis=None, kind="stable")
+        start = np.searchsorted(self.facets.ravel()[order], np.arange(len(self.nodes) + 1))
+        for nodes in ends:
+            yield reduce(np.intersect1d, [order[start[k] : start[k + 1]] // self.facets.shape[1] for k in nodes])
 
     def spread(self, facets: Integers, shares: Floats) -> Floats:
         """Return what area points stand for that see a whole facet each, (P,): of a body of revolution that of a ring.
@@ -97,7 +113,8 @@ class Surface(NamedTuple):
         width, every = self.facets.shape[1], np.arange(len(self.facets))
         of_nodes: Floats = np.repeat((self.areas / width)[:, None], width, axis=1)
         if width == 4:
-            points = [0.25 * (1.0 + x * SQUARE[:, 0]) * (1.0 + y * SQUARE[:, 1]) for x, y in SQUARE / np.sqrt(3.0)]
+            quad = REFERENCE_CELLS["quad"]
+            points, _ = quad.shape_functions(quad.corners / np.sqrt(3.0))
             seen = [self.spread(every, np.tile(at, (every.size, 1)))[:, None] * at for at in points]
             of_nodes = 0.25 * np.sum(seen, axis=0)
         elif self.around is not None:
