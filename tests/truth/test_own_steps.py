@@ -300,7 +300,7 @@ def test_the_step_has_to_be_given():
 def test_refused_combinations():
     massless = two_bars("lagrange")
     massless["method"]["mass"] = "redistributed"
-    with pytest.raises(percuss.RefusedPair, match="does not act in every step"):
+    with pytest.raises(percuss.RefusedPair, match="asynchronous gives no internal forces that act in every step"):
         Model(percuss.load(massless))
 
 

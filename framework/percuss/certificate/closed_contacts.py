@@ -79,7 +79,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     stages, (*_, table) = scheme(integrator, dt)
     guarantees = _guarantees_without_laws(model, stages)
     alone = stages is not None and uses_internal(kernel_of(integrator))
-    by_scheme = model.facts.no_springs or (f"{integrator.name} {ALONE}" if alone else "")
+    by_scheme = model.why("springs") or (f"{integrator.name} {ALONE}" if alone else "")
     for bound_law in model.laws_at(dt):
         linear: Any = bound_law.linear
         indices = list(bound_law.where)
@@ -114,7 +114,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         stiffness[acting] = 1.0 / compliance[acting]
         guarantees.append((BETWEEN, BALANCED))
     weakest, why = _weakest(guarantees, multistage=stages is not None)
-    reasons = tuple(filter(None, (*dict.fromkeys(doubts), model.facts.beyond_pencil())))
+    reasons = tuple(filter(None, (*dict.fromkeys(doubts), model.why("linear laws"))))
     return ClosedContacts(stiffness, inertia, predicted, surplus, compliance, reasons, weakest, why)
 
 
@@ -131,8 +131,8 @@ def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[
     guarantees = [(NEVER_GROWS, BY_END) if model.contact_points else (BETWEEN, NO_CONTACT)]
     if model.bodies.why_not_linear:
         guarantees.append((NOT_GUARANTEED, f"{model.bodies.why_not_linear}, and {OF_LINEAR_BODIES}"))
-    if model.facts.not_guaranteed:
-        guarantees.append((NOT_GUARANTEED, model.facts.not_guaranteed))
+    if model.why("energy"):
+        guarantees.append((NOT_GUARANTEED, model.why("energy")))
     if stages is not None:
         guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     return guarantees

@@ -27,7 +27,7 @@ def unlike_plain_bars(model: Model) -> str:
         for body in model.bodies.values()
         for kind in (body.mesh.cells if body.of_cells else ())
     )
-    return model.bodies.why_not_linear or scheme or model.facts.unlike_plain_bars or next(cells, "")
+    return model.bodies.why_not_linear or scheme or model.why("plain bars") or next(cells, "")
 
 
 def end_elements(model: Model, contact_point: ContactPoint) -> list[tuple[float, float]]:
@@ -56,7 +56,7 @@ def step_of_long_bars(model: Model) -> float:
         If a body is not linear or a bar not uniform, the mass couples nodes, the integrator is a multi-stage scheme or
         viscous, or an end in contact is fixed, driven or in several contacts.
     """
-    if why := unlike_plain_bars(model) or model.facts.no_closed_form:
+    if why := unlike_plain_bars(model) or model.why("closed form"):
         raise NoClosedFormError(why)
     for body in model.bodies.values():
         if np.ptp(body.mesh.lengths) > 1e-9 * body.mesh.lengths.mean():

@@ -33,7 +33,7 @@ def operator_criterion(model: Model) -> OperatorCriterion:
     # Contact can damp all of a short body, so a step above theta = 1 may be stable: the step itself tells. The state of
     # ends without mass is not one of displacement and velocity alone, and states are weighted with diagonal masses.
     short = any(body.count < SHORT_BODY_ELEMENTS for body in model.bodies.values())
-    covered = not model.facts.by_pencil_alone
+    covered = not model.why("black box")
     asked = short and covered and 2 * model.dim * model.bodies.mass.size <= LARGEST_DENSE_STATE
     return OperatorCriterion(
         operator_of(model),
@@ -44,7 +44,7 @@ def operator_criterion(model: Model) -> OperatorCriterion:
         tied=model.tied_points,
         apart=lambda: operator_of(model, tied=False),
         beyond=StepCriterion(model) if asked else None,
-        why_open=model.facts.unknown_above_theta_of_one if short else "",
+        why_open=model.why("short bars") if short else "",
     )
 
 

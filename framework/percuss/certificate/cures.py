@@ -47,8 +47,8 @@ def cure_of(criterion: RunCriterion, critical: float, *, searched: bool = True) 
                 limit = largest_stable_value(criterion, law, option, value)
                 if limit is not None:
                     cures.append(f"set {option} of {law.name} to at most {round_down(limit)}")
-    if np.isnan(critical) and model.facts.cure:
-        cures.append(model.facts.cure)
+    if np.isnan(critical) and model.why("cure"):
+        cures.append(model.why("cure"))
     elif np.isnan(critical) or not cures:
         cures.append(no_step(model, criterion.free, critical, searched=searched))
     return ", or ".join(cures)

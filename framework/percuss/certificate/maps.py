@@ -149,13 +149,13 @@ def _why_unknown(model: Model, way: str, doubts: Sequence[str]) -> str:
     """Return why a criterion gives no number for a model, whatever its step; empty if it gives one."""
     if model.bodies.why_not_linear:
         return f"{model.bodies.why_not_linear}, and its critical step changes with the strain"
-    if why := model.facts.effect_unknown():
+    if why := model.why("certificate"):
         return f"{why}, which changes the critical step"
-    if model.facts.no_critical_step:
-        return model.facts.no_critical_step
+    if model.why("critical step"):
+        return model.why("critical step")
     if way == "pencil" and doubts:
         return f"the pencil does not cover this: {'; '.join(doubts)}"
-    why = model.facts.by_pencil_alone
+    why = model.why("black box")
     return "; ".join((why, *doubts)) if way == "black-box" and why else ""
 
 

@@ -136,7 +136,7 @@ def _with_step(case: Case) -> SettledRun:
     unknown = "No step is known to be stable: give one."
     changes = f"The highest frequency changes with the strain, so that {unknown[0].lower()}{unknown[1:]}"
     for expected, found, advice in (
-        ("loads of which the critical step is known, found that", model.facts.effect_unknown(), unknown),
+        ("loads of which the critical step is known, found that", model.why("certificate"), unknown),
         ("a diagonal mass and ends in contact with mass, or linear laws, found that", unknown_by_mass(model), unknown),
         ("linear bodies, found that", model.bodies.why_not_linear, changes),
     ):
@@ -200,14 +200,14 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
     large = too_large(model)
     if model.bodies.why_not_linear and not large:
         found = _certificate_of_nonlinear_bodies(model)
-    elif why := model.bodies.why_not_linear or unknown_by_mass(model) or model.facts.unknown():
+    elif why := model.bodies.why_not_linear or unknown_by_mass(model) or model.why("criterion"):
         found = _unknown_certificate(model, why)
     elif large:
         found = _certificate_by_bounds(criterion or criterion_of(model))
     else:
         known = with_critical_step or criterion is not None
         found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), known)
-    if why := model.facts.effect_unknown():
+    if why := model.why("certificate"):
         why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found['why']}"
         found = found | {"stable": "unknown", "why": why, "cure": "", "worst": []}
         found = found | {"dt_critical": None, "dt_critical_free": None, "courant_critical": None, "margin": None}
@@ -295,7 +295,7 @@ def unknown_by_mass(model: Model) -> str:
 
     Ends without mass, and masses that couple nodes, are examined by the pencil alone.
     """
-    what = model.facts.examined
+    what = model.why("kernels")
     doubts = closed_contacts(model, model.dt).doubts if what else ()
     return f"{what}, and {'; '.join(doubts)}" if doubts else ""
 

@@ -154,7 +154,7 @@ def _ends(model: Model, p: int) -> _Ends:
     """Return the response of the ends of a contact, measured from the time step."""
     contact_point = model.contact_points[p]
     contact, ends = f"contact '{contact_point.name}'", contact_point.nodes
-    if why := model.facts.no_waves:
+    if why := model.why("waves"):
         raise PercussError(f"{contact}: {why}")
     motions = Motions(model)
     step = ClosedStep(motions, model.dt, [p])

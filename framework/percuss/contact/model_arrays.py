@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.contact.bound_law import BoundLaw
     from percuss.contact.contact_point import ContactPoint
-    from percuss.contact.features import Feature
+    from percuss.contact.features import Feature, Question
     from percuss.mesh.bodies import Bodies
     from percuss.mesh.loads import SupportsAndLoads
 
@@ -78,9 +77,13 @@ class ModelArrays:
         """These facts together, as those of one feature; neutral where the model has none."""
         return together(self.features)
 
-    def why_without(self, name: str, where: Sequence[int] = ()) -> str:
-        """Return why the feature of this name does not go with others at the points `where`; empty if it does."""
-        return next(filter(None, (feature.why_without(name, where) for feature in self.features)), "")
+    def why(self, question: Question) -> str:
+        """Return what the first feature that has an answer to a question says, in words; empty if none has."""
+        return next(filter(None, (feature.why(question) for feature in self.features)), "")
+
+    def why_altered(self, *needed: str) -> str:
+        """Return which feature alters something that another one needs, in words; empty if none does."""
+        return next((f"{one.name} gives no {one.alters}" for one in self.features if one.alters in needed), "")
 
     @cached_property
     def balanced(self) -> Any:

@@ -255,7 +255,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     stiffness, mass, frequency = names = _names_at_end(model, contact_point)
     at_end = contact_point.stiffness, contact_point.mass, contact_point.frequency
     points = [point for point in model.contact_points if point.name == contact_point.name]
-    s_formula = model.facts.delassus if model.balanced[number] else "N^T M^-1 N"
+    s_formula = model.why("delassus") if model.balanced[number] else "N^T M^-1 N"
     value: Entries = {
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
         "gap": min(point.gap for point in points),
@@ -407,7 +407,7 @@ def _method(model: Model, component: Component) -> Fact:
     details += filter(None, ["; ".join(properties)])
     details += [f"see {reference}" for reference in component.references]
     if component.family == "integrators":
-        details += model.facts.explained
+        details += filter(None, [model.why("step")])
         details += model.stages.in_words if model.stages else ()
     words = [f"{component.name} ({component.family}): {component.summary}"]
     return Fact(f"{component.family}/{component.name}", value, words, details)

@@ -152,7 +152,7 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     for body in filter(lambda body: body.of_small_strains, bodies):
         warnings += filter(None, [why_it_must_not_turn(body, turned_by(body, moved[body.start : body.stop]))])
     warnings += march.model.ignored_couplings()
-    name, facts = march.model.case.method.integrator.name, march.model.facts
+    name = march.model.case.method.integrator.name
     if march.arrays.record.every > 1 and march.model.contact_points:
         warnings.append("true errors of the contact force need `record.every: 1`")
     if march.model.multistage:
@@ -160,8 +160,9 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
         )
     bodies_error = energy["bodies_error"] or 0.0
-    if facts.loses_energy and bodies_error > ledger.BODIES_TOLERANCE:
-        warnings.append(f"{facts.loses_energy} {percent(bodies_error)} of the largest energy")
+    lost = march.model.why("lost energy")
+    if lost and bodies_error > ledger.BODIES_TOLERANCE:
+        warnings.append(f"{lost} {percent(bodies_error)} of the largest energy")
     total = march.totals
     allowed = CONTACT_WORK_GROWTH * (total.began_with + total.largest_work) + march.noise
     if outcome.status != "unstable" and not total.contact_work <= allowed:

@@ -148,7 +148,7 @@ def energy_summary(
     total = histories["kinetic_energy"] + histories["elastic_energy"]
     last = {name: float(values[-1]) if values.size else 0.0 for name, values in histories.items()}
     bodies_error = _bodies_error(march, histories, largest_energy)
-    agree = march.model.facts.loses_energy or not (bodies_error or 0.0) > BODIES_TOLERANCE
+    agree = bool(march.model.why("lost energy")) or not (bodies_error or 0.0) > BODIES_TOLERANCE
     error = float(np.max(np.abs(histories["energy_error"]), initial=0.0))
     judged = not march.model.multistage and outcome.status != "unstable"
     allowed = _allowed(outcome, CLOSURE_TOLERANCE, largest_energy)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from percuss.contact.features import Feature
+from percuss.contact.features import EVERY_STEP, Feature
 from percuss.lapack import lapack
 from percuss.record_arrays import Records, record_array
 from percuss.step.actions import (
@@ -273,16 +273,18 @@ def feature(model: ModelArrays) -> Feature | None:
         return None
     mass = model.case.method.mass.name
     return Feature(
-        name="coupled masses",
+        name=mass,
         no_row_kernel=True,
-        no_closed_form=f"the mass {mass} couples nodes",
-        no_waves=f"waves are measured with diagonal masses; the mass {mass} couples nodes",
-        by_pencil_alone=f"the mass {mass} couples nodes: only the pencil covers it",
-        unknown_above_theta_of_one=(
-            "above theta = 1 contact may damp all of a bar of one or two elements, and the step itself is examined "
-            "only with diagonal masses"
-        ),
-        examined=f"the mass {mass}, which couples nodes, is examined only with linear laws",
+        reasons={
+            "closed form": f"the mass {mass} couples nodes",
+            "waves": f"waves are measured with diagonal masses; the mass {mass} couples nodes",
+            "black box": f"the mass {mass} couples nodes: only the pencil covers it",
+            "short bars": (
+                "above theta = 1 contact may damp all of a bar of one or two elements, and the step itself is examined "
+                "only with diagonal masses"
+            ),
+            "kernels": f"the mass {mass}, which couples nodes, is examined only with linear laws",
+        },
     )
 
 
@@ -295,10 +297,10 @@ def refusals(model: ModelArrays) -> Iterator[Problem]:
     if not model.bodies.couples_nodes:
         return
     mass, case = model.case.method.mass.name, model.case
-    if what := model.why_without("coupled masses"):
+    if why := model.why_altered(EVERY_STEP):
         integrator = case.method.integrator.name
         message = f"expected a diagonal mass with {integrator}, found {mass}, which couples nodes"
-        advice = f"Masses that couple nodes are not built for {what}: take lumped, or central-difference."
+        advice = f"A mass that couples nodes needs {EVERY_STEP}, and {why}: take lumped, or central-difference."
         yield case.problem(("method", "mass"), message, advice)
     for body in model.bodies.values():
         reach, count = body.inverse.shape[0] - 1, body.count

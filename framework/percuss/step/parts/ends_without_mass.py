@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.contact.contact_rows import law_records
-from percuss.contact.features import Feature
+from percuss.contact.features import ELASTIC, EVERY_STEP, Feature
 from percuss.contact.points import BY_CURRENT, BY_END, FROM_PART, NOTHING, Points
 from percuss.errors import Problem, RefusedPair
 from percuss.mesh.masses import BALANCE
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
     from percuss.methods.interfaces import Floats
 
-NAME = "ends without mass"
 # A side without mass of a contact point, one record for each direction.
 END_WITHOUT_MASS = np.dtype(
     [
@@ -172,14 +171,16 @@ def feature(model: ModelArrays) -> Feature | None:
         return None
     mass = model.case.method.mass.name
     return Feature(
-        name=NAME,
+        name=mass,
         balanced=massless,
         records=partial(_lines_in_balance, massless, model.dt),
-        delassus="1/(k dt^2) of each end without mass",
         no_row_kernel=True,
-        no_waves=f"waves are measured of ends with mass; the mass {mass} leaves ends in contact without",
-        by_pencil_alone=f"the mass {mass} leaves ends without mass: only the pencil covers it",
-        examined="ends without mass are examined only with linear laws in gap or gap rate",
+        reasons={
+            "delassus": "1/(k dt^2) of each end without mass",
+            "waves": f"waves are measured of ends with mass; the mass {mass} leaves ends in contact without",
+            "black box": f"the mass {mass} leaves ends without mass: only the pencil covers it",
+            "kernels": "ends without mass are examined only with linear laws in gap or gap rate",
+        },
     )
 
 
@@ -239,7 +240,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
             reason = _why_no_balance(bound_law)
             if model.multistage:
                 reason = f"{BALANCE}, and {integrator} evaluates contact in the stages of its step"
-            elif why := model.why_without(NAME, bound_law.where):
+            elif why := model.why_altered(EVERY_STEP, ELASTIC):
                 reason = f"{BALANCE}, and {why}"
         if reason:
             yield RefusedPair(integrator, law.name, reason, name)

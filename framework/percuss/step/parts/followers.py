@@ -121,8 +121,7 @@ def feature(model: ModelArrays) -> Feature | None:
         name="loads that follow the motion of an end",
         forces=model.loads.followers,
         springs=partial(_springs, model),
-        beyond_pencil=partial(_why_beyond_pencil, model),
-        effect_unknown=partial(_why_unknown, model),
+        reasons={"linear laws": partial(_why_beyond_pencil, model), "certificate": partial(_why_unknown, model)},
     )
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from percuss.contact.features import Feature
+from percuss.contact.features import EVERY_STEP, Feature, Question, Reason
 from percuss.jit import called
 from percuss.record_arrays import Records
 from percuss.step.actions import AFTER_STRAIN_ENERGY, BEFORE_STRAIN_ENERGY, SNAPSHOT, Action
@@ -150,40 +150,38 @@ def feature(model: ModelArrays) -> Feature | None:
         return None
     ratios = [model.bodies.omega / float(body.frequency.max()) for body in model.bodies.values()]
     leaps = tuple(max(1, int(ratio * (1.0 + TOLERANCE))) for ratio in ratios)
-    if max(leaps) == 1:
-        return Feature(name="own steps", built_for_bars=True)
     name = model.case.method.integrator.name
+    if max(leaps) == 1:
+        return Feature(name=name, built_for_bars=True)
     steps = ", ".join(f"{number} in '{body}'" for body, number in zip(model.bodies, leaps, strict=True))
+    of_contacts: dict[Question, Reason] = {
+        "energy": (
+            "bodies have steps of their own: internal forces that do not act in every step balance no contact in it"
+        ),
+        "critical step": f"with {name} steps resonate: a longer one may be stable, a shorter one not",
+    }
     return Feature(
-        name="own steps",
-        goes_without={
-            "coupled masses": "bodies with steps of their own",
-            "ends without mass": f"with {name} its end element does not act in every step",
-        },
+        name=name,
+        alters=EVERY_STEP,
         leaps=leaps,
         no_row_kernel=True,
         built_for_bars=True,
         sums_internal_work=True,
-        loses_energy=(
-            f"{name} has not kept the energy: what its internal forces did and what the bodies store differ by"
-        ),
-        not_guaranteed=(
-            "bodies have steps of their own: internal forces that do not act in every step balance no contact in it"
-            if model.contact_points
-            else ""
-        ),
         of_all_laws=True,
-        no_springs=f"{name} gives bodies steps of their own, so that a closed contact does not act as a stiffness",
-        unlike_plain_bars=f"with {name} bodies have steps of their own",
-        no_critical_step=(
-            f"with {name} steps resonate: a longer one may be stable, a shorter one not" if model.contact_points else ""
-        ),
-        unknown=partial(_why_unknown, model),
-        cure="take another step, or the same step in all bodies: steps of unlike length resonate",
-        explained=(
-            f"bodies have steps of their own: steps from one action of the internal forces to the next, {steps}; "
-            "contacts and loads on ends act in every step",
-        ),
+        reasons={
+            "springs": f"{name} gives bodies steps of their own, so that a closed contact does not act as a stiffness",
+            "plain bars": f"with {name} bodies have steps of their own",
+            "criterion": partial(_why_unknown, model),
+            "cure": "take another step, or the same step in all bodies: steps of unlike length resonate",
+            "lost energy": (
+                f"{name} has not kept the energy: what its internal forces did and what the bodies store differ by"
+            ),
+            "step": (
+                f"bodies have steps of their own: steps from one action of the internal forces to the next, {steps}; "
+                "contacts and loads on ends act in every step"
+            ),
+            **(of_contacts if model.contact_points else {}),
+        },
     )
 
 

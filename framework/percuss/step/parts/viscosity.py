@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from percuss.contact.features import Feature
+from percuss.contact.features import ELASTIC, Feature
 from percuss.mesh.cell_kernels import add_up_forces
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import internal_force
@@ -84,18 +84,20 @@ def feature(model: ModelArrays) -> Feature | None:
     if not viscosity:
         return None
     return Feature(
-        name="viscous bodies",
-        goes_without={"ends without mass": f"the viscous force of {name} in its end element is not part of that"},
+        name=name,
+        alters=ELASTIC,
         limit_ratio=1.0 / math.sqrt(1.0 + 2.0 * viscosity),
         no_row_kernel=True,
         sums_internal_work=True,
         dissipates=True,
-        not_guaranteed="viscosity takes energy in every step: no balance of elastic and kinetic energy is kept",
-        no_springs=(
-            f"{name} is viscous in the bodies and not in their contacts, so that a closed contact does not act as a "
-            "stiffness"
-        ),
-        unlike_plain_bars=f"{name} is viscous",
+        reasons={
+            "energy": "viscosity takes energy in every step: no balance of elastic and kinetic energy is kept",
+            "springs": (
+                f"{name} is viscous in the bodies and not in their contacts, so that a closed contact does not act as "
+                "a stiffness"
+            ),
+            "plain bars": f"{name} is viscous",
+        },
     )
 
 
