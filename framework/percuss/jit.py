@@ -15,8 +15,9 @@ import threading
 import time
 import types
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
@@ -36,7 +37,8 @@ SIMPLE = (bool, int, float, complex, str, bytes, np.generic, np.dtype)
 # Options of `numba.njit` that its manual does not have. They change no number: a version that does not know them
 # compiles without. Without `_nrt` code does not count references to its array slices, which costs half of the time of a
 # small model. With `forceinline` a function is copied into its callers. The others leave out what nobody calls.
-UNDOCUMENTED: Entries = {"_nrt": False, "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+UNDOCUMENTED = {"_nrt", "forceinline", "no_cpython_wrapper", "no_cfunc_wrapper"}
+_UNKNOWN: set[str] = set()  # those that this version of numba does not know
 
 LOCK = threading.RLock()
 # Called with True when a compilation begins, and with False when it has finished.
@@ -292,30 +294,40 @@ def entry(bound: Bound, decorate: Callable[..., Any], signature: Any) -> Any:
     signature
         The types of its arguments, for `numba.cfunc` also that of its result.
     """
+    silent = not NOTICES or _stored(bound.value.__name__)
+    with compiler(), nullcontext() if silent else announced():
+        try:
+            return _decorated(bound, decorate, signature)
+        except KeyError:
+            if not _drop_unknown_options():
+                raise
+            return _decorated(bound, decorate, signature)
+
+
+def _decorated(bound: Bound, decorate: Callable[..., Any], signature: Any) -> Any:
     import numba
 
-    options = _usable(bound.options)
-    options.pop("forceinline", None)
-    with compiler(), _announced_unless_stored(bound.value.__name__):
-        before, folder = numba.config.CACHE_DIR, cache_folder()
-        if folder is not None and os.access(folder, os.W_OK):
-            numba.config.CACHE_DIR = str(folder)  # numba reads it in the decorator
-            try:
-                return decorate(signature, cache=True, **options)(bound.value)
-            except compile_error():
+    options = {name: value for name, value in _usable(bound.options).items() if name != "forceinline"}
+    before, folder = numba.config.CACHE_DIR, cache_folder()
+    if folder is not None and os.access(folder, os.W_OK):
+        numba.config.CACHE_DIR = str(folder)  # numba reads it in the decorator
+        try:
+            return decorate(signature, cache=True, **options)(bound.value)
+        except Exception as error:  # no source, a full disk, damaged files: it is compiled without them
+            if isinstance(error, (KeyError, *compile_error())):
                 raise
-            except Exception:  # noqa: BLE001, S110  no source, a full disk, damaged files: it is compiled without them
-                pass
-            finally:
-                numba.config.CACHE_DIR = before
-        return decorate(signature, **options)(bound.value)
+            for file in _stored(bound.value.__name__):
+                with suppress(OSError):
+                    file.unlink()
+        finally:
+            numba.config.CACHE_DIR = before
+    return decorate(signature, **options)(bound.value)
 
 
-def _announced_unless_stored(name: str) -> AbstractContextManager[None]:
-    """Return a context that calls `NOTICES`, unless a function of this name is on disk."""
-    folder = cache_folder() if NOTICES else None
-    stored = not NOTICES or (folder is not None and any(folder.glob(f"*/*.{name}-*.nbi")))
-    return nullcontext() if stored else announced()
+def _stored(name: str) -> list[Path]:
+    """Return the files that numba has written for a function."""
+    folder = cache_folder()
+    return [] if folder is None else list(folder.glob(f"*/*.{name}-*"))
 
 
 class Compiled:
@@ -385,25 +397,27 @@ def jit_disabled() -> bool:
 
 def _usable(options: Data) -> Entries:
     """Return options as numba takes them, without those that its version does not know."""
-    usable = {name: value for name, value in options.items() if name not in UNDOCUMENTED or name in _known()}
+    usable = {name: value for name, value in options.items() if name not in _UNKNOWN}
     if isinstance(flags := usable.get("fastmath"), tuple):  # a set has no order, which a digest needs
         usable["fastmath"] = set(flags)
     return usable
 
 
-@functools.cache
-def _known() -> frozenset[str]:
-    """Return the undocumented options that this version of numba knows."""
+def _drop_unknown_options() -> bool:
+    """Leave out the undocumented options that this version of numba does not know; return whether there are any."""
     import numba
 
-    def knows(*names: str) -> bool:
+    found = set()
+    for name in UNDOCUMENTED - _UNKNOWN:
         try:
-            numba.njit("void()", **{name: UNDOCUMENTED[name] for name in names})(_nothing)
+            numba.njit("void()", **{name: False})(_nothing)
         except KeyError:
-            return False
-        return True
-
-    return frozenset(UNDOCUMENTED if knows(*UNDOCUMENTED) else filter(knows, UNDOCUMENTED))
+            found.add(name)
+    for kernel in _CALLEES.values():
+        for name in found:
+            kernel.targetoptions.pop(name, None)  # type: ignore[attr-defined]
+    _UNKNOWN.update(found)
+    return bool(found)
 
 
 def _nothing() -> None:

@@ -33,49 +33,43 @@ def advance(step: Step, record: Record, amplitudes: Floats, u: Floats, v: Floats
     A step fails if the contact equation was not solved, or if the contact work exceeds its limit or is nan.
     `amplitudes` has one row for each step, as `percuss.step.records.Loads` has it.
     """
-    now = step.now[0]
-    for s in range(count):
-        n = first + s
-        for k in range(amplitudes.shape[1]):
-            step.loads.amplitudes[k] = amplitudes[s, k]
-        snapshot(record, step, n, u, v)
-        if n == 0:
-            count_start(step, u, v)
-        sound = make_step(step, n, u, v)
-        if is_recorded(record, n):
-            find_energies(step, n, u, v)
-            write_record(record, step, n, u, v, now.dt)
-        if not sound:
-            return s
-    return count
-
-
-def make_step(step: Step, n: int, u: Floats, v: Floats) -> bool:
-    """Make step n; return whether it is sound."""
     boundary, points, loads, actions = step.boundary, step.points, step.loads, step.actions
     total, now = step.totals[0], step.now[0]
     dt = now.dt
-    now.time = n * dt
-    now.solved = 1
-    total.work_of_parts = 0.0
-    keep(boundary, u, v)
-    perform(actions, BULK, n, u, v, v)
+    for s in range(count):
+        n = first + s
+        for k in range(amplitudes.shape[1]):
+            loads.amplitudes[k] = amplitudes[s, k]
+        snapshot(record, step, n, u, v)
+        if n == 0:
+            count_start(step, u, v)
+        now.time = n * dt
+        now.solved = 1
+        total.work_of_parts = 0.0
+        keep(boundary, u, v)
+        perform(actions, BULK, n, u, v, v)
 
-    take(boundary, v)
-    push_by_loads(loads, boundary, now)
-    perform(actions, BEFORE_SUPPORTS, n, u, v, v)
-    work = hold(loads, boundary, total, now)
-    perform(actions, BEFORE_CONTACT, n, u, v, v)
+        take(boundary, v)
+        push_by_loads(loads, boundary, now)
+        perform(actions, BEFORE_SUPPORTS, n, u, v, v)
+        work = hold(loads, boundary, total, now)
+        perform(actions, BEFORE_CONTACT, n, u, v, v)
 
-    see(points, boundary, dt)
-    sound = find_multipliers(points, now, actions, n, u, v)
-    push(points, boundary, dt)
+        see(points, boundary, dt)
+        solved = find_multipliers(points, now, actions, n, u, v)
+        push(points, boundary, dt)
 
-    work += react_to_contact(loads, points.state, boundary, now)
-    work += work_along(loads.nodal_forces, loads, boundary, now) + work_on_bodies(loads, boundary, now)
-    put_back(boundary, u, v, dt)
-    perform(actions, AFTER_STEP, n, u, v, v)
-    return account(step, work + total.work_of_parts, n, u, v) and sound and now.solved == 1
+        work += react_to_contact(loads, points.state, boundary, now)
+        work += work_along(loads.nodal_forces, loads, boundary, now) + work_on_bodies(loads, boundary, now)
+        put_back(boundary, u, v, dt)
+        perform(actions, AFTER_STEP, n, u, v, v)
+        sound = account(step, work + total.work_of_parts, n, u, v) and solved and now.solved == 1
+        if is_recorded(record, n):
+            find_energies(step, n, u, v)
+            write_record(record, step, n, u, v, dt)
+        if not sound:
+            return s
+    return count
 
 
 def keep(boundary: Records, u: Floats, v: Floats) -> None:
