@@ -3,7 +3,6 @@
 Marks: `deep` tests are left out unless asked for (``-m deep``), `slow` ones take more than some seconds.
 """
 
-import contextlib
 import gc
 import math
 import os
@@ -13,9 +12,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: th
 
 import pytest
 from hypothesis import HealthCheck, find, settings
+from hypothesis.internal.conjecture import providers
 from hypothesis.strategies import booleans
-
-from percuss.testing.draws import without_constants_of_modules
 
 # Tests, types and compiled functions are many objects that stay: the search for garbage among them takes long.
 gc.set_threshold(50_000)
@@ -35,8 +33,13 @@ settings.load_profile(PROFILE)
 
 @pytest.fixture(autouse=True, scope="session")
 def repeatable_draws():
-    """Draw the same wherever percuss is installed and whatever is loaded, but in the profile that draws anew."""
-    with contextlib.nullcontext() if PROFILE == "deep" else without_constants_of_modules():
+    """Draw the same wherever percuss is installed and whatever is loaded, but in the profile that draws anew.
+
+    Hypothesis draws constants that it finds in the modules that are loaded; versions below 6.131 draw none.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if PROFILE != "deep":
+            patch.setattr(providers.HypothesisProvider, "_maybe_draw_constant", lambda *_, **__: None, raising=False)
         yield
 
 

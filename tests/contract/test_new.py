@@ -18,7 +18,8 @@ from percuss.errors import InputError
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.registry import Registry
 from percuss.results.verify import verify
-from percuss.testing import conformance
+from percuss.testing import checks
+from percuss.testing.kit import outcome_of
 
 KINDS = list(scaffold.KINDS)
 
@@ -83,7 +84,9 @@ def test_a_single_file_runs_as_its_case_expects(written, kind):
 def test_a_method_conforms(written, kind):
     """Those that come in pairs are held against the kit in test_third_party, as packages."""
     registry = Registry.load([written / f"some-{kind}.py"])
-    assert conformance(registry.get(scaffold.KINDS[kind], f"some-{kind}"), registry=registry).passed
+    method = registry.get(scaffold.KINDS[kind], f"some-{kind}")
+    outcomes = [outcome_of(check) for _, check in checks(method, registry=registry)]
+    assert not [str(one) for one in outcomes if one.status == "failed"]
 
 
 def test_a_measure_is_used_by_a_study(written):
@@ -113,7 +116,7 @@ def test_a_package_is_the_same_method(written, kind):
     editor = jsonschema.Draft202012Validator(json.loads((folder / schema).read_text()))
     editor.validate(yaml.safe_load(single))
     test = (folder / "tests" / f"test_{module}.py").read_text()
-    assert f"test_conformance = conformance_test(Some{kind.title().replace('-', '')})" in test
+    assert f"@parametrize(Some{kind.title().replace('-', '')})\ndef test_conformance(check):\n    check()" in test
     for file in folder.rglob("*.*"):
         text = file.read_text()
         assert not re.findall(r"my[-_]?method|@[A-Z]+@", text, flags=re.IGNORECASE), file

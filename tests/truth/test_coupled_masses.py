@@ -619,12 +619,6 @@ def test_an_inverse_that_breaks_its_contract_is_refused_with_its_place(tmp_path,
     assert "mine.py" in str(refusal.value)
 
 
-def test_the_kit_asks_masses_about_their_inverse():
-    from percuss.testing import checks_of
-
-    assert "inverse-mass" in {check.name for check, _ in checks_of(Reciprocal)}
-
-
 # -------------------------------------------------------------------------------------------------- banded matrices
 
 

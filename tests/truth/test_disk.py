@@ -12,9 +12,6 @@ from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 from percuss.mesh import element_probe
 from percuss.mesh.cell_stiffness import frequencies_of_cells, stiffness_of_cells
-from percuss.methods.registry import Registry
-from percuss.testing.checks.solids import expect_sound_mesh
-from percuss.testing.subject import CheckFailed
 from percuss_methods.shapes.disk import Disk
 from percuss_methods.shapes.half_disk import HalfDisk
 from percuss_methods.shapes.ring import Ring
@@ -392,37 +389,6 @@ def test_a_region_without_a_node_is_told(more, path, tmp_path):
     with pytest.raises(percuss.InputError) as refusal:
         Model(percuss.load(data, plugins=[tmp_path / "cell.py"]))
     assert f"{path}: expected a region with nodes, found none in a.nowhere" in str(refusal.value)
-
-
-NODES = "[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]"
-CELL, EDGE = "np.array([[0, 1, 2, 3]])", "np.array([[3, 0]])"
-
-
-@pytest.mark.parametrize(
-    ("right", "wrong", "said"),
-    [
-        (NODES, "[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]", "the cell 0 of the corners"),  # inside out
-        (NODES, "[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 0.0]", "the cell 0 of the corners"),  # without an area
-        (NODES, "[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]", "the cell 0 of the corners"),  # with a dent
-        (NODES, f"{NODES}, [0.5, 0.5]", "the node 4 at [0.5, 0.5], which belongs to no cell"),
-        (CELL, "np.array([[0, 1, 2, 7]])", "as `cells` the node 7, expected one from 0 to 3"),
-        (CELL, "np.array([[0, 1, 2, -1]])", "as `cells` the node -1, expected one from 0 to 3"),
-        (CELL, "np.array([[0, 1, 2]])", "as `cells` int64 of shape (1, 3), expected integers of shape (n, 4)"),
-        (CELL, "np.array([[0.0, 1.0, 2.0, 3.0]])", "as `cells` float64 of shape (1, 4), expected integers"),
-        ('{"quad"', '{"square"', "cells of the kind square, expected one of triangle, quad"),
-        (EDGE, "np.array([[0, 3]])", "in the region 'left' the facet [0, 3], an edge with the body on its right"),
-        (EDGE, "np.array([[3, 0], [3, 0]])", "in the region 'left' the facet of the nodes [0, 3] twice"),
-        (EDGE, "np.array([[1, 3]])", "in the region 'left' the facet [1, 3], an edge of no cell"),
-        (EDGE, "np.array([[3, 9]])", "as facets of the region 'left' the node 9, expected one from 0 to 3"),
-        ('{"line": np.array([[3, 0]])}', "{}", "the region 'left' with facets of the kind none, expected line"),
-    ],
-)
-def test_the_kit_finds_a_mesh_that_is_none(right, wrong, said, tmp_path):
-    assert right in SHAPE
-    (tmp_path / "cell.py").write_text(SHAPE.replace(right, wrong), encoding="utf-8")
-    shape = Registry.load([tmp_path / "cell.py"]).get("shapes", "cell")()
-    with pytest.raises(CheckFailed, match=re.escape(f"mesh returned {said}")):
-        expect_sound_mesh(shape.mesh(np.zeros(2), 1), 2)
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,6 @@ from scipy.linalg import eigh
 import percuss
 from dense import assemble
 from percuss import Lumping
-from percuss.methods.registry import Registry
-from percuss.testing import checks_of
 from percuss_methods.masses.redistributed import LEAST_SHARE, Redistributed
 from strategies import hunek, nudged, number, unlike_bars
 
@@ -618,9 +616,3 @@ def test_a_held_end_in_contact_keeps_its_mass_and_is_met_by_one_without():
     assert result.arrays["contact_force"].max() > 0.01
     assert result.summary["energy"]["ledger_error"] < 1e-13
     assert result.summary["momentum"]["error"] < 1e-13
-
-
-def test_the_kit_asks_masses_about_ends_in_contact():
-    registry = Registry.load()
-    assert registry.get("masses", "redistributed") is Redistributed
-    assert {"masses-in-contact", "balance-in-contact"} <= {check.name for check, _ in checks_of(Redistributed)}

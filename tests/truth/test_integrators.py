@@ -17,7 +17,7 @@ from percuss.case.defaults import DEFAULTS
 from percuss.certificate.scheme_limit import amplification
 from percuss.jit import plain
 from percuss.methods import slots
-from percuss.testing.checks.integrators import check_stages
+from percuss.testing.demands.integrators import check_stages
 from percuss.testing.subject import Subject
 from strategies import REGISTRY, hunek
 

@@ -16,9 +16,10 @@ from scipy.optimize import brentq
 import percuss
 from dense import assemble
 from percuss.certificate.verdict import certificate
+from percuss.contact.law_trials import trial_of
 from percuss.march.march import March
 from percuss.march.model import Model
-from percuss.testing.checks.contacts import sample_points, sample_trial
+from percuss.testing.subject import sample_points
 from strategies import FIRST, REGISTRY, hunek, run
 
 WU, CD = "wu-predictor-corrector", "central-difference"
@@ -478,7 +479,7 @@ def test_gaps_and_rates_near_zero_leave_finite_forces(law):
     kind = REGISTRY.get("contacts", law["name"])
     points, dt = sample_points(1), 1e-3
     bound = kind(**{key: value for key, value in law.items() if key != "name"}).bind(points, dt)
-    trial = sample_trial(points, dt, kind)
+    trial = trial_of(points, dt, [np.zeros(1)] * 4, kind)
     near_zero = [sign * size for size in (5e-324, 1e-310, 1e-160) for sign in (1.0, -1.0)] + [0.0]
     for gap, rate, predicted in itertools.product(near_zero, repeat=3):
         values = (np.array([value]) for value in (gap, predicted, rate, (predicted - gap) / dt))

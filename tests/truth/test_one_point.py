@@ -55,7 +55,7 @@ def centre_rule(corners):
 
 @pytest.mark.parametrize("cell", ["quad", "hexahedron"])
 def test_the_stiffness_is_that_of_the_mean_strain_and_of_the_dense_hourglass_form(cell):
-    mesh = patch(cell)
+    mesh = patch(cell, Registry.load())
     element, material, body = body_of(mesh, hourglass=0.07)
     count, dim = mesh.nodes.shape
     expected = np.zeros((count * dim, count * dim))
@@ -76,7 +76,7 @@ def test_the_stiffness_is_that_of_the_mean_strain_and_of_the_dense_hourglass_for
 
 @pytest.mark.parametrize("cell", ["quad", "hexahedron"])
 def test_rigid_motions_alone_have_no_energy_and_uniform_strains_no_force_inside(cell):
-    mesh = patch(cell)
+    mesh = patch(cell, Registry.load())
     count, dim = mesh.nodes.shape
     stiffness = stiffness_of_cells(*body_of(mesh)).toarray()
     eigenvalues = np.linalg.eigvalsh(stiffness)
@@ -214,7 +214,7 @@ def test_strips_of_one_point_are_within_the_tolerances_of_the_shipped_case():
 
 @pytest.mark.parametrize("cell", ["quad", "hexahedron"])
 def test_hourglass_modes_have_no_stress(cell):
-    element, material, body = body_of(patch(cell))
+    element, material, body = body_of(patch(cell, Registry.load()))
     corners = body.mesh.nodes[body.mesh.cells[cell][0]]
     _, mean, vectors = centre_rule(corners)
     assert np.abs(vectors @ corners).max() < 1e-14  # linear displacements are no hourglass

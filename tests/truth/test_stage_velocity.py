@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.testing.checks.integrators import check_stages
+from percuss.testing.demands.integrators import check_stages
 from percuss.testing.subject import CheckFailed, Subject
 from strategies import REGISTRY
 

@@ -11,7 +11,7 @@ from percuss.jit import jit_disabled
 from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.methods.registry import Registry
-from percuss.testing.subject import Subject
+from percuss.testing import CheckFailed, checks
 
 LAW = '''
 from dataclasses import dataclass
@@ -227,8 +227,7 @@ KEEPS = {
 def test_the_kit_finds_a_scheme_that_remembers_elsewhere(tmp_path, how):
     file = tmp_path / "forgetful.py"
     file.write_text(SCHEME.replace("HERE", KEEPS[how]), encoding="utf-8")
-    case = {**CASE, "method": {"integrator": "forgetful", "contact": "penalty"}}
     registry = Registry.load([file])
-    subject = Subject.of(registry.get("integrators", "forgetful"), registry)
-    with pytest.raises(percuss.PluginError, match=r"integrator forgetful: step gives another .* keeps state between"):
-        subject.run(case)
+    check = dict(checks(registry.get("integrators", "forgetful"), registry=registry))["no-hidden-state"]
+    with pytest.raises(CheckFailed, match="the second time"):
+        check()

@@ -394,7 +394,7 @@ ABOUT_LINES = {
     "contact/contact_problem.py",
     "results/encounters.py",
     "step/parts/ends_without_mass.py", "step/parts/followers.py", "step/uniform_rows.py",
-    "testing/checks/bulk.py",
+    "testing/demands/bulk.py", "testing/demands/shapes.py",
 }  # fmt: skip
 # Where bars and other bodies part: their meshes, contact points, operators and refusals, and how they are described.
 PART_THERE = {
@@ -406,7 +406,7 @@ PART_THERE = {
     "methods/interfaces/body.py",
     "methods/plugin_calls.py", "reporting/case_figure.py", "reporting/explanation.py", "results/assemble.py",
     "results/fields.py",
-    "step/parts/of_surfaces.py", "testing/trials.py",
+    "step/parts/of_surfaces.py",
 }  # fmt: skip
 ASKS = re.compile(r"\bis_bar\b|\bof_lines\b|\bof_bars\b|\.bars\b|\bbar_at\b|mesh\.(line|lengths|direction)\b")
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Callable
+import textwrap
+from collections import Counter
+from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,8 +19,9 @@ from percuss.files import is_file
 
 if TYPE_CHECKING:
     from percuss.jsonable import Entries
+    from percuss.methods.registry import Key, Registry
     from percuss.results.rerun import Rerun
-    from percuss.testing import Report
+    from percuss.testing.kit import Outcome
 
 BEGINNINGS_OF_RESULTS = (b"\x89HDF", b"CDF")  # NetCDF-4, and older NetCDF, which is refused as what it is
 
@@ -55,11 +57,10 @@ def verify(
         if files:
             passed = _verify_files(answer, files, plugin or [])
         else:
-            reports = _run_kit(plugin or [], method or [], quiet=as_json, verbose=verbose)
-            written = sum(report.write_cases(cases) for report in reports) if cases else 0
-            passed = all(report.passed for report in reports)
-            data = {"passed": passed, "methods": [report.as_dict() for report in reports]}
-            answer.show(data, [f"cases of failed checks in {cases}: {written}"] if cases else [])
+            methods = _run_kit(plugin or [], method or [], quiet=as_json, verbose=verbose)
+            passed = all(one["passed"] for one in methods)
+            lines = [f"cases of failed checks in {cases}: {_write_cases(cases, methods)}"] if cases else []
+            answer.show({"passed": passed, "methods": methods}, lines)
         answer.exit_code = 0 if passed else 1
 
 
@@ -120,13 +121,10 @@ def _verify_case(path: Path, plugins: list[Path]) -> Entries:
     return {"case": str(path), "title": case.title, "passed": passed, "error": error, "checks": checks}
 
 
-def _run_kit(files: list[Path], names: list[str], *, quiet: bool, verbose: bool) -> list[Report]:
-    """Run the conformance kit on the named methods, or else on those of the files; print outcomes unless `quiet`."""
+def _run_kit(files: list[Path], names: list[str], *, quiet: bool, verbose: bool) -> list[Entries]:
+    """Run the conformance kit on the named methods, or else on those of the files; tell of each unless `quiet`."""
     from percuss.methods.registry import Registry
     from percuss.reporting.component import components_named
-    from percuss.testing.kit import examine
-    from percuss.testing.report import MARKS, Outcome, here
-    from percuss.testing.subject import Subject
 
     try:
         from hypothesis.configuration import set_hypothesis_home_dir
@@ -141,24 +139,67 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool, verbose: bool)
     if not keys:
         advice = "Give a single-file plug-in (--plugin FILE), a method (--method NAME) or a case."
         raise InputError([Problem("percuss verify", "", "nothing to verify", advice)])
-    reports = []
+    methods = []
     for key in keys:
-        subject = Subject.of(registry.components[key], registry)
+        outcomes, unmade = _outcomes(registry, key, verbose=verbose and not quiet)
         if not quiet:
-            print(here(f"{subject.name} ({subject.family}), {registry.sources[key]}"), flush=True)
-        with common.progress_bar(f"checks of {subject.name}") as progress:
+            print("\n".join(_told(key, outcomes, unmade, verbose=verbose)), flush=True)
+        passed = all(one.status != "failed" for one in outcomes)
+        checks = [one.as_dict() for one in outcomes]
+        methods.append({"name": key[1], "family": key[0], "passed": passed, "unmade": unmade, "checks": checks})
+    return methods
 
-            def tell(
-                outcome: Outcome, made: int, planned: int, progress: Callable[[int, int], None] = progress
-            ) -> None:
-                if quiet or (sys.stdout.isatty() and not verbose):
-                    progress(made, planned)
-                elif verbose:
-                    print(outcome, flush=True)
-                else:
-                    print(MARKS[outcome.status], end="", flush=True)
 
-            reports.append(examine(subject, tell))
-        if not quiet:
-            print(reports[-1].verdict if verbose else f"\n{reports[-1]}")
-    return reports
+def _outcomes(registry: Registry, key: Key, *, verbose: bool) -> tuple[list[Outcome], int]:
+    """Return the outcomes of the checks of a method, and how many were not made because it cannot run."""
+    from percuss.testing.kit import checks, outcome_of
+
+    planned = list(checks(registry.components[key], registry=registry))
+    outcomes: list[Outcome] = []
+    with common.progress_bar(f"checks of {key[1]}") as progress:
+        for name, check in planned:
+            outcomes.append(outcome_of(check))
+            progress(len(outcomes), len(planned))
+            if verbose:
+                print(here(str(outcomes[-1])), flush=True)
+            if name == "starts" and outcomes[-1].status == "failed":
+                break
+    return outcomes, len(planned) - len(outcomes)
+
+
+def _told(key: Key, outcomes: list[Outcome], unmade: int, *, verbose: bool) -> Iterator[str]:
+    """Yield the lines on a method: those on its failures with the case of each, or the smallest case, and a verdict."""
+    failed = [one for one in outcomes if one.status == "failed"]
+    smallest = min((one for one in failed if one.case), key=lambda one: len(one.case), default=None)
+    for one in failed:
+        yield here(f"{one.name}: {one.message}")
+        if verbose:
+            yield textwrap.indent(f"{textwrap.fill(f'demanded: {one.demand}', 96)}\n{one.case}", "    ")
+    if smallest and not verbose:
+        yield f"\nThe smallest case, of {smallest.name}:\n{textwrap.indent(smallest.case.rstrip(), '    ')}"
+    if unmade:
+        yield f"\nIt cannot run, so {unmade} checks were not made."
+    if failed and all(" with " in one.name for one in failed):
+        yield "\nIf this is the nature of the method, declare it in its class, with the reason:"
+        yield f'    expected_failures = {{"{failed[0].name}": "why"}}'
+    counts = ", ".join(f"{count} {status}" for status, count in Counter(one.status for one in outcomes).items())
+    yield f"{key[1]} ({key[0]}) {'DOES NOT CONFORM' if failed else 'conforms'}: {counts}"
+
+
+def _write_cases(folder: Path, methods: list[Entries]) -> int:
+    """Write the case of each failed check to a file of its name in a folder, and return how many there are."""
+    folder.mkdir(parents=True, exist_ok=True)
+    named = [
+        (f"{method['name']}-{check['name'].replace(' ', '-')}.yaml", check["case"])
+        for method in methods
+        for check in method["checks"]
+        if check["case"]
+    ]
+    for name, case in named:
+        (folder / name).write_text(case, encoding="utf-8")
+    return len(named)
+
+
+def here(text: str) -> str:
+    """Return a text with the paths of files below the current folder relative to it."""
+    return text.replace(f"{Path.cwd()}{os.sep}", "")

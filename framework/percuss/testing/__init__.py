@@ -1,30 +1,17 @@
 """The conformance kit, which checks that a method meets the demands of its contract.
 
-One line runs all checks, with pytest or without it::
+With pytest each check is a test::
 
-    test_conformance = conformance_test(MyLaw)
-    print(conformance(MyLaw))
+    @parametrize(MyLaw)
+    def test_conformance(check):
+        check()
 
-`StrictSystem` is a minimal reference implementation in plain NumPy that gives a method the quantities promised by the
-contract and nothing else.
+Without it, `percuss verify` makes the checks of a file, and `checks` gives them to a program.
 """
 
 from __future__ import annotations
 
-from percuss.testing.kit import checks_of, conformance, conformance_test
-from percuss.testing.report import Outcome, Report
-from percuss.testing.strict import StrictSystem
-from percuss.testing.subject import Check, CheckFailed, NotApplicable, Subject
+from percuss.testing.kit import Check, checks, parametrize
+from percuss.testing.subject import CheckFailed, DeclaredFailure, NotApplicable, Subject
 
-__all__ = [
-    "Check",
-    "CheckFailed",
-    "NotApplicable",
-    "Outcome",
-    "Report",
-    "StrictSystem",
-    "Subject",
-    "checks_of",
-    "conformance",
-    "conformance_test",
-]
+__all__ = ["Check", "CheckFailed", "DeclaredFailure", "NotApplicable", "Subject", "checks", "parametrize"]

@@ -17,11 +17,14 @@ from percuss.mesh.element_probe import ElementProbe
 from percuss.mesh.material_points import plain_slots, points_at_rest
 from percuss.methods.interfaces import BodyMesh, Floats, Mesh, Region, SolidMaterial
 from percuss.methods.plugin_calls import answer
+from percuss.methods.registry import Registry
 from percuss.testing.subject import CheckFailed, NotApplicable
 
 SECTION = 1.3
 STEP = 1e-6  # of the difference quotients of energies
 CLOSE = 1e-9  # largest error over the largest force
+# What `block` calls the cells that fill it, and the dimensions of their block.
+BLOCKS = {"quad": ("quad4", 2), "triangle": ("tri3", 2), "hexahedron": ("hex8", 3), "tetra": ("tet4", 3)}
 
 
 def line(count: int, dim: int = 1) -> Mesh:
@@ -34,33 +37,23 @@ def line(count: int, dim: int = 1) -> Mesh:
     return Mesh.of_line(along[:, None] * direction, lengths, direction, regions)
 
 
-def patch(cell: str) -> Mesh:
-    """Return two by two uneven quadrilaterals round a node inside, its middle one, or the triangles in them.
+def patch(cell: str, registry: Registry) -> Mesh:
+    """Return two by two cells of uneven sizes in a block round a node inside, its middle one; in space two in each way.
 
-    In three dimensions it is a box of uneven hexahedra, or of the tetrahedra in them.
+    Raises
+    ------
+    NotApplicable
+        If there is no block of such cells.
     """
-    if cell in {"hexahedron", "tetra"}:
-        return _box(cell)
-    if cell not in {"quad", "triangle"}:
-        raise NotApplicable(f"the kit has no patch of {cell} cells")
-    nodes = np.array(
-        [[0.0, 0.0], [0.0, 0.6], [0.0, 1.1], [0.5, 0.0], [0.6, 0.5], [0.5, 1.0], [1.2, 0.0], [1.1, 0.5], [1.0, 1.2]]
-    )
-    corners = np.array([[0, 3, 4, 1], [1, 4, 5, 2], [3, 6, 7, 4], [4, 7, 8, 5]])
-    cells = corners if cell == "quad" else corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    return Mesh(nodes, {cell: cells}, {})
-
-
-def _box(cell: str) -> Mesh:
-    places = ([0.0, 0.5, 1.1], [0.0, 0.6, 1.0], [0.0, 0.45, 1.2])
-    nodes = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, 3)
-    nodes[len(nodes) // 2] += [0.08, -0.05, 0.06]
-    corner = np.array([9 * i + 3 * j + k for i in range(2) for j in range(2) for k in range(2)])
-    cells = corner[:, None] + np.array([0, 9, 12, 3, 1, 10, 13, 4])
-    if cell == "tetra":  # six about the diagonal of each
-        six = [[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6]]
-        cells = cells[:, six].reshape(-1, 4)
-    return Mesh(nodes, {cell: cells}, {})
+    kind, dim = BLOCKS.get(cell, ("", 0))
+    if not kind or ("shapes", "block") not in registry.components:
+        raise NotApplicable(f"the kit has no block of {cell} cells")
+    block: Any = registry.components["shapes", "block"]
+    shape = block(size=(1.2, 1.1, 1.3)[:dim], elements=(2, 2, 2)[:dim], cells=kind, grading=(1.4, 0.7, 1.2)[:dim])
+    mesh: Mesh = shape.mesh(np.zeros(dim), 1)
+    nodes = mesh.nodes.copy()
+    nodes[len(nodes) // 2] += np.array([0.08, -0.05, 0.06])[:dim]
+    return Mesh(nodes, mesh.cells, {})
 
 
 def uneven(*shape: int) -> Floats:
@@ -171,7 +164,7 @@ class BodyKernels:
     element, material
         The methods of the body.
     mesh
-        Its mesh as a shape makes it.
+        Its mesh as a shape makes it; all three are attributes too.
 
     Attributes
     ----------
@@ -184,7 +177,7 @@ class BodyKernels:
     """
 
     def __init__(self, element: Any, material: Any, mesh: Mesh) -> None:
-        self.element, self.material = element, material
+        self.element, self.material, self.mesh = element, material, mesh
         self.about_axis = bool(getattr(element, "about_axis", False))
         flat = is_solid(element) and mesh.nodes.shape[1] == 2
         plane = "axisymmetric" if self.about_axis else "strain" if flat else ""

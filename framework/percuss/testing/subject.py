@@ -1,4 +1,4 @@
-"""The subject of the conformance kit, a component under test, and what a check of it is."""
+"""The subject of the conformance kit, a method under test, and what a demand on it is."""
 
 from __future__ import annotations
 
@@ -6,23 +6,36 @@ import dataclasses
 import inspect
 import sys
 import textwrap
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+import unittest
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any
+
+import numpy as np
 
 from percuss.case.case import Case
+from percuss.case.defaults import DEFAULTS
 from percuss.certificate.verdict import Certify, verdict_alone
+from percuss.contact.bound_law import bind_law
 from percuss.errors import PluginError, RefusedPair, RunError
 from percuss.jsonable import Data, Entries
-from percuss.methods.interfaces import FAMILIES, Component, DataFile, Integrator, LeapFrog, MeshFile, Stages
+from percuss.methods.interfaces import (
+    FAMILIES,
+    Component,
+    ContactPoints,
+    DataFile,
+    Integrator,
+    LeapFrog,
+    MeshFile,
+)
+from percuss.methods.plugin_calls import read_only
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.results.result import Result
 
 DRAWS = 12  # number of cases that a check draws
-Scheme = LeapFrog | Stages
 PARTNERS = {"integrators": "contacts", "contacts": "integrators"}
 # Keys of methods in the section `method` of a case, or in a body.
 KEYS_IN_CASE = {
@@ -30,15 +43,36 @@ KEYS_IN_CASE = {
     "materials": "material", "elements": "element",
 }  # fmt: skip
 SHIPPED = "percuss"  # distribution whose methods judge those of others
-Status = Literal["passed", "failed", "expected failure", "passes unexpectedly", "not applicable"]
 
 
 class CheckFailed(AssertionError):
-    """Raised by a check when a component does not meet its demand; the message states the deviation."""
+    """Raised by a check when a method does not meet its demand.
+
+    Parameters
+    ----------
+    message
+        The deviation.
+    demand
+        What is demanded, and why.
+    case
+        Text of the case that the check read last, as a case file that can be saved and run; empty if it read none.
+    """
+
+    def __init__(self, message: str, demand: str = "", case: str = "") -> None:
+        super().__init__(message)
+        self.message, self.demand, self.case = message, demand, case
+
+    def __str__(self) -> str:
+        demand = textwrap.fill(f"demanded: {self.demand}", 96) if self.demand else ""
+        return "\n".join(filter(None, (self.message, demand, self.case)))
 
 
-class NotApplicable(Exception):
-    """Raised by a check that does not apply to a component; the message gives the reason."""
+class NotApplicable(unittest.SkipTest):
+    """Raised by a check that does not apply to a method, with the reason; pytest skips such a test."""
+
+
+class DeclaredFailure(NotApplicable):
+    """Raised by a check that a method fails as it declares."""
 
 
 def as_of(result: Result) -> Certify:
@@ -53,42 +87,54 @@ def was_not_started(stopped: RunError) -> bool:
     return bool(stopped.result.summary["stop"]["what"] == NOT_STARTED)
 
 
+def sample_points(count: int, part: slice = slice(None)) -> ContactPoints:
+    """Return `count` unlike contact points with read-only arrays, or a part of these."""
+    k = np.arange(count)[part]
+    stiffness, mass, ones, alike = read_only((1000.0 * 1.3**k, 0.02 * 0.9**k, np.ones(k.size), np.ones(k.size, bool)))
+    frequency, delassus = read_only((np.sqrt(2.0 * stiffness / mass), 2.0 / mass))
+    return ContactPoints(
+        names=tuple(f"point{i}" for i in k),
+        stiffness=stiffness,
+        frequency=frequency,
+        mass=mass,
+        equal_sides=alike,
+        delassus=delassus,
+        coupling=ones,
+        weight=ones,
+        limits=lambda: stiffness,
+    )
+
+
 @dataclass(frozen=True)
 class Subject:
-    """A component under test, together with all other registered components.
+    """A method under test, together with all other registered methods.
 
     Attributes
     ----------
     component
-        Class of the component.
+        Class of the method.
     registry
-        All components, including the component under test.
+        All methods, including the method under test.
     draws
         Number of cases that a check draws.
     check
         Name of the running check.
-    loaded
-        Case that the running check read last, as a list of one entry; a failure reports it.
-    shrinks
-        Whether a check that draws cases looks for a small one that fails.
+    read
+        Case that the running check read last, as a list of one entry; a failure tells it.
     options, partner
-        Options of the component and name of its partner in the cases of a check that draws them.
-    asked
-        How often each question has been put to the component in the checks so far.
+        Options of the method and name of its partner in the cases of a check that draws them.
     declarable
-        Names of checks, alone and with each partner, that the component may declare as expected failures.
+        Names of checks, alone and with each partner, that the method may declare as expected failures.
     """
 
     component: type[Component]
     registry: Registry
     draws: int = DRAWS
     check: str = ""
-    loaded: list[Data] = field(default_factory=list, compare=False, repr=False)
-    shrinks: bool = False
+    read: list[Data] = field(default_factory=list, compare=False, repr=False)
     options: Data = field(default_factory=dict, repr=False)
     partner: str = ""
-    asked: Counter[str] = field(default_factory=Counter, compare=False, repr=False)
-    declarable: Sequence[str] = field(default=(), compare=False, repr=False)
+    declarable: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
     @staticmethod
     def of(component: type[Component], registry: Registry | None = None, draws: int = DRAWS) -> Subject:
@@ -110,32 +156,32 @@ class Subject:
 
     @property
     def family(self) -> str:
-        """Family of the component."""
+        """Family of the method."""
         return self.component.family
 
     @property
     def name(self) -> str:
-        """Name of the component in a case."""
+        """Name of the method in a case."""
         return self.component.name
 
     @property
     def examples(self) -> list[Entries]:
-        """Option sets that the component gives as examples, with absolute paths of the data files beside its file."""
+        """Option sets that the method gives as examples, with absolute paths of the data files beside its file."""
         from percuss.case.options import options_of
         from percuss.case.type_words import branches
 
         folder = Path(self.registry.sources[self.family, self.name].file).parent
         kinds = {DataFile, MeshFile}
-        files = [key for key, option in options_of(self.component).items() if kinds & set(branches(option.annotation))]
+        files = {key for key, option in options_of(self.component).items() if kinds & set(branches(option.annotation))}
+        return [
+            {key: str((folder / value).resolve()) if key in files else value for key, value in example.items()}
+            for example in self.component.examples
+        ]
 
-        def placed(key: str, value: Any) -> Any:
-            is_file = key in files and isinstance(value, str) and (folder / value).is_file()
-            return str((folder / value).resolve()) if is_file else value
-
-        return [{key: placed(key, value) for key, value in example.items()} for example in self.component.examples]
+    # ---------------------------------------------------------------------------------------------- its partners
 
     def judges(self, family: str) -> list[str]:
-        """Return the methods of a family that judge the component: those of percuss, and those of its own plug-in.
+        """Return the methods of a family that judge this one: those of percuss, and those of its own plug-in.
 
         A method of somebody else may be unfinished: the fault of a pair with it may be its own.
         """
@@ -147,17 +193,33 @@ class Subject:
             or source.file == own.file
         ]
 
-    @property
+    @cached_property
     def partners(self) -> list[str]:
-        """Names of the partners that judge the component; none if its family has no partners."""
-        return self.judges(PARTNERS[self.family]) if self.family in PARTNERS else []
+        """Names of the partners: of those that judge the method one of each kind; none if its family has no partners.
+
+        Integrators are of one kind if contact laws see the same states, laws if they are alike in form. Of a kind it is
+        one for which the method declares a failure, else the default, else the plainest.
+        """
+        if self.family not in PARTNERS:
+            return []
+        family, declared = PARTNERS[self.family], " ".join(self.component.expected_failures)
+        found = []
+        for name in self.judges(family):
+            kind, extras = _kind_of(self.partner_class(name))
+            found.append((f"with {name}" not in declared, name != DEFAULTS[family], extras, name, kind))
+        kinds: dict[object, str] = {}
+        for *_, name, kind in sorted(found, key=lambda one: one[:4]):
+            kinds.setdefault(kind, name)
+        return sorted(kinds.values())
 
     def partner_class(self, name: str) -> type[Component]:
-        """Return the class of a registered method that the component may be paired with."""
+        """Return the class of a registered method that this one may be paired with."""
         return self.registry.components[PARTNERS[self.family], name]
 
+    # ------------------------------------------------------------------------------------------- instances, cases
+
     def make(self, options: Data) -> Any:
-        """Return an instance of the component whose options were checked in the same way as the options of a case."""
+        """Return an instance of the method whose options were checked in the same way as the options of a case."""
         from pydantic import ValidationError
 
         from percuss.case.validation import Context, mistakes_in, validate
@@ -175,7 +237,7 @@ class Subject:
             yield options, self.make(options)
 
     def placed(self, case: Data, options: Data | None = None, partner: str | Data | None = None) -> Entries:
-        """Return a case that uses the component, and its partner as the other method of its pair.
+        """Return a case that uses the method, and its partner as the other method of its pair.
 
         Options and partner are those given, else those of the subject.
         """
@@ -197,7 +259,7 @@ class Subject:
         return {**case, "bodies": bodies, "method": method}
 
     def along_line(self) -> None:
-        """Raise NotApplicable unless the component is one of bars, of which the cases of most checks are made.
+        """Raise NotApplicable unless the method is one of bars, of which the cases of most checks are made.
 
         Raises
         ------
@@ -209,43 +271,16 @@ class Subject:
         if not cell.startswith("line") or getattr(made, "stress", made) is None:
             raise NotApplicable("it is not one of bars")
 
-    def scheme(self, integrator: str) -> Scheme:
-        """Return the scheme of a registered integrator, with the first of its examples and a step of 1."""
-        cls = cast("type[Integrator]", self.registry.components["integrators", integrator])
-        return cls(**cls.examples[0]).bind(1.0)
-
-    def scheme_of(self, case: Data) -> Scheme:
+    def scheme_of(self, case: Data) -> object:
         """Return the scheme of the integrator of a case, with a step of 1."""
         return self.load(case).method.integrator.bind(1.0)
 
     def load(self, case: Data) -> Case:
-        """Return a case read from a mapping, with the component under test among the registered components."""
+        """Return a case read from a mapping, with the method under test among the registered methods."""
         from percuss.case.case import load
 
-        self.loaded[:] = [case]
+        self.read[:] = [case]
         return load(case, registry=self.registry)
-
-    def last_case(self) -> str:
-        """Return the text of a case file, ready to be saved and run, of the case read last; empty if none was read.
-
-        The case file names the plug-in file of the component if the plug-in is a single file.
-        """
-        from percuss.case.yaml_text import flow
-        from percuss.jsonable import plain
-
-        if not self.loaded:
-            return ""
-        source = self.registry.sources.get((self.family, self.name))
-        single = source is not None and not source.distribution and Path(source.file).suffix == ".py"
-        plugins = {"plugins": [str(Path(source.file).resolve())]} if source is not None and single else {}
-        case = {"percuss": 1, "title": f"{self.check} of {self.name}", **plugins, **plain(self.loaded[-1])}
-        lines = []
-        for key, value in case.items():
-            entries = value if key in {"bodies", "contacts", "loads", "method"} else {}  # a line for each
-            lines += [f"{key}:" if entries else f"{key}: {flow(value)}"]
-            lines += [f"  {name}: {flow(entry)}" for name, entry in entries.items()]
-        wrapper = textwrap.TextWrapper(72, subsequent_indent=" " * 6, break_long_words=False, break_on_hyphens=False)
-        return "".join(f"{wrapper.fill(line)}\n" for line in lines)
 
     def run(self, case: Data, *, compiled: bool = True, certify: Certify = verdict_alone) -> Result:
         """Run a case given as a mapping.
@@ -260,63 +295,81 @@ class Subject:
             If integrator and contact law refuse each other.
         """
         from percuss.results.runner import examined_run
-        from percuss.testing.trials import try_kernels
 
-        loaded = self.load(case)
         try:
-            try_kernels(loaded, self.component, self.asked)
-            return examined_run(loaded, compiled=compiled, certify=certify)
+            return examined_run(self.load(case), compiled=compiled, certify=certify)
         except RefusedPair as refused:
             raise NotApplicable(f"refused: {refused.sentence}") from None
 
+    def last_case(self) -> str:
+        """Return the text of a case file, ready to be saved and run, of the case read last; empty if none was read.
+
+        The case file names the plug-in file of the method if the plug-in is a single file.
+        """
+        import yaml
+
+        from percuss.jsonable import plain
+
+        if not self.read:
+            return ""
+        source = self.registry.sources[self.family, self.name]
+        single = not source.distribution and Path(source.file).suffix == ".py"
+        plugins = {"plugins": [str(Path(source.file).resolve())]} if single else {}
+        case = {"percuss": 1, "title": f"{self.check} of {self.name}", **plugins, **plain(self.read[-1])}
+        return str(yaml.safe_dump(case, sort_keys=False, default_flow_style=None, width=72))
+
+
+def _kind_of(method: type[Component]) -> tuple[object, tuple[Any, ...]]:
+    """Return what tells apart the kinds of integrators, or of laws, and what a method has beside those of its kind."""
+    try:
+        made: Any = method(**method.examples[0])
+        if isinstance(made, Integrator):
+            scheme = made.bind(1.0)
+            return (scheme.explicit[:3], scheme[2:]) if isinstance(scheme, LeapFrog) else (type(scheme), ())
+        linear = bind_law(made, (0,), sample_points(1), 1e-3).linear
+    except Exception:  # noqa: BLE001 - of an unfinished method beside it
+        return method.name, ()
+    if linear is None:
+        return (made.uses_coupling, bool(made.state)), ()
+    return (linear.at, linear.active, linear.sign, bool(np.any(linear.acceleration))), ()
+
 
 @dataclass(frozen=True)
-class Check:
-    """A demand on the components of some families, with the function that checks it.
+class Demand:
+    """What the kit demands of the methods of some families.
 
     Attributes
     ----------
     name
-        Name by which a component declares the check as an expected failure.
+        Name by which a method declares that it fails the check of the demand.
     families
-        Families of the components to which the check applies.
-    holds
-        What holds if the demand is met, in at most 40 characters: the first line of the docstring of the function.
-    demand
-        Demand and its reason: the rest of the docstring.
+        Families of the methods of which it is demanded.
+    text
+        The demand and its reason: the docstring of the function.
     function
-        Function called with the `Subject`, and with the name of a partner where the check is run in pairs.
+        Function called with the `Subject`, and with the name of a partner where it is demanded in pairs. It returns if
+        the demand is met, and raises if it is not.
     in_pairs
-        Whether the check is made once with each possible partner.
-    first
-        Whether the check is made before all others, which are not made if it fails.
+        Whether it is demanded with each partner.
     """
 
     name: str
     families: tuple[str, ...]
-    holds: str
-    demand: str
+    text: str
     function: Callable[..., None]
     in_pairs: bool
-    first: bool
 
     def __call__(self, subject: Subject, *partner: str) -> None:
-        """Check a subject, with the name of a partner where the check is made in pairs."""
+        """Check a subject, with the name of a partner where it is demanded in pairs."""
         self.function(subject, *partner)
 
 
-def check(*families: str, in_pairs: bool = False, first: bool = False) -> Callable[[Callable[..., None]], Check]:
-    """Make the check ``energy-drift`` of some families, by default of all, of a function ``check_energy_drift``."""
+def demand(*families: str, in_pairs: bool = False) -> Callable[[Callable[..., None]], Demand]:
+    """Make the demand ``energy-drift`` on some families, by default on all, of a function ``check_energy_drift``."""
 
-    def made(function: Callable[..., None]) -> Check:
+    def made(function: Callable[..., None]) -> Demand:
         name = function.__name__.removeprefix("check_").replace("_", "-")
-        holds, _, demand = inspect.cleandoc(function.__doc__ or "").partition(".\n\n")
-        demand = " ".join(demand.split())
-        return Check(name, families or tuple(FAMILIES), holds, demand, function, in_pairs, first)
+        text = " ".join(inspect.cleandoc(function.__doc__ or "").split())
+        return Demand(name, families or tuple(FAMILIES), text, function, in_pairs)
 
     return made
-
-
-def named(kit_check: Check, partner: str) -> str:
-    """Return the name of a check, followed by the name of the partner if there is one."""
-    return f"{kit_check.name} with {partner}" if partner else kit_check.name

@@ -1,38 +1,35 @@
-"""Checks of every component: its documentation and class facts, its options, and the absence of hidden state."""
+"""Demands on every method: what it says of itself, its options, and the absence of hidden state."""
 
 from __future__ import annotations
 
 import contextlib
 import copy
 import inspect
+import itertools
 import json
 import math
 import pickle
 import sys
-from collections.abc import Mapping
-from typing import Any, get_args
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
-from hypothesis import strategies as st
-from hypothesis.errors import Unsatisfiable
 
 from percuss.case.json_schema import schema_of
 from percuss.case.options import options_of
-from percuss.case.type_words import branches
+from percuss.case.type_words import bounds, branches
 from percuss.errors import InputError, RefusedPair, RunError, suggestion
 from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import described
 from percuss.results.result import Result
 from percuss.testing.draws import (
     TWO_BARS,
-    for_all,
     must_agree,
     must_compile,
     on_chains,
-    option_values,
     unit_factor,
 )
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, as_of, check
+from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, as_of, demand
 
 # families of methods that take part in the time steps
 METHODS = ("integrators", "contacts", "elements", "materials", "masses")
@@ -40,7 +37,7 @@ WITH_SOURCE = ("integrators", "contacts", "elements", "masses")
 WITH_FORMULA = ("integrators", "contacts", "loads", "elements", "materials", "masses")
 
 
-@check(*METHODS, first=True)
+@demand(*METHODS)
 def check_starts(subject: Subject) -> None:
     """Two bodies collide in a run with it.
 
@@ -56,68 +53,63 @@ def check_starts(subject: Subject) -> None:
         must_compile(result)
 
 
-def _docstring(cls: type) -> str:
-    """Return the docstring of a class, which Python drops if it is run by `python -OO`."""
-    if sys.flags.optimize > 1:
-        raise NotApplicable("`python -OO` drops all docstrings")
-    return inspect.cleandoc(vars(cls).get("__doc__") or "")
+# ------------------------------------------------------------------------------------------------- well-formed
 
 
-@check()
-def check_documented(subject: Subject) -> None:
-    """It has a docstring and a summary.
+@demand()
+def check_well_formed(subject: Subject) -> None:
+    """Its class says what it is, as reports and tables show it.
 
-    A component has its own docstring and a summary in one line. Reports and `percuss plugins NAME` show both, and
-    nothing else, to describe it.
+    documented: It has a docstring of its own and a summary in one line; `percuss plugins NAME` shows both. formula: The
+    docstring has a paragraph that begins with "Formula:", so that the reader sees which equation is solved. references:
+    It names its source, with a DOI if there is one; the source of a new method is its author and the year. facts: Class
+    facts have the right types, and each expected failure names a check and a reason. frozen: Instances with the same
+    options are equal, hashable and picklable, as studies need them. examples: Every set of options in `examples` is
+    accepted. options: Every option has a description, `Doc("...")`, and every number a unit, `Unit("force/length")`.
+    refusals: A partner is refused with a reason in words, and not every partner is refused. schema: The JSON schema of
+    its options allows its examples.
     """
+    for row, (asked, families) in WELL_FORMED.items():
+        if not families or subject.family in families:
+            try:
+                asked(subject)
+            except CheckFailed as fault:
+                raise CheckFailed(f"{row}: {fault.message}") from None
+
+
+def _documented(subject: Subject) -> None:
     cls = subject.component
-    text = _docstring(cls)
-    if not text or text.startswith(f"{cls.__name__}("):  # the docstring that `dataclass` generates
+    text = vars(cls).get("__doc__") or ""
+    if sys.flags.optimize < 2 and (not text or text.startswith(f"{cls.__name__}(")):  # the one that `dataclass` makes
         raise CheckFailed("it has no docstring of its own")
     if not cls.summary.strip() or "\n" in cls.summary or len(cls.summary) > 100:
         raise CheckFailed(f"its summary is {cls.summary!r}, expected one line of at most 100 characters")
 
 
-@check(*WITH_FORMULA)
-def check_formula(subject: Subject) -> None:
-    """Its docstring has a formula.
-
-    The docstring of a method has a paragraph that begins with "Formula:". `percuss check` and `percuss plugins
-    NAME` show this paragraph, so that the reader sees which equation is solved.
-    """
-    paragraphs = _docstring(subject.component).split("\n\n")
-    if not any(paragraph.startswith("Formula:") for paragraph in paragraphs):
+def _formula(subject: Subject) -> None:
+    paragraphs = inspect.cleandoc(subject.component.__doc__ or "").split("\n\n")
+    if sys.flags.optimize < 2 and not any(paragraph.startswith("Formula:") for paragraph in paragraphs):
         raise CheckFailed('no paragraph of its docstring begins with "Formula:"')
 
 
-@check(*WITH_SOURCE)
-def check_references(subject: Subject) -> None:
-    """It names its source.
-
-    A method names its source in `references`, with a DOI if there is one. A result cannot be published if its
-    methods have no source. The source of a new method is its author and the year.
-    """
-    if not subject.component.references or not all(
-        isinstance(reference, str) and reference.strip() for reference in subject.component.references
-    ):
+def _references(subject: Subject) -> None:
+    references = subject.component.references
+    if not references or not all(isinstance(one, str) and one.strip() for one in references):
         raise CheckFailed("`references` is empty: name the source")
 
 
-@check()
-def check_facts(subject: Subject) -> None:
-    """Its class facts have the right types.
-
-    Class facts have the types that the contract prescribes, and each expected failure names a check and a reason.
-    Tables misread a fact of the wrong type, and a misspelt expected failure excuses nothing.
-    """
-    cls = subject.component
-    for fact in ("references", "examples"):
-        if not isinstance(getattr(cls, fact), tuple):
-            raise CheckFailed(f"`{fact}` is {getattr(cls, fact)!r}, expected a tuple")
+def _facts(subject: Subject) -> None:
+    cls: Any = subject.component
+    types: dict[str, Any] = {"references": tuple, "examples": tuple, "expected_failures": Mapping}
+    if subject.family == "loads":
+        types |= {"everywhere": bool}
+    for fact, kind in types.items():
+        if not isinstance(getattr(cls, fact), kind):
+            raise CheckFailed(f"`{fact}` is {getattr(cls, fact)!r}, expected a {kind.__name__.lower()}")
+    if subject.family == "loads" and cls.acts_as not in {"force", "acceleration", "velocity"}:
+        raise CheckFailed(f"`acts_as` is {cls.acts_as!r}, expected force, acceleration or velocity")
     if not cls.examples:
         raise CheckFailed("`examples` is empty: ({},) runs the defaults")
-    if not isinstance(cls.expected_failures, Mapping):
-        raise CheckFailed(f"`expected_failures` is {cls.expected_failures!r}, expected a mapping of check to reason")
     for name, reason in cls.expected_failures.items():
         if name not in subject.declarable:
             advice = suggestion(name, subject.declarable, "check")
@@ -126,13 +118,7 @@ def check_facts(subject: Subject) -> None:
             raise CheckFailed(f"`expected_failures` gives no reason for '{name}'")
 
 
-@check()
-def check_frozen(subject: Subject) -> None:
-    """It is a frozen dataclass.
-
-    Instances with the same options are equal, hashable and picklable. Studies send methods to other processes and
-    distinguish runs by the options of their methods.
-    """
+def _frozen(subject: Subject) -> None:
     parameters = vars(subject.component).get("__dataclass_params__")  # those of the class itself, not of a base class
     if not (parameters and parameters.frozen):
         raise CheckFailed("it is no frozen dataclass: put @dataclass(frozen=True) above the class")
@@ -146,24 +132,14 @@ def check_frozen(subject: Subject) -> None:
             raise CheckFailed(f"an instance with the options {options} is another one after pickling")
 
 
-@check()
-def check_examples(subject: Subject) -> None:
-    """Its examples are valid options.
-
-    Every set of options in `examples` is accepted like the options of a case. The kit, the documentation and the
-    reader try the examples first.
-    """
-    for options in subject.examples:
-        subject.make(options)
+def _examples(subject: Subject) -> None:
+    for _, instance in subject.made():
+        vector = instance.vector() if subject.family == "loads" else None
+        if vector is not None and not (1 <= len(vector) <= 3 and np.isfinite(vector).all() and np.any(vector)):
+            raise CheckFailed(f"`vector` is {vector!r}, expected a direction of one to three numbers")
 
 
-@check()
-def check_options_documented(subject: Subject) -> None:
-    """Each option has a text and a unit.
-
-    Every option has a description, `Doc("...")`, and every number a unit, such as `Unit("force/length")`. The
-    schema, the messages and the check `units` use the unit.
-    """
+def _options(subject: Subject) -> None:
     for key, option in options_of(subject.component).items():
         if not option.doc:
             raise CheckFailed(f'option `{key}` has no description: add Doc("...") to its annotation')
@@ -173,7 +149,56 @@ def check_options_documented(subject: Subject) -> None:
             unit_factor(option.unit)
 
 
-@check()
+def _takes_number(annotation: object) -> bool:
+    """Return whether an option may be a number, or a list of numbers."""
+    kinds = list(branches(annotation))
+    items = [get_args(kind)[0] for kind in kinds if get_args(kind)[1:] == (...,)]
+    return not {int, float}.isdisjoint(kinds) or any(map(_takes_number, items))
+
+
+def _refusals(subject: Subject) -> None:
+    instance, reasons = subject.make(subject.examples[0]), []
+    for name in subject.judges(PARTNERS[subject.family]):
+        cls = subject.partner_class(name)
+        reasons.append(instance.refuses(Subject.of(cls, subject.registry).make(cls.examples[0])))
+        if reasons[-1] is not None and not (isinstance(reasons[-1], str) and reasons[-1].strip()):
+            raise CheckFailed(f"it refuses {name} with {reasons[-1]!r}, expected a reason in words or None")
+    if None not in reasons:
+        raise CheckFailed("it refuses every partner")
+
+
+def _schema(subject: Subject) -> None:
+    schema = plain(schema_of(subject.component))
+    json.dumps(schema, allow_nan=False)
+    try:
+        import jsonschema
+    except ModuleNotFoundError:
+        return
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    for options in subject.examples:
+        for error in validator.iter_errors(plain(options)):
+            raise CheckFailed(f"its schema refuses its example {options}: {error.message}")
+
+
+# What is asked of a class, by its name in the message, with the families of which it is asked; none stands for all.
+WELL_FORMED: dict[str, tuple[Callable[[Subject], None], tuple[str, ...]]] = {
+    "documented": (_documented, ()),
+    "formula": (_formula, WITH_FORMULA),
+    "references": (_references, WITH_SOURCE),
+    "facts": (_facts, ()),
+    "examples": (_examples, ()),
+    "frozen": (_frozen, ()),
+    "options": (_options, ()),
+    "refusals": (_refusals, tuple(PARTNERS)),
+    "schema": (_schema, ()),
+}
+
+
+# ----------------------------------------------------------------------------------------------------- options
+
+
+@demand()
 def check_options_bounded(subject: Subject) -> None:
     """Options outside their bounds are refused.
 
@@ -188,26 +213,39 @@ def check_options_bounded(subject: Subject) -> None:
                 continue
             raise CheckFailed(f"option `{key}` accepts {invalid!r}")
 
-        def with_value(drawn: tuple[Entries, object], key: str = key) -> None:
-            options, value = drawn
+        default = option.default if not option.required else subject.examples[0].get(key)
+        for options, value in itertools.product(subject.examples, _values_of(option.annotation, default)):
+            case_options = {**options, key: value}
             try:
-                instance = subject.make({**options, key: value})
+                instance = subject.make(case_options)
             except CheckFailed as refusal:
-                if not str(refusal).strip(": "):
+                if not refusal.message.strip(": "):
                     raise CheckFailed(f"option `{key}` refuses {value!r} without a reason") from None
-                return
+                continue
             try:
-                _use(subject, instance, {**options, key: value})
+                _use(subject, instance, case_options)
             except (InputError, RefusedPair, RunError):
-                return
+                continue
             except Exception as error:
                 failure = f"option `{key}` accepts {value!r}, then it raises {described(error)}"
                 raise CheckFailed(f"{failure}; give it a bound, or raise ValueError in words") from error
 
-        default = option.default if not option.required else subject.examples[0].get(key)
-        values = option_values(option.annotation, default).filter(lambda value: value is not None)
-        with contextlib.suppress(Unsatisfiable):  # raised if the option takes nothing but a file or a text
-            for_all(subject, st.tuples(st.sampled_from(subject.examples), values), with_value)
+
+def _values_of(annotation: Any, default: Any) -> Iterator[Any]:
+    """Yield values that an option allows: every choice, the bounds, numbers of either sign and far from the default."""
+    size = abs(default) if isinstance(default, int | float) and default and math.isfinite(default) else 1.0
+    low, high, at_low, at_high = bounds(annotation)
+    for kind in branches(annotation):
+        if get_origin(kind) is Literal:
+            yield from get_args(kind)
+        elif kind is bool:
+            yield from (False, True)
+        elif kind in {int, float}:
+            far = (size + 1, -size) if kind is int else (0.01 * size, 100.0 * size, -size)
+            numbers = {**dict.fromkeys((0.0, *far), True), low: at_low, high: at_high}
+            for number, allowed in numbers.items():
+                if allowed and low <= number <= high and math.isfinite(number):
+                    yield kind(number)
 
 
 def _use(subject: Subject, instance: Any, options: Data) -> Result | None:
@@ -228,28 +266,10 @@ def _use(subject: Subject, instance: Any, options: Data) -> Result | None:
     return None
 
 
-@check()
-def check_schema(subject: Subject) -> None:
-    """Its options have a JSON schema.
-
-    The schema can be written as JSON and allows the defaults and examples of the options. Editors complete cases
-    with the schema, and other tools check cases against it.
-    """
-    schema = schema_of(subject.component)
-    json.dumps(plain(schema), allow_nan=False)
-    try:
-        import jsonschema
-    except ModuleNotFoundError:
-        return
-    jsonschema.Draft202012Validator.check_schema(plain(schema))
-    validator = jsonschema.Draft202012Validator(plain(schema))
-    for options in subject.examples:
-        errors = list(validator.iter_errors(plain(options)))
-        if errors:
-            raise CheckFailed(f"its schema refuses its example {options}: {errors[0].message}")
+# ------------------------------------------------------------------------------------------------ hidden state
 
 
-@check(*METHODS)
+@demand(*METHODS)
 @on_chains(share=3)
 def check_no_hidden_state(subject: Subject, case: Entries) -> None:
     """The same run gives the same bits.
@@ -278,8 +298,6 @@ def check_no_hidden_state(subject: Subject, case: Entries) -> None:
 
 def _class_and_module_values(subject: Subject) -> str:
     """Return the plain values of the class and of its module as a text, to detect changes of them."""
-    import sys
-
     module = vars(sys.modules.get(subject.component.__module__, object)) if subject.component.__module__ else {}
     plain = (int, float, str, bool, list, dict, set, tuple, np.ndarray)
     values = {name: value for name, value in dict(module).items() if isinstance(value, plain) and name[:2] != "__"}
@@ -287,7 +305,7 @@ def _class_and_module_values(subject: Subject) -> str:
     return repr((values, {name: value for name, value in facts.items() if name[:2] != "__"}))
 
 
-@check(*METHODS)
+@demand(*METHODS)
 @on_chains(share=3)
 def check_compiled_and_plain(subject: Subject, case: Entries) -> None:
     """Compiled and plain runs agree.
@@ -297,12 +315,5 @@ def check_compiled_and_plain(subject: Subject, case: Entries) -> None:
     """
     case = subject.placed({**case, "time": {**case["time"], "steps": 60}})
     must_agree(
-        subject, case, {"plain Python": lambda base: subject.run(case, compiled=False, certify=as_of(base)).arrays}
+        subject, case, "plain Python", lambda base: subject.run(case, compiled=False, certify=as_of(base)).arrays
     )
-
-
-def _takes_number(annotation: object) -> bool:
-    """Return whether an option may be a number, or a list of numbers."""
-    kinds = list(branches(annotation))
-    items = [get_args(kind)[0] for kind in kinds if get_args(kind)[1:] == (...,)]
-    return not {int, float}.isdisjoint(kinds) or any(map(_takes_number, items))

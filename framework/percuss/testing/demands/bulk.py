@@ -1,8 +1,7 @@
-"""Checks of shapes, elements, materials and masses."""
+"""Demands on shapes, elements, materials and masses."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -11,15 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from percuss.case.defaults import DEFAULTS
-from percuss.errors import RunError
-from percuss.jsonable import Entries
 from percuss.mesh.cell_stiffness import frequencies_of_cells
-from percuss.mesh.cells import PROBING_STRAIN, cells_of, has_cells, is_solid
-from percuss.methods.interfaces import Floats, Lumping, Mass, Material, Mesh
+from percuss.mesh.cells import cells_of, has_cells, is_solid
+from percuss.methods.interfaces import Floats, Lumping, Mass, Material
 from percuss.methods.plugin_calls import answer
 from percuss.testing.bodies import BodyKernels, line, patch, solid_kernels
-from percuss.testing.draws import must_balance, on_chains
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, demand
 
 CLOSE = 1e-10
 UNITS_OF_MASS = tuple(k / 10.0 for k in range(1, 31))  # powers of two leave all results the same to the last bit
@@ -27,65 +23,15 @@ STEP = 1e-6  # relative step of a difference quotient
 CYCLE_STEPS = 400  # steps of each quarter of a cycle of strain
 UNACCOUNTED = 1e-2  # share of the work along a cycle of strain that may be neither stored nor dissipated
 UNLIKE = np.array([2.0, 1.0, 4.0, 0.5, 3.0])  # masses of the elements of a line
+EVEN = [np.ones(count) for count in range(1, 13)]
 TOUCHING = {"no": [], "the first": [0], "the last": [-1], "the first and the last": [0, -1]}  # nodes in contact
 LEAST_SLOPE = 0.9  # share of the modulus that the slope of the stress must reach at some strain
-
-
-# ----------------------------------------------------------------------------------------------------- shapes
-
-
-@check("shapes")
-def check_mesh(subject: Subject) -> None:
-    """The mesh is a straight line of elements.
-
-    Lengths, nodes, unit direction and unit outward normals are consistent. `refine`, above 1 or below, multiplies
-    the number of elements and moves no region. The body starts where the case places it.
-    """
-    subject.along_line()
-    for _, shape in subject.made():
-        dim = shape.dimension() or 2
-        start = np.array([1.5, -2.0, 0.25][:dim])
-        meshes = [answer(shape, "mesh", start, refine) for refine in (1, 3, 0.3)]
-        for mesh in meshes:
-            _check_line(subject, mesh)
-        usual, fine, coarse = meshes
-        if fine.lengths.size != 3 * usual.lengths.size:
-            raise CheckFailed(f"refine 3 makes {fine.lengths.size} elements of {usual.lengths.size}")
-        for name, other in ((name, other) for name in usual.regions for other in (fine, coarse)):
-            before, after = (mesh.nodes[list(mesh.regions[name].nodes)] for mesh in (usual, other))
-            if not np.allclose(before, after, rtol=1e-12, atol=1e-12):
-                raise CheckFailed(f"refinement moves the region '{name}'")
-        shifted = shape.mesh(start + 1.0, 1)
-        if not np.allclose(shifted.nodes - usual.nodes, 1.0, rtol=0.0, atol=1e-12):
-            raise CheckFailed("the body does not start where the case places it")
-
-
-def _check_line(subject: Subject, mesh: Mesh) -> None:
-    """Raise `CheckFailed` unless a mesh is a straight line with the regions that the shape declares."""
-    count = mesh.lengths.size
-    if not (mesh.lengths > 0).all():
-        raise CheckFailed("an element has no length")
-    if abs(np.linalg.norm(mesh.direction) - 1.0) > 1e-12:
-        raise CheckFailed(f"`direction` is {mesh.direction}, expected a unit vector")
-    steps = np.diff(mesh.nodes, axis=0)
-    if not np.allclose(steps, mesh.lengths[:, None] * mesh.direction, rtol=1e-9, atol=1e-12 * mesh.lengths.sum()):
-        raise CheckFailed("nodes, lengths and direction contradict each other")
-    if set(mesh.regions) != set(subject.component.regions):  # type: ignore[attr-defined]
-        raise CheckFailed(f"regions are {sorted(mesh.regions)}, the class declares {subject.component.regions}")  # type: ignore[attr-defined]
-    for name, region in mesh.regions.items():
-        if not all(0 <= node <= count for node in region.nodes) or not region.nodes:
-            raise CheckFailed(f"region '{name}' has the nodes {region.nodes} of {count + 1}")
-        for kind, facets in region.facets.items():
-            if not set(np.ravel(facets).tolist()) <= set(region.nodes):
-                raise CheckFailed(f"a facet of the kind {kind} of region '{name}' has a node outside of the region")
-        if abs(abs(float(region.outward @ mesh.direction)) - 1.0) > 1e-12:
-            raise CheckFailed(f"the outward normal of region '{name}' is {region.outward}")
 
 
 # -------------------------------------------------------------------------------------------------- materials
 
 
-@check("materials")
+@demand("materials")
 def check_stress_and_energy(subject: Subject) -> None:
     """Stress is the slope of the energy.
 
@@ -184,7 +130,8 @@ def bodies_of(subject: Subject) -> Iterator[BodyKernels]:
     """Yield a body of unlike cells for each example of an element; along a line one in one to three dimensions each."""
     for _, element in subject.made():
         if is_solid(element):
-            yield BodyKernels(element, elastic(subject, young=2.0, density=3.0, poisson=0.3), patch(element.cell))
+            material = elastic(subject, young=2.0, density=3.0, poisson=0.3)
+            yield BodyKernels(element, material, patch(element.cell, subject.registry))
         else:
             subject.along_line()
             yield from (BodyKernels(element, elastic(subject), line(5, dim)) for dim in (1, 2, 3))
@@ -196,13 +143,14 @@ def _bars(subject: Subject) -> Iterator[BodyKernels]:
     yield from bodies_of(subject)
 
 
-@check("elements")
+@demand("elements")
 def check_force_and_energy(subject: Subject) -> None:
     """Force is minus the slope of the energy.
 
     The internal force is minus the gradient of the energy. It has no resultant and does not change with a
     translation. This holds for any run of consecutive elements, in one to three dimensions. Otherwise the bulk
-    loses momentum or energy.
+    loses momentum or energy. For small strains the force is that of `axial_stiffness`, and each element obtains from
+    its material the modulus times its own strain, which a result shows as its stress.
     """
     for kernels in _bars(subject):
         kernels.checked_force()
@@ -210,12 +158,19 @@ def check_force_and_energy(subject: Subject) -> None:
 
 
 def _check_stretched(kernels: BodyKernels) -> None:
-    """Raise `CheckFailed` if the end force of an element at small uniform strain is not that of `axial_stiffness`."""
-    body, mesh = kernels.body, kernels.body.mesh
-    stiffness = answer(kernels.element, "axial_stiffness", body, kernels.material.modulus)
+    """Raise `CheckFailed` if an element at small uniform strain has another end force, or another stress."""
+    body, mesh, modulus = kernels.body, kernels.body.mesh, kernels.material.modulus
+    stiffness = answer(kernels.element, "axial_stiffness", body, modulus)
     for strain in (1e-8, -1e-8, 1e-5, -1e-5):
         for number, nodes in enumerate(cells_of(mesh)):
-            force = kernels.probe.force(number, strain * (mesh.nodes[nodes] - mesh.nodes[nodes[0]]).ravel())
+            displacement = strain * (mesh.nodes[nodes] - mesh.nodes[nodes[0]])
+            stress = float(kernels.probe.stresses(np.array([number]), displacement[None, None])[0, 0])
+            if not abs(stress - modulus * strain) <= 1e-4 * modulus * abs(strain):
+                raise CheckFailed(
+                    f"stretched by {strain:g} of its length in {mesh.direction.size} dimensions, element {number} has "
+                    f"the stress {stress:.6g}, expected {modulus * strain:.6g}"
+                )
+            force = kernels.probe.force(number, displacement)
             pull = float(force[: mesh.direction.size] @ mesh.direction)
             expected = float(stiffness[number] * strain * mesh.lengths[number])
             if abs(pull - expected) > 1e-4 * abs(expected):
@@ -225,7 +180,7 @@ def _check_stretched(kernels: BodyKernels) -> None:
                 )
 
 
-@check("elements")
+@demand("elements")
 def check_cells(subject: Subject) -> None:
     """A cell keeps its mass and its centre.
 
@@ -246,7 +201,7 @@ def check_cells(subject: Subject) -> None:
             raise CheckFailed("the volumes of the quadrature points of a cell do not add up to its volume")
 
 
-@check("elements", "materials")
+@demand("elements", "materials")
 def check_linear(subject: Subject) -> None:
     """What is declared linear is linear.
 
@@ -291,26 +246,7 @@ def _proportional(of: Callable[[Floats], Floats], shape: tuple[int, ...]) -> boo
     return True
 
 
-@check("elements")
-def check_stress_in_the_element(subject: Subject) -> None:
-    """Stress is modulus times the own strain.
-
-    For small strains each element obtains from its material the modulus times its own strain. A result shows this
-    value as the stress of the element.
-    """
-    for kernels in _bars(subject):
-        mesh, expected = kernels.body.mesh, kernels.material.modulus * PROBING_STRAIN
-        for number, nodes in enumerate(cells_of(mesh)):
-            stretched = PROBING_STRAIN * (mesh.nodes[nodes] - mesh.nodes[nodes[0]])
-            stress = float(kernels.probe.stresses(np.array([number]), stretched[None, None])[0, 0])
-            if not abs(stress - expected) <= 1e-4 * expected:
-                raise CheckFailed(
-                    f"stretched by {PROBING_STRAIN:g} of its length in {mesh.direction.size} dimensions, element "
-                    f"{number} has the stress {stress:.6g}, expected {expected:.6g}"
-                )
-
-
-@check("elements")
+@demand("elements")
 def check_frequency(subject: Subject) -> None:
     """The highest frequency is a close bound.
 
@@ -329,116 +265,59 @@ def check_frequency(subject: Subject) -> None:
 # ----------------------------------------------------------------------------------------------------- masses
 
 
-@check("masses")
+@demand("masses")
 def check_total_mass(subject: Subject) -> None:
     """Nodal masses keep mass and centre.
 
-    Nodal masses are positive, keep mass and centre of mass, and are the same if counted from the other end. Mass
-    that is added or lost, above all at an end in contact, changes every impact.
+    Nodal masses are positive, keep mass and centre of mass, are the same if counted from the other end, and in
+    proportion to the masses of the elements. Mass that is added or lost, above all at an end in contact, changes every
+    impact. Only an end in contact may be without mass, because its end element holds it. A threshold that bars of equal
+    elements meet exactly depends on the unit of mass unless it has a tolerance.
     """
     for _, mass in subject.made():
-        for elements, three_nodes in itertools.product((UNLIKE, UNLIKE[:1], np.ones(7)), (False, True)):
-            lumping = _lumping(elements.size, three_nodes=three_nodes)
-            untouched = np.zeros(lumping.nodes, dtype=bool)
-            _check_nodal(mass, elements, lumping, untouched, elements.sum(), f"{elements.size} elements")
+        for elements in (UNLIKE, UNLIKE[:1], UNLIKE[:2], *EVEN):
+            _check_nodal(mass, elements, _three_nodes(elements.size), None, f"{elements.size} elements of three nodes")
+            for words, nodes in TOUCHING.items():
+                in_contact = np.zeros(elements.size + 1, dtype=bool)
+                in_contact[nodes] = True
+                where = f"{elements.size} elements with {words} node in contact"
+                _check_nodal(mass, elements, Lumping.of_line(elements.size), in_contact, where)
         even = np.asarray(mass.nodal(np.ones(6), Lumping.of_line(6)), dtype=float)
         if abs(even @ np.arange(7.0) - 18.0) > CLOSE * 18.0:
             raise CheckFailed("the centre of mass of a uniform line is not in its middle")
 
 
 def _check_nodal(
-    mass: Mass, elements: Floats, lumping: Lumping, in_contact: NDArray[np.bool], total: float, where: str
+    mass: Mass, elements: Floats, lumping: Lumping, in_contact: NDArray[np.bool] | None, where: str
 ) -> None:
-    """Raise `CheckFailed` unless nodal masses have a total, and are positive and the same from the other end."""
-    both = []
-    for way in (1, -1):
-        touching = (in_contact[::way],) if in_contact.any() else ()
-        nodal = answer(mass, "nodal_in_contact" if touching else "nodal", elements[::way], lumping, *touching)
-        both.append(np.asarray(nodal, dtype=float)[::way])
-    nodal, reverse = both
-    if not (nodal >= 0).all() or not (nodal[~in_contact] > 0).all():
+    """Raise `CheckFailed` unless nodal masses keep the total, are positive, mirrored, and in any unit the same."""
+
+    def nodal_of(masses: Floats, way: int) -> Floats:
+        touching = () if in_contact is None else (in_contact[::way],)
+        method = "nodal" if in_contact is None else "nodal_in_contact"
+        return np.asarray(answer(mass, method, masses[::way], lumping, *touching), dtype=float)[::way]
+
+    nodal, total = nodal_of(elements, 1), elements.sum()
+    may_be_zero = np.zeros(nodal.size, bool) if in_contact is None else in_contact
+    if not (nodal >= 0).all() or not (nodal[~may_be_zero] > 0).all():
         raise CheckFailed(f"{where} give nodal masses {nodal}")
     if abs(nodal.sum() - total) > CLOSE * total:
         raise CheckFailed(f"{where} have the mass {nodal.sum():.6g}, expected {total:.6g}")
-    if not np.allclose(nodal, reverse, rtol=1e-8):
+    if not np.allclose(nodal, nodal_of(elements, -1), rtol=1e-8):
         raise CheckFailed(f"{where} have other masses if counted from the other end")
+    for factor in UNITS_OF_MASS:
+        if not np.allclose(nodal, nodal_of(factor * elements, 1) / factor, rtol=CLOSE, atol=CLOSE * nodal.max()):
+            raise CheckFailed(f"{where} have other masses in a unit of 1/{factor:g}")
 
 
-def _with_ends_in_contact(*lines: Floats) -> Iterator[tuple[Floats, Lumping, NDArray[np.bool], str]]:
-    """Yield masses of elements and their lumping, with a mask of the nodes in contact, and both in words."""
-    for elements, (words, nodes) in itertools.product(lines, TOUCHING.items()):
-        in_contact = np.zeros(elements.size + 1, dtype=bool)
-        in_contact[nodes] = True
-        where = f"{elements.size} elements with {words} node in contact"
-        yield elements, Lumping.of_line(elements.size), in_contact, where
-
-
-def _lumping(count: int, *, three_nodes: bool) -> Lumping:
-    """Return how a line of elements of two nodes, or of three, shares its mass."""
-    if not three_nodes:
-        return Lumping.of_line(count)
+def _three_nodes(count: int) -> Lumping:
+    """Return how a line of elements of three nodes shares its mass."""
     first = 2 * np.arange(count)
     shares = np.tile(np.array([1.0, 1.0, 4.0]) / 6.0, (count, 1))
     return Lumping(shares, np.stack([first, first + 2, first + 1], axis=1), 2 * count + 1)
 
 
-@check("masses")
-def check_masses_in_contact(subject: Subject) -> None:
-    """Ends in contact keep the total mass.
-
-    Nodal masses keep the total mass, whichever ends are in contact. They are the same if counted from the other
-    end. Only an end in contact may be without mass, because its end element holds it; nothing moves any other node
-    without mass.
-    """
-    for _, mass in subject.made():
-        for elements, lumping, in_contact, where in _with_ends_in_contact(UNLIKE, UNLIKE[:1], UNLIKE[:2], np.ones(9)):
-            total = float(np.sum(mass.nodal(elements.copy(), lumping)))
-            _check_nodal(mass, elements, lumping, in_contact, total, where)
-
-
-@check("masses")
-@on_chains(steps=100)
-def check_balance_in_contact(subject: Subject, case: Entries) -> None:
-    """With each law the balances are exact.
-
-    Momentum and energy of drawn chains of bars are balanced to round-off with every law that goes with the mass.
-    This applies to masses that treat ends in contact in a way of their own, at ends that come into contact.
-    """
-    if subject.component.nodal_in_contact is Mass.nodal_in_contact:  # type: ignore[attr-defined]
-        raise NotApplicable("ends in contact have the mass of all other ends")
-    ran = False
-    for name in subject.judges("contacts"):
-        law = {"name": name, **subject.registry.components["contacts", name].examples[0]}
-        try:
-            result = subject.run(subject.placed({**case, "method": {"contact": law}}))
-        except (NotApplicable, RunError):
-            continue
-        ran = True
-        must_balance(result, f" with {law}")
-        if result.summary["energy_growth"]["kept"] is False:
-            raise CheckFailed(f"with {law} energy changed beyond what its certificate guarantees")
-    if not ran:
-        raise NotApplicable("no law goes with it, or every run was stopped")
-
-
-@check("masses")
-def check_units_of_mass(subject: Subject) -> None:
-    """No result depends on the unit of mass.
-
-    Nodal masses are in proportion to the masses of the elements. A threshold that bars of equal elements meet
-    exactly depends on round-off unless it has a tolerance.
-    """
-    lines = [np.ones(count) for count in range(1, 13)]
-    for _, mass in subject.made():
-        for elements, lumping, in_contact, where in _with_ends_in_contact(UNLIKE, *lines):
-            nodal = np.asarray(mass.nodal_in_contact(elements.copy(), lumping, in_contact), dtype=float)
-            for factor in UNITS_OF_MASS:
-                other = np.asarray(mass.nodal_in_contact(factor * elements, lumping, in_contact), dtype=float) / factor
-                if not np.allclose(nodal, other, rtol=CLOSE, atol=CLOSE * nodal.max()):
-                    raise CheckFailed(f"{where} have the masses {nodal}, and {other} in a unit of 1/{factor:g}")
-
-
-@check("masses")
+@demand("masses")
 def check_inverse_mass(subject: Subject) -> None:
     """The inverse mass moves whole bodies.
 
@@ -455,8 +334,9 @@ def check_inverse_mass(subject: Subject) -> None:
                 continue
             where = f"{element_mass.size} elements with {options}"
             inverse, mirrored = (matrix.toarray() for matrix in found)
-            if not np.allclose(inverse, mirrored[::-1, ::-1], rtol=1e-8, atol=1e-12):
-                raise CheckFailed(f"{where}: the inverse is another if counted from the other end")
+            for words, other in (("counted from the other end", mirrored[::-1, ::-1]), ("transposed", inverse.T)):
+                if not np.allclose(inverse, other, rtol=1e-8, atol=1e-12):
+                    raise CheckFailed(f"{where}: the inverse is another if {words}")
             if np.linalg.eigvalsh(inverse).min() <= 0.0:
                 raise CheckFailed(f"{where} give an inverse that is not positive definite")
             ones = inverse @ np.asarray(mass.nodal(element_mass.copy(), lumping), dtype=float)
