@@ -90,8 +90,9 @@ def frequencies_of_cells(element: Element, material: Material, body: BodyMesh) -
     masses = element_masses(element, body, material.rho)[:, None] * lumping_of(element, body).shares
     if not (masses > 0.0).all():
         return np.full(len(masses), np.nan)
-    found, dim = cell_stiffness(element, material, body), body.mesh.nodes.shape[1]
-    root = np.repeat(np.sqrt(masses[found.first]), dim, axis=1)
+    found = cell_stiffness(element, material, body)
+    ways = found.matrices.shape[1] // masses.shape[1]  # of the motion of a node: one along a line
+    root = np.repeat(np.sqrt(masses[found.first]), ways, axis=1)
     scaled = found.matrices / root[:, :, None] / root[:, None, :]
     frequencies: Floats = np.sqrt(np.linalg.eigvalsh(scaled)[:, -1])[found.kind]
     return frequencies
