@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from pathlib import Path
-
-from percuss.errors import InputError, UnwrittenError
-from percuss.files import replacing
 
 
 def cache_folder() -> Path | None:
@@ -24,20 +20,3 @@ def cache_folder() -> Path | None:
     except OSError:
         return None
     return folder
-
-
-def kept(name: str) -> bytes | None:
-    """Return what is stored under a name; None where there is nothing."""
-    folder = cache_folder()
-    try:
-        return None if folder is None else (folder / name).read_bytes()
-    except OSError:
-        return None
-
-
-def keep(name: str, content: bytes) -> None:
-    """Store `content` under a name; where there is no folder that can be written to, nothing is stored."""
-    folder = cache_folder()
-    if folder is not None:
-        with contextlib.suppress(OSError, InputError, UnwrittenError), replacing(folder / name, ".part") as temporary:
-            temporary.write_bytes(content)

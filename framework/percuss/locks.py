@@ -1,4 +1,4 @@
-"""Locks between processes: on the file of a study, and on the compilation of a function.
+"""The lock on the file of a study, to which one process writes at a time.
 
 The operating system keeps a lock, so that it is released when the process that holds it ends, even by a crash.
 """
@@ -70,21 +70,4 @@ def locked(path: Path) -> Iterator[None]:
         # It is removed while it is still locked: who has opened it meanwhile sees that it is gone, and makes another.
         with contextlib.suppress(OSError):
             lock_file.unlink()
-        lock.release()
-
-
-@contextmanager
-def in_turn(lock_file: Path, longest_wait: float) -> Iterator[None]:
-    """Wait until no other process is in this context, then enter it; enter anyway after `longest_wait` seconds.
-
-    The lock file stays where it is. Where it cannot be written or locked nobody waits for anybody.
-    """
-    import filelock
-
-    lock = filelock.FileLock(lock_file, timeout=longest_wait)
-    with contextlib.suppress(OSError):
-        lock.acquire()
-    try:
-        yield
-    finally:
         lock.release()
