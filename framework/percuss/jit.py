@@ -193,7 +193,10 @@ class Binder:
         own = is_of_the_loop(source.__code__.co_filename)
         options: Entries = {"boundscheck": True} if self.checked and not own else {}
         if hasattr(function, "targetoptions"):
-            return options | {name: value for name, value in function.targetoptions.items() if name != "nopython"}
+            author = {name: value for name, value in function.targetoptions.items() if name != "nopython"}
+            if isinstance(flags := author.get("fastmath"), set):
+                author["fastmath"] = tuple(sorted(flags))
+            return options | author
         # Always set, because otherwise the option of the calling function applies. The loop allocates nothing.
         options |= {"error_model": "numpy", "nogil": True, "_nrt": self.allocates and not own}
         if self.inline and not getattr(function, "called", False):

@@ -21,7 +21,10 @@ PAIRS = 9  # processes for each library, and as many for NumPy
 REASONS = {
     "annotated-types": ("annotated_types", "bounds of options (`Gt`, `Le`), which pydantic and every plug-in read"),
     "filelock": ("filelock", "the lock on the file of a study, so that two processes do not write to it"),
-    "llvmlite": ("llvmlite.binding", "loads stored machine code without numba, of which it is a part"),
+    "llvmlite": (
+        "llvmlite.binding",
+        "the types of compiled code that calls of kernels by their addresses need; a part of numba",
+    ),
     "netCDF4": ("netCDF4", "results in the format that other programs of the field read"),
     "numba": ("numba", "compiles the loop and the kernels of methods, those of plug-ins too"),
     "numpy": ("numpy", "arrays"),

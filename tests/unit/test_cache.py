@@ -15,11 +15,11 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / "own" / "percuss"
 
 
-def test_nobody_else_reads_it(folder):
+def test_nobody_else_reads_the_folder(folder):
     assert cache.cache_folder() == folder
     assert os.name != "posix" or stat.S_IMODE(folder.stat().st_mode) == 0o700
 
 
-def test_where_no_folder_can_be_made_there_is_none(folder):
+def test_there_is_none_where_it_cannot_be_made(folder):
     folder.parent.write_text("a file in its place")
     assert cache.cache_folder() is None

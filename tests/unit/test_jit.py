@@ -155,6 +155,23 @@ def test_a_law_whose_data_compiled_code_cannot_read_runs_in_python_and_says_why(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("says_so", [True, False], ids=["says so", "does not"])
+def test_a_law_that_allocates_arrays_is_compiled(tmp_path, says_so):
+    """One that does not say so is compiled once more, and counts references from then on."""
+    text = TEXT.replace(', "plain")', ', "plain")'.replace('"plain"', "1.0")).replace("mode: str", "mode: float")
+    loop = text[text.index("for p in range") :]
+    text = text.replace(loop, "multiplier[:] = bound.stiffness * np.maximum(-trial.gap, 0.0)\n")
+    text = text.replace('    summary = "a penalty"\n', f'    summary = "a penalty"\n    allocates = {says_so}\n')
+    file = tmp_path / "law.py"
+    file.write_text(text)
+    before = set(build._ALLOCATING)
+    case = hunek(6, integrator="central-difference", contact="with-text", end=0.1)
+    result = percuss.run(percuss.load(case, plugins=[file]))
+    assert result.summary["compiled"], result.summary["compiled_why"]
+    assert len(build._ALLOCATING - before) == (not says_so)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
 def test_a_loop_that_is_kept_for_the_next_run_keeps_no_arrays_of_this_one(integrator):
     model = Model(percuss.load(hunek(6, integrator=integrator, end=0.1)))
