@@ -9,7 +9,7 @@ import numpy as np
 from percuss.jit import Filled
 from percuss.mesh import cell_kernels
 from percuss.mesh.cell_kernels import Cells
-from percuss.mesh.materials import material_slots, solid_slots
+from percuss.mesh.materials import MaterialPoints, material_slots, solid_slots
 from percuss.methods import slots
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import BodyMesh, CellElement, Lumping, Mesh, SolidElement, SolidMaterial
@@ -44,6 +44,12 @@ def parameters_of(element: Element, material: Material, body: BodyMesh) -> Float
     if isinstance(material, SolidMaterial) and is_solid(element):
         return np.array(answer(material, "solid_parameters", body.plane_of_material), dtype=float)
     return np.array(answer(material, "parameters"), dtype=float)
+
+
+def points_at_rest(element: Element, material: Material, body: BodyMesh) -> MaterialPoints:
+    """Return the material of a body as the kernels of its elements pass it on, with state variables of zero."""
+    before = np.zeros((volumes_of(element, body).size, material.state))
+    return MaterialPoints(read_only(parameters_of(element, material, body)), read_only(before), before.copy())
 
 
 def modulus_of(material: Material, body: BodyMesh) -> float:

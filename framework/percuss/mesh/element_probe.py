@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.jit import compile_error, compiled_function, jit_disabled, plain
-from percuss.mesh.cells import cells_of, is_solid, slots_of_material, volumes_of
-from percuss.mesh.material_points import points_at_rest
+from percuss.mesh.cells import cells_of, is_solid, points_at_rest, slots_of_material, volumes_of
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods import slots
 from percuss.methods.blame import definition_place, described, line_in_plugin

@@ -12,9 +12,17 @@ import numpy as np
 
 from percuss.jit import plain
 from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
-from percuss.mesh.cells import cell_arrays, cells_of, element_slots, has_cells, is_solid, mesh_of_element
+from percuss.mesh.cells import (
+    cell_arrays,
+    cells_of,
+    element_slots,
+    has_cells,
+    is_solid,
+    mesh_of_element,
+    points_at_rest,
+    slots_of_material,
+)
 from percuss.mesh.element_probe import ElementProbe
-from percuss.mesh.material_points import plain_slots, points_at_rest
 from percuss.methods.interfaces import BodyMesh, Floats, Mesh, Region, SolidMaterial
 from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
@@ -185,7 +193,7 @@ class BodyKernels:
         self.body = BodyMesh(mesh_of_element(element, mesh), section, plane)
         self.probe = ElementProbe(element, material, self.body)
         points = points_at_rest(element, material, self.body)
-        slots = {**plain_slots(element, material), **element_slots(element)}
+        slots = {**slots_of_material(element, material), **element_slots(element)}
         if has_cells(element):
             kernels: Any = (add_up_forces, energy_of_cells)
             cells = cell_arrays(element, [self.body])
