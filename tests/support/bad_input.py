@@ -270,7 +270,7 @@ EDGE_COMMANDS = [  # PATH has been set to a number at the edge, VALUES are three
     *("check CASE", "check CASE --json", "run CASE", "run CASE", "run CASE --json", "run CASE --json"),
     *("run CASE --nudge", "run CASE --tied --json", "run CASE --plot out.svg", "run CASE -o out.nc"),
     *("run CASE --exact-only --json", "run CASE --exact-only", "run CASE --exact-only --plot out.svg"),
-    *("stability CASE --json", "stability CASE --vary PATH=VALUES --json", "stability CASE --by pencil,black-box"),
+    *("stability CASE --json", "stability CASE --vary PATH=VALUES --json", "stability CASE --by linear-laws,black-box"),
     *("compare CASE --vary PATH=VALUES --json", "waves CASE --json", "waves CASE --contact top", "verify CASE"),
 ]
 WRONG_WORDS = re.compile(r"\bNone\b|\bNaN\b|\binf%|np\.|\bSingular\b|object at 0x")
@@ -282,7 +282,7 @@ COMMANDS = [
     "run hunek.yaml --exact-only --json --set bodies.short.velocity=[0.1]",
     "compare hunek.yaml --integrator central-difference --contact penalty,lagrange --vary refine=1,2 --tied --json",
     "compare hunek.yaml --vary method.contact.beta_s=0.01:100:log:3",
-    "stability hunek.yaml --vary method.contact.beta_s=0.1,1 --by closed-form,pencil -o out.csv --json",
+    "stability hunek.yaml --vary method.contact.beta_s=0.1,1 --by black-box,linear-laws -o out.csv --json",
     "stability hunek.yaml --curves method.contact.ratio=0.5,1 --vary method.contact.beta_s=0.5:1:2",
     "waves hunek.yaml --contact tip --json",
     "study study.yaml -o rows.sqlite --workers 1 --export rows.csv --again failed",

@@ -53,7 +53,7 @@ def run(case, overrides=None, **kwargs):
 
 
 def examined(case, **kwargs):
-    """Run a case as the kit does: its critical step is not searched where the step itself would have to tell it."""
+    """Run a case as the kit does: its critical step is not searched where the black box would have to tell it."""
     return examined_run(percuss.load(case), **kwargs)
 
 

@@ -45,7 +45,7 @@ OUTPUTS = [
     ("run case.yaml -o out.nc --plot out.svg", ["out.nc", "out.svg"], "impulse"),
     ("run case.yaml --exact-only -o out.nc", ["out.nc"], "impulse"),
     ("compare case.yaml --contact penalty --plot out.svg", ["out.svg"], "penalty"),
-    ("stability case.yaml --vary method.contact.beta_s=1,2 --by closed-form -o out.csv", ["out.csv"], "closed-form"),
+    ("stability case.yaml --vary method.contact.beta_s=1,2 --by linear-laws -o out.csv", ["out.csv"], "linear-laws"),
     ("report rows.sqlite -o out.html", ["out.html"], ""),
 ]
 

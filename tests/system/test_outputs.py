@@ -21,13 +21,13 @@ COMMANDS = {
         "run case.yaml --plot {}",
         "run case.yaml --exact-only --plot {}",
         "compare case.yaml --contact penalty --plot {}",
-        f"stability case.yaml {VARY} --by closed-form --plot {{}}",
+        f"stability case.yaml {VARY} --by linear-laws --plot {{}}",
         "waves case.yaml --plot {}",
         "recommend case.yaml --error 1% --runs 10 --workers 1 --plot {}",
     ),
     "out.gif": ("run case.yaml --animate {}",),
     "out.csv": (
-        f"stability case.yaml {VARY} --by closed-form -o {{}}",
+        f"stability case.yaml {VARY} --by linear-laws -o {{}}",
         "study study.yaml -o new.sqlite --workers 1 --export {}",
     ),
     "out.sqlite": ("study study.yaml --workers 1 -o {}", "recommend case.yaml --error 1% --runs 10 --workers 1 -o {}"),
@@ -100,8 +100,8 @@ def test_no_output_takes_the_place_of_an_input(bench, command, name, role):
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        (f"stability case.yaml {VARY} --by closed-form -o record.csv", "record.csv: expected a file to write, found"),
-        (f"stability case.yaml {VARY} --by closed-form -o case.yaml", "case.yaml: expected a file to write, found the"),
+        (f"stability case.yaml {VARY} --by linear-laws -o record.csv", "record.csv: expected a file to write, found"),
+        (f"stability case.yaml {VARY} --by linear-laws -o case.yaml", "case.yaml: expected a file to write, found the"),
         ("study study.yaml -o new.sqlite --workers 1 --export record.csv", "found the data file record.csv"),
         ("study study.yaml -o study.yaml --workers 1", "study.yaml: expected a file to write, found the study"),
         ("study study.yaml -o case.yaml --workers 1", "case.yaml: expected a file to write, found the case"),
@@ -133,7 +133,7 @@ def test_a_run_of_a_block_is_animated_though_its_case_records_no_snapshots(bench
 def test_a_file_among_the_varied_values_is_an_input(bench):
     (bench / "other.csv").write_text("0,0\n0.1,0.02\n")
     vary = "--vary loads.push.table.file=record.csv,other.csv"
-    told = refused(bench, f"stability case.yaml {vary} --by closed-form -o other.csv")
+    told = refused(bench, f"stability case.yaml {vary} --by linear-laws -o other.csv")
     assert "other.csv: expected a file to write, found the data file other.csv, which is read" in told
     study = {**yaml.safe_load((bench / "study.yaml").read_text())}
     study["vary"] = {"loads.push.table.file": ["record.csv", "other.csv"]}

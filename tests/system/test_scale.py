@@ -13,7 +13,7 @@ from benchmarks.scale import SERIES, exponent, once
 
 import pages
 import percuss
-from percuss.certificate.step_itself import MOST_ALONE
+from percuss.certificate.black_box import MOST_ALONE
 from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.march.recording import recordable

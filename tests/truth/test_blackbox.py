@@ -1,4 +1,4 @@
-"""The step itself against the rows of the laws, closed forms and one another; and that a wrong one would be seen."""
+"""The black box against the linear laws, closed forms and one another; and that a wrong one would be seen."""
 
 import dataclasses
 import math
@@ -11,15 +11,16 @@ import pytest
 from hypothesis import assume, event, given
 from test_stability import ROWS, wall
 
+import long_bars
 import percuss
 from percuss import heartbeat
-from percuss.certificate import criteria, step_itself
-from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.closed_form import NoClosedFormError, step_of_long_bars
+from percuss.certificate import black_box
+from percuss.certificate import linear_laws as of_linear_laws
+from percuss.certificate.black_box import MOST_ALONE, BlackBox, ClosedStepStability, combinations, examine
+from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.closed_step import ClosedStep, Motions
-from percuss.certificate.criteria import operator_criterion, step_criterion
+from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.operator import Operator
-from percuss.certificate.step_itself import MOST_ALONE, ClosedStepStability, StepCriterion, combinations, examine
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 from percuss.methods.interfaces import Trial
@@ -38,15 +39,15 @@ def model_of(case):
     return Model(percuss.load(case))
 
 
-def has_closed_form(law):
-    """Whether the pencil knows the closed contact of a law with central difference."""
+def is_covered(law):
+    """Whether the linear laws tell of the closed contact of a law with central difference."""
     model = model_of(hunek(1, integrator=CD, contact=law))
-    return not closed_contacts(model, model.dt).doubts
+    return not closed_laws(model, model.dt).doubts
 
 
 # a tie acts whether its gap is open or closed: no run is one of its bodies by themselves
-ROW_LAWS = [law for law in LAWS if law["name"] != "tied" and has_closed_form(law)]
-# of a viscous scheme with contact no closed form is known: the step itself is asked
+ROW_LAWS = [law for law in LAWS if law["name"] != "tied" and is_covered(law)]
+# of a viscous scheme with contact the linear laws do not tell: the step itself is asked
 ROW_PAIRS = [pair for pair in PAIRS if pair[1] in ROW_LAWS and (pair[0] in INVISCID or pair[0] not in LEAPFROG)]
 
 
@@ -90,14 +91,16 @@ def test_the_published_critical_courant_numbers(ratio, beta, critical):
 
 
 @pytest.mark.parametrize(("ratio", "beta", "critical"), ROWS)
-def test_closed_forms_give_the_published_critical_courant_numbers(ratio, beta, critical):
-    assert round(step_of_long_bars(model_of(wall(beta, ratio))) * 60, 4) == critical
+def test_long_bars_have_the_published_critical_courant_numbers(ratio, beta, critical):
+    assert round(long_bars.critical_step([(1.0, 1.0)], beta, beta / (4.0 * ratio)), 4) == critical
 
 
 def test_the_closed_form_of_the_penalty_method():
     for beta in (0.1, 1.0, 30.0):
-        found = step_of_long_bars(model_of(wall(beta, math.inf))) * 60
-        assert found == pytest.approx(math.sqrt(2 / (1 + math.sqrt(1 + beta**2))), rel=1e-9)
+        found = linear_laws(model_of(wall(beta, math.inf))).critical_step * 60
+        expected = math.sqrt(2 / (1 + math.sqrt(1 + beta**2)))
+        assert long_bars.critical_step([(1.0, 1.0)], beta) == pytest.approx(expected, rel=1e-9)
+        assert found == pytest.approx(expected, rel=1e-3 if beta < 1.0 else 1e-9)  # 60 elements are not quite endless
 
 
 @pytest.mark.parametrize("integrator", [WU, CD])
@@ -107,18 +110,12 @@ def test_unlike_bars_have_a_closed_form_too(integrator):
         "bar": {"length": 1.0, "elements": 80}, "at": -1.0, "area": 2.0, "material": {"young": 3.0, "density": 2.0},
     }  # fmt: skip
     case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
-    model = model_of(case)
-    assert step_of_long_bars(model) == pytest.approx(operator_criterion(model).critical_step, rel=1e-6)
-
-
-def test_no_closed_form_where_none_is_known():
-    case = wall(1.0, 1.0)
-    case["bodies"]["b"]["bar"]["grading"] = 2.0
-    with pytest.raises(NoClosedFormError, match="body 'b' are unequal"):
-        step_of_long_bars(model_of(case))
-    case = {**wall(1.0, 1.0), "method": {"integrator": "noh-bathe", "contact": "penalty"}}
-    with pytest.raises(NoClosedFormError, match="noh-bathe is no leap-frog scheme"):
-        step_of_long_bars(model_of(case))
+    sides = [(3.0 * 2.0 * 80, math.sqrt(2.0 / 3.0) / 80), (60.0, 1.0 / 60)]  # EA/h and h/c
+    stiffness, frequency = 3.0 * 60.0, 2.0 / max(h_over_c for _, h_over_c in sides)
+    inertia = stiffness / (2.0 * frequency**2)
+    found = linear_laws(model_of(case)).critical_step
+    expected = long_bars.critical_step(sides, stiffness, inertia, predicted=integrator == WU)
+    assert found == pytest.approx(expected, rel=1e-6)
 
 
 def three_bars(integrator, direction):
@@ -151,7 +148,7 @@ def test_theta_of_several_contacts_is_that_of_the_determinant(direction):
     model = model_of(three_bars(WU, direction))
     motions = Motions(model)
     closed_step, free = (ClosedStep(motions, model.dt, c) for c in ([0, 1, 2], []))
-    said = closed_contacts(model, model.dt)
+    said = closed_laws(model, model.dt)
     _, diagonal, others = model.rows.at(0.5 * model.dt)
     s = np.array([[others[p].get(q, 0.0) for q in range(3)] for p in range(3)]) + np.diag(diagonal)
     thetas = model.dt**2 * np.linalg.eigvals(np.linalg.solve(np.eye(3) + s * said.inertia, s * said.stiffness))
@@ -176,7 +173,7 @@ def test_central_difference_keeps_the_volume(direction):
 # ----------------------------------------------------------------------------------------------- the limit is tight
 
 
-def check_the_limit_is_tight(model, judge_class=operator_criterion):
+def check_the_limit_is_tight(model, judge_class=linear_laws):
     """Demand that 1 % below the critical step nothing grows in any combination, and 1 % above it does in the worst."""
     judge = judge_class(model)
     critical = judge.critical_step
@@ -199,32 +196,26 @@ def check_the_limit_is_tight(model, judge_class=operator_criterion):
 def test_the_limit_is_tight(pair, case):
     model = drawn_model(case, pair)
     critical = check_the_limit_is_tight(model)
-    event("lowered by contact" if critical < 0.999 * operator_criterion(model).free else "that of the bodies")
+    event("lowered by contact" if critical < 0.999 * linear_laws(model).free else "that of the bodies")
 
 
-@pytest.mark.parametrize(("integrator", "most"), [(WU, 13), (CD, 13), ("noh-bathe", 26)])
-def test_the_critical_step_is_found_by_examining_few(integrator, most, monkeypatch):
-    """The excess of a step has the sign of the verdict, and under a leap-frog scheme vanishes at the critical step."""
+@pytest.mark.parametrize("integrator", [WU, CD, "noh-bathe"])
+def test_the_critical_step_is_found_by_examining_few(integrator, monkeypatch):
     case = wall(3.0, 2.0, integrator)
     case["bodies"]["b"]["bar"]["elements"] = 4
-    criterion, examined = StepCriterion(model_of(case)), []
+    criterion, examined = BlackBox(model_of(case)), []
 
     def counted(motions, dt, closed, **options):
         examined.append(dt)
         return examine(motions, dt, closed, **options)
 
-    monkeypatch.setattr(step_itself, "examine", counted)
-    critical = criterion.critical_step  # without a step from which to start
+    monkeypatch.setattr(black_box, "examine", counted)
+    critical = criterion.critical_step
     assert critical < 0.99 * criterion.free
-    assert len(examined) <= most
-    examined.clear()
-    assert step_criterion(criterion.model).critical_step == pytest.approx(critical, rel=step_itself.SEARCH_TOLERANCE)
-    assert len(examined) <= 5
+    assert len(examined) <= 27
     for share in [0.2, 0.9, 0.999, 0.99999, 1.00001, 1.001, 1.1, 2.0]:
         found = examine(criterion.motions, share * critical, [0])
         assert found.stable == (share < 1)
-        assert (found.excess <= 0) == found.stable
-        assert abs(found.excess) <= (min(1, 100 * abs(share - 1)) if integrator in LEAPFROG else 1)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.2])
@@ -241,9 +232,8 @@ def test_a_step_may_be_stable_though_theta_is_above_one_at_every_step(scale):
 
 
 def test_growth_beyond_all_numbers_is_growth():
-    stability = ClosedStepStability(1e200, None, distance_to_flip=1.0)
-    assert stability.excess == 1.0
-    assert ClosedStepStability(np.inf, 2.0, distance_to_flip=1.0).excess == 1.0
+    assert not ClosedStepStability(1e200, None).stable
+    assert not ClosedStepStability(np.inf, 2.0).stable
 
 
 @given(case=rows(moving=False, loads=False, bars=2))
@@ -251,7 +241,7 @@ def test_bars_that_are_tied_keep_the_step_of_the_bars(case):
     """Two bars tied are one bar with a heavier node."""
     model = drawn_model(case, (CD, {"name": "tied"}))
     found = certificate(model)
-    assert found["by"] == "pencil"
+    assert found["by"] == "linear-laws"
     assert found["stable"] in {"yes", "marginal"} or model.dt > found["dt_critical_free"]
     assert found["dt_critical"] == pytest.approx(found["dt_critical_free"], rel=1e-9)
     everywhere = list(range(len(model.contact_points)))
@@ -309,7 +299,7 @@ def test_the_verdict_turns_where_theta_is_one(theta):
 def test_a_large_model_is_judged_by_a_krylov_iteration():
     for law in ({"name": "penalty", "beta_s": 10.0}, {"name": "bipenalty", "beta_s": 10.0, "ratio": 5.0}):
         model = model_of(hunek(n=200, integrator=CD, contact=law))
-        assert step_criterion(model).critical_step == pytest.approx(operator_criterion(model).critical_step, rel=1e-4)
+        assert BlackBox(model).critical_step == pytest.approx(linear_laws(model).critical_step, rel=1e-4)
     found = certificate(model_of(hunek(n=200, integrator="noh-bathe", contact={"name": "lagrange"})))
     assert "Krylov" in found["why"]
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)  # what was not found may be there
@@ -319,7 +309,7 @@ def test_a_large_model_is_judged_by_a_krylov_iteration():
 def test_a_krylov_iteration_gives_the_same_number_again():
     """SciPy draws vectors of its own; without a seed the sixth digit of the critical step is left to chance."""
     model = model_of(hunek(n=100, integrator=CD, contact={"name": "walton-braun", "beta_s": 30.0}))
-    first, again = (step_criterion(model).critical_step for _ in range(2))
+    first, again = (BlackBox(model).critical_step for _ in range(2))
     assert first == again
 
 
@@ -331,7 +321,7 @@ def test_of_many_contacts_none_and_all_are_closed(monkeypatch):
         examined.append(closed)
         return examine(motions, dt, closed, **options)
 
-    monkeypatch.setattr(step_itself, "examine", noted)
+    monkeypatch.setattr(black_box, "examine", noted)
     count = MOST_ALONE + 1
     bar = {"bar": {"length": 1.0, "elements": 2}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
     case = {
@@ -397,7 +387,7 @@ def test_a_law_that_is_not_linear_is_unknown_and_says_so(tmp_path):
 @pytest.mark.deep
 def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty(tmp_path):
     case = law_file(tmp_path, "3.0 * bound.stiffness[p] * overlap")
-    expected = operator_criterion(model_of(wall(3.0, math.inf))).critical_step
+    expected = linear_laws(model_of(wall(3.0, math.inf))).critical_step
     assert certificate(Model(case))["dt_critical"] == pytest.approx(expected, rel=2e-6)
 
 
@@ -417,7 +407,7 @@ def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step(time, t
 # --------------------------------------------------------------------------------------------------- planted defects
 
 
-def limit_of(case, judge_class=operator_criterion):
+def limit_of(case, judge_class=linear_laws):
     return check_the_limit_is_tight(model_of(case), judge_class)
 
 
@@ -439,26 +429,29 @@ def test_nothing_planted_nothing_found(integrator):
 @pytest.mark.parametrize("integrator", [WU, CD])
 def test_a_penalty_left_out_of_the_step_estimate_is_seen(integrator, monkeypatch):
     def forgets(model, dt):
-        said = closed_contacts(model, dt)
+        said = closed_laws(model, dt)
         return dataclasses.replace(said, stiffness=0.0 * said.stiffness)
 
-    monkeypatch.setattr(criteria, "closed_contacts", forgets)
+    monkeypatch.setattr(of_linear_laws, "closed_laws", forgets)
     with pytest.raises((AssertionError, IndexError)):
         limit_of(unlike_pair(integrator))
 
 
 def test_a_lumped_mass_penalty_is_seen(monkeypatch):
     def lumped(self, dt, stiffness, inertia):
-        bulk, mass, normals = self.dense()
+        """Each contact takes its share by itself, with its mass on each node by itself."""
+        bulk, mass, normals = (matrix.toarray() for matrix in (self.stiffness, self.mass, self.rows))
         matrix = 4 / dt**2 * mass - bulk
         if not (np.linalg.eigvalsh(matrix) > 0).all():
-            return False, []
+            return None
         for p, n in enumerate(normals.T):
-            matrix += 4 / dt**2 * inertia[p] * np.diag(np.abs(n)) - stiffness[p] * np.outer(n, n)
-        return bool((np.linalg.eigvalsh(matrix) > 0).all()), list(range(normals.shape[1]))
+            matrix += 4 / dt**2 * inertia[p] * np.diag(np.abs(n))
+        softening = (
+            np.diag(np.sqrt(stiffness)) @ normals.T @ np.linalg.solve(matrix, normals) @ np.diag(np.sqrt(stiffness))
+        )
+        return np.arange(stiffness.size), softening
 
-    monkeypatch.setattr(Operator, "definite", lumped)
-    monkeypatch.setattr(Operator, "largest_softening", lambda *arguments: 0.0 if lumped(*arguments)[0] else 2.0)
+    monkeypatch.setattr(Operator, "softening", lumped)
     with pytest.raises(AssertionError):
         limit_of(unlike_pair(CD))
 
@@ -641,7 +634,7 @@ def test_a_run_searches_no_critical_step_that_only_the_step_itself_can_tell(monk
     assert checked["by"] == chosen["by"] == "black-box"
     assert (checked["dt_critical_why"], chosen["dt_critical_why"]) == ("", "")
     assert chosen["dt_critical"] == pytest.approx(checked["dt_critical"], rel=2e-6)
-    monkeypatch.setattr(StepCriterion, "critical_step", property(lambda _: pytest.fail("it was searched")))
+    monkeypatch.setattr(BlackBox, "critical_step", property(lambda _: pytest.fail("it was searched")))
     found = percuss.run(case).summary["certificate"]
     assert (found["stable"], found["dt_critical"]) == ("yes", None)
     assert "`percuss check`" in found["dt_critical_why"]

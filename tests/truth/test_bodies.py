@@ -13,7 +13,6 @@ import percuss
 import places
 from command_line import percuss_command
 from percuss.certificate import maps, verdict
-from percuss.certificate.closed_form import NoClosedFormError, step_of_long_bars
 from percuss.certificate.waves import waves
 from percuss.cli import scaffold
 from percuss.errors import InputError, PercussError, RefusedPair
@@ -129,14 +128,12 @@ def test_no_step_is_chosen_for_it(not_linear):
     assert "give one" in str(caught.value)
 
 
-def test_maps_closed_forms_waves_and_tied_twins_say_that_it_is_not_known(not_linear, tmp_path):
+def test_maps_waves_and_tied_twins_say_that_it_is_not_known(not_linear, tmp_path):
     case, plugins, name = not_linear
     loaded = percuss.load(case, plugins=plugins)
-    for row in maps.stability(loaded, by=["closed-form", "pencil", "black-box"]):
+    for row in maps.stability(loaded, by=["linear-laws", "black-box"]):
         assert row["courant_critical"] is None
         assert name in row["reason"]
-    with pytest.raises(NoClosedFormError, match=name):
-        step_of_long_bars(Model(loaded))
     with pytest.raises(PercussError, match=name):
         waves(Model(loaded))
     twin = compared(case | {"plugins": plugins}, tmp_path, "--tied")[-1]
@@ -380,8 +377,6 @@ def test_why_nothing_is_known_of_a_law_is_said_truly(contact, reason):
     assert known["energy"] == "unknown"
     assert reason in known["energy_why"]
     assert ("not linear in gap and acceleration" in known["energy_why"]) is (contact["name"] == "nitsche-kernel")
-    with pytest.raises(NoClosedFormError, match=reason):
-        assert step_of_long_bars(model)
 
 
 # ---------------------------------------------------------------------------------------------------- swaps

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.certificate.bounds import BoundsCriterion
-from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.criteria import RunCriterion, operator_criterion
+from percuss.certificate.bounds import Bounds
+from percuss.certificate.closed_laws import closed_laws
+from percuss.certificate.criteria import RunCriterion
+from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.verdict import certificate, settled
 from percuss.errors import InputError, RefusedPair
 from percuss.march.model import Model
@@ -47,10 +48,10 @@ def test_a_step_below_the_bound_is_stable_and_the_bound_is_near(integrator, pair
             model = Model(boxes(contact, integrator, pairing, dim))
         except (InputError, RefusedPair):
             continue
-        bounds, exact = RunCriterion(model, BoundsCriterion), RunCriterion(model, operator_criterion)
+        bounds, exact = RunCriterion(model, Bounds), RunCriterion(model, linear_laws)
         known = bounds.assess_step(1e-3 * bounds.free)
         if known.answer == "unknown":
-            assert closed_contacts(model, model.dt).doubts or "differ in eps_m" in known.doubt
+            assert closed_laws(model, model.dt).doubts or "differ in eps_m" in known.doubt
             assert np.isnan(bounds.critical_step)
             continue
         assert bounds.free <= exact.free
@@ -63,18 +64,18 @@ def test_a_step_below_the_bound_is_stable_and_the_bound_is_near(integrator, pair
 
 def test_contacts_that_differ_in_inertia_are_not_proved_stable():
     model = Model(boxes(STIFF, own={"name": "bipenalty", "beta_s": 0.5, "ratio": 0.1}))
-    assert "differ in eps_m / eps_s" in RunCriterion(model, BoundsCriterion).assess_step(1e-3 * model.dt).doubt
+    assert "differ in eps_m / eps_s" in RunCriterion(model, Bounds).assess_step(1e-3 * model.dt).doubt
     same = Model(boxes(STIFF, own=SOFT))
-    assert RunCriterion(same, BoundsCriterion).assess_step(1e-3 * same.dt).answer == "stable"
+    assert RunCriterion(same, Bounds).assess_step(1e-3 * same.dt).answer == "stable"
 
 
 @pytest.mark.parametrize("contact", ["lagrange", "regularised-lagrange", SOFT])
 def test_a_large_body_has_the_verdict_and_the_energy_of_a_small_one(monkeypatch, contact):
     small = certificate(Model(boxes(contact, dim=3)))
-    monkeypatch.setattr("percuss.certificate.verdict.MOST_FACTORED", 20)
+    monkeypatch.setattr("percuss.certificate.criteria.MOST_FACTORED", 20)
     large = certificate(Model(boxes(contact, dim=3)))
     assert (large["stable"], large["energy"], large["by"]) == ("yes", small["energy"], "bounds")
-    assert small["by"] == "pencil"
+    assert small["by"] == "linear-laws"
     assert large["dt_critical"] is large["dt_critical_free"] is None
     chosen = settled(boxes(contact, dim=3, courant="auto")).model
     assert 0.7 * small["dt_critical"] < chosen.dt < 0.9 * small["dt_critical"]
@@ -82,7 +83,7 @@ def test_a_large_body_has_the_verdict_and_the_energy_of_a_small_one(monkeypatch,
 
 
 def test_of_a_large_body_no_step_is_called_unstable_and_what_is_known_is_said(monkeypatch):
-    monkeypatch.setattr("percuss.certificate.verdict.MOST_FACTORED", 20)
+    monkeypatch.setattr("percuss.certificate.criteria.MOST_FACTORED", 20)
     above = certificate(Model(boxes(STIFF, CENTRAL, dim=3, courant=0.97)))
     assert above["stable"] == "unknown"
     assert "so that the bodies alone are stable" in above["why"]

@@ -251,7 +251,7 @@ def test_stages_accelerate_as_dense_matrices_do(scheme):
 # -------------------------------------------------------------------------------------------------------- stability
 
 
-def dense_pencil(case, consistency):
+def dense_matrices(case, consistency):
     """Return M, K and N of the free nodes of a case."""
     bars = assemble(case)
     mass = np.linalg.inv(reciprocal_inverse(bars, consistency))
@@ -271,12 +271,12 @@ def test_the_critical_step_is_that_of_dense_matrices(consistency, law, integrato
     case["bodies"]["short"] |= {"area": 2.0, "bar": {"length": 10.0, "elements": 7, "grading": 0.3}}
     case["method"]["mass"] = {"name": "reciprocal", "consistency": consistency}
     certificate = ran(case).summary["certificate"]
-    bars, mass, stiffness, normal = dense_pencil(case, consistency)
+    bars, mass, stiffness, normal = dense_matrices(case, consistency)
     motions = null_space(normal[None]) if law["name"] == "tied" else np.eye(normal.size)  # a tie is never open
     tops = eigh(motions.T @ stiffness @ motions, motions.T @ mass @ motions, eigvals_only=True)
     free = 2.0 / math.sqrt(tops[-1])
     assert certificate["dt_critical_free"] == pytest.approx(free, rel=1e-10)
-    assert certificate["by"] == "pencil"
+    assert certificate["by"] == "linear-laws"
 
     def grows(dt):
         """Whether the bodies grow without contact, or a power of the amplification matrix of (u_n, u_n-1) with it."""
@@ -323,7 +323,7 @@ def test_a_chosen_step_is_stable_and_just_above_the_critical_one_is_not(law, int
     assert ran(above).summary["certificate"]["stable"] == "no"
 
 
-def test_contacts_that_share_an_end_and_differ_are_examined_by_amplification_matrices():
+def test_contacts_that_share_an_end_and_differ_are_unknown():
     """Three bars at one point under bipenalty laws of unlike eps_m / eps_s: theta alone does not decide there."""
     bar = {"bar": {"length": 1.0, "elements": 4}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
     case = {
@@ -339,24 +339,9 @@ def test_contacts_that_share_an_end_and_differ_are_examined_by_amplification_mat
     }  # fmt: skip
     for name, stiffness, inertia in (("ab", 9.0, 0.3), ("ac", 5.0, 1e-9)):
         case["contacts"][name]["method"] = {"name": "bipenalty", "epsilon_s": stiffness, "epsilon_m": inertia}
-    from percuss.certificate.closed_contacts import closed_contacts
-    from percuss.certificate.lines import line_operator
-    from percuss.certificate.operator_criterion import ClosedMatrix
-    from percuss.march.model import Model
-
-    model = Model(percuss.load(case))
-    inverse = reciprocal_inverse(assemble(case), 0.8)
-    stiffness, size = assemble(case).K, inverse.shape[0]
-    normals = np.zeros((size, 2))
-    normals[[4, 5], 0], normals[[4, 10], 1] = (-1.0, 1.0), (-1.0, 1.0)
-    laws, dt = closed_contacts(model, model.dt), model.dt
-    left = np.diag([1.0 / 9.0, 1.0 / 5.0]) + np.array([[0.3 / 9.0], [1e-9 / 5.0]]) * (normals.T @ inverse @ normals)
-    back = np.eye(size) - dt**2 * inverse @ normals @ np.linalg.solve(left, normals.T)
-    top = back @ (2.0 * np.eye(size) - dt**2 * inverse @ stiffness)
-    values = np.linalg.eigvals(np.block([[top, -back], [np.eye(size), np.zeros((size, size))]]))
-    moving = values[np.abs(values - 1.0) > 1e-5]  # rigid motions are defective eigenvalues at 1
-    expected = np.abs(moving).max()
-    assert ClosedMatrix(line_operator(model)).radius(dt, laws, [0, 1]) == pytest.approx(expected, abs=1e-9)
+    certificate = ran(case).summary["certificate"]
+    assert certificate["stable"] == "unknown"
+    assert "contacts 'ab', 'ac' share an end and differ in eps_m / eps_s" in certificate["why"]
 
 
 # -------------------------------------------------------------------------------------------------------- identities
@@ -495,9 +480,9 @@ def test_criteria_that_do_not_cover_it_say_so():
 
     case = hunek(5, contact={"name": "penalty", "beta_s": 0.5})
     case["method"]["mass"] = "reciprocal"
-    rows = percuss.stability(percuss.load(case), by=("pencil", "closed-form", "black-box"))
-    assert [row["courant_critical"] is None for row in rows] == [False, True, True]
-    assert all("the mass reciprocal couples nodes" in row["reason"] for row in rows[1:])
+    rows = percuss.stability(percuss.load(case), by=("linear-laws", "black-box"))
+    assert [row["courant_critical"] is None for row in rows] == [False, True]
+    assert all("the mass reciprocal, which couples nodes" in row["reason"] for row in rows[1:])
     with pytest.raises(percuss.PercussError, match="waves are measured with diagonal masses"):
         waves(Model(percuss.load(case)))
 

@@ -14,7 +14,7 @@ import pytest
 import percuss
 import places
 from percuss.case.defaults import DEFAULTS
-from percuss.certificate.scheme_limit import amplification
+from percuss.certificate.oscillator import amplification
 from percuss.jit import plain
 from percuss.methods import slots
 from percuss.testing.demands.integrators import check_stages

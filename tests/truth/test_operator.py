@@ -7,9 +7,9 @@ import pytest
 import scipy.linalg
 import scipy.sparse
 
-from percuss.certificate.closed_contacts import ClosedContacts
-from percuss.certificate.operator import Operator, none_to_spare
-from percuss.certificate.operator_criterion import OperatorCriterion
+from percuss.certificate.closed_laws import ClosedLaws
+from percuss.certificate.linear_laws import LinearLaws
+from percuss.certificate.operator import Operator, limiting_rows
 
 NX, NY, H = 4, 3, 0.25
 YOUNG, POISSON, DENSITY = 3.0, 0.3, 2.0
@@ -63,7 +63,7 @@ def block(held_right, ny=NY):
 def laws(stiffness, inertia, predicted):
     count = stiffness.size
     share = np.divide(inertia, stiffness)
-    return lambda dt: ClosedContacts(
+    return lambda dt: ClosedLaws(
         stiffness, inertia, np.full(count, predicted), share - dt * dt if predicted else np.full(count, np.nan),
         1.0 / stiffness, (), "", "",
     )  # fmt: skip
@@ -71,16 +71,14 @@ def laws(stiffness, inertia, predicted):
 
 def criterion(matrices, stiffness, inertia, *, predicted=False, coupled=None):
     """The criterion of a block; `coupled` is M^-1 as a full matrix, of which C K C and C N are given."""
-    bulk, mass, normals, lengths = matrices
+    bulk, mass, normals, _ = matrices
     if coupled is None:
         parts, inverse = (bulk, np.diag(mass), normals), np.diag(1.0 / mass)
     else:
         parts, inverse = (coupled @ bulk @ coupled, coupled, coupled @ normals), coupled
     delassus = normals.T @ inverse @ normals
-    others = [{int(q): float(row[q]) for q in np.flatnonzero(row) if q != p} for p, row in enumerate(delassus)]
     operator = Operator(*map(scipy.sparse.csc_array, parts))
-    names = [f"p{k}" for k in range(lengths.size)]
-    return OperatorCriterion(operator, (np.diag(delassus).copy(), others), laws(stiffness, inertia, predicted), names)
+    return LinearLaws(operator, scipy.sparse.csr_array(delassus), laws(stiffness, inertia, predicted))
 
 
 def highest(stiffness, mass):
@@ -159,8 +157,50 @@ def test_a_factor_proves_what_it_says():
 
 
 def test_an_unstable_set_keeps_what_it_cannot_spare():
-    def unstable(members):
-        return {2, 5} <= {*members} or {1, 3, 8} <= {*members}
+    matrix = np.diag([0.9, 0.6, 0.3, 0.6, 0.5])
+    matrix[1, 3] = matrix[3, 1] = 0.7  # 1.3 of the two together
+    matrix[0, 4] = matrix[4, 0] = 0.1  # 0.92
+    assert limiting_rows(matrix) == [1, 3]
+    assert limiting_rows(np.diag([0.5, 1.1, 0.2])) == [1]
 
-    assert none_to_spare([1, 2, 3, 5, 8], unstable) == [2, 5]
-    assert none_to_spare([5, 8, 3, 2, 1], unstable) == [8, 3, 1]
+
+@pytest.mark.parametrize("blocks", [1, 3])
+def test_a_banded_operator_has_the_numbers_of_full_matrices_in_any_order(blocks):
+    rng = np.random.default_rng(5)
+    size, count = 24, 4 * blocks
+    pieces = []
+    for _ in range(blocks):
+        half = sum(np.diag(rng.uniform(-1.0, 0.0, size - k), k) for k in (1, 2))
+        pieces.append(np.diag(rng.uniform(4.0, 6.0, size)) + half + half.T)
+    order = rng.permutation(size * blocks)
+    stiffness = scipy.linalg.block_diag(*pieces)[np.ix_(order, order)]
+    mass = np.diag(rng.uniform(0.5, 2.0, size * blocks))
+    rows = np.zeros((size * blocks, count))
+    for k in range(count):
+        rows[rng.choice(size * blocks, 2, replace=False), k] = 1.0, -1.0
+    given = Operator(*map(scipy.sparse.csr_array, (stiffness, mass, rows, np.eye(size * blocks))))
+    operator, top = given.banded(), highest(stiffness, mass)
+    assert (operator._bands is None, given._bands is None) == (False, True)
+    assert operator.highest_eigenvalue == pytest.approx(top, rel=1e-12)
+    factor = operator.factor(2.0 * top)
+    expected = rows.T @ np.linalg.solve(2.0 * top * mass - stiffness, rows)
+    some = np.array([0, 2, count - 1])
+    np.testing.assert_allclose(operator.compliance(factor, some), expected[np.ix_(some, some)], rtol=1e-9, atol=1e-12)
+    (mode,) = operator.modes_at(top).T
+    mode = operator.motions @ mode
+    np.testing.assert_allclose(stiffness @ mode, top * (mass @ mode), rtol=1e-6, atol=1e-9 * top)
+    assert operator.modes_at(1.001 * top).shape == (size * blocks, 0)
+
+
+def test_bodies_that_nothing_joins_are_solved_for_together():
+    """Ten times as many contacts as motions that touch in a body, against full matrices."""
+    rng = np.random.default_rng(6)
+    count, size = 40, 3
+    stiffness = scipy.linalg.block_diag(*(rng.uniform(1.0, 2.0) * np.eye(size) - 0.1 for _ in range(count + 1)))
+    mass, rows = np.eye(size * (count + 1)), np.zeros((size * (count + 1), count))
+    for k in range(count):
+        rows[size * (k + 1) - 1, k], rows[size * (k + 1), k] = -1.0, 1.0
+    operator = Operator(*map(scipy.sparse.csr_array, (stiffness, mass, rows)))
+    found = operator.compliance(operator.factor(9.0), np.arange(count))
+    expected = rows.T @ np.linalg.solve(9.0 * mass - stiffness, rows)
+    np.testing.assert_allclose(found.toarray(), expected, rtol=1e-12, atol=1e-15)

@@ -12,9 +12,9 @@ import pytest
 from scipy.linalg import block_diag, eigh
 
 import percuss
-from percuss.certificate.closed_contacts import closed_contacts
+from percuss.certificate.black_box import examine
+from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.closed_step import ClosedStep, Motions
-from percuss.certificate.step_itself import examine
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 from solid_figures import CENTRAL, FOUR, GAUSS, MORTAR, NODES, RESPONSES, WU
@@ -68,7 +68,7 @@ def test_the_determinant_of_a_step_is_the_product_over_theta(pairing, law):
     """The step itself, made in plain Python for each motion, against the eigenvalues of all points together."""
     contact = {"name": law, "beta_s": 0.4, **({"ratio": "matched"} if law == "bipenalty" else {})}
     model = blocks(pairing, (2, 3), along=2, length=0.2, poisson=0.3, contact=contact)
-    closed, (_, s, _) = closed_contacts(model, model.dt), rows(model)
+    closed, (_, s, _) = closed_laws(model, model.dt), rows(model)
     count = len(s)
     thetas = (
         model.dt**2 * np.linalg.eigvals(np.linalg.solve(np.eye(count) + s * closed.inertia, s * closed.stiffness)).real
@@ -202,7 +202,7 @@ def test_bipenalty_keeps_the_free_step_and_a_penalty_does_not(pairing, across, p
     ]:  # fmt: skip
         contact = {"name": law, "beta_s": beta_s, **({"ratio": "free-step"} if law == "bipenalty" else {})}
         model = blocks(pairing, across, **shape, integrator=CENTRAL, contact=contact, step=free)
-        (normals, s, _), closed = rows(model), closed_contacts(model, model.dt)
+        (normals, s, _), closed = rows(model), closed_laws(model, model.dt)
         stiffness, mass = matrices(model)
         alone = highest(stiffness, mass)
         both = highest(

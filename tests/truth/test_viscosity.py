@@ -12,7 +12,6 @@ from scipy.linalg import eigh
 
 import dense
 import percuss
-from percuss.certificate.closed_form import NoClosedFormError, step_of_long_bars
 from percuss.certificate.verdict import certificate
 from percuss.march.march import March
 from percuss.march.model import Model
@@ -105,12 +104,6 @@ def test_the_limit_with_a_closed_penalty(beta_s):
     judged = certificate(Model(percuss.load(case)))
     assert judged["by"] == "black-box"
     assert judged["dt_critical"] == pytest.approx(dt, rel=1e-5)
-
-
-def test_there_is_no_closed_form():
-    case = percuss.load(hunek(4, courant=0.2, integrator=viscous(0.1)))
-    with pytest.raises(NoClosedFormError, match="viscous"):
-        step_of_long_bars(Model(case))
 
 
 # ------------------------------------------------------------------------------------------------------ the motion

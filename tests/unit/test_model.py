@@ -9,7 +9,7 @@ import pytest
 
 import percuss
 import places
-from percuss.certificate import operator_criterion
+from percuss.certificate import linear_laws
 from percuss.certificate.verdict import certificate, settled
 from percuss.contact.contact_problem import contact_problem
 from percuss.march.march import March
@@ -73,8 +73,8 @@ def searches(monkeypatch):
 
         return counted_call
 
-    search = counting("critical step", operator_criterion.largest_step_below)
-    monkeypatch.setattr(operator_criterion, "largest_step_below", search)
+    search = counting("critical step", linear_laws.largest_step_below)
+    monkeypatch.setattr(linear_laws, "largest_step_below", search)
     solve = counting("exact solution", exact.exact_solution)
     monkeypatch.setattr(exact, "exact_solution", solve)
     monkeypatch.setattr(assemble, "exact_solution", solve)

@@ -79,7 +79,7 @@ def stability(monkeypatch, **options):
             "margin": 0.87654321, "theta": 0.12345678, "reason": "the bodies are not linear" if n % 2 else "",
         }
         for n in range(200)
-        for by in ("closed-form", "pencil", "black-box")
+        for by in ("linear-laws", "black-box")
     ]  # fmt: skip
     return terminal.stability_lines("A case", rows, **options)
 
@@ -165,7 +165,7 @@ def test_a_table_that_fits_nowhere_is_told_row_by_row():
 def test_many_critical_courant_numbers_are_summed_up(told):
     short, whole = told("stability", 0), told("stability", 0, whole=True)
     assert len(short.splitlines()) < 30
-    assert "pencil: C critical from 0.005 (at method.contact.beta_s 2.45677, time.courant 0.9) to 1 (at" in short
+    assert "linear-laws: C critical from 0.005 (at method.contact.beta_s 2.45677, time.courant 0.9) to 1 (at" in short
     assert "of 200 combinations: --all prints every one, -o FILE.csv saves them" in short
     assert "300 times" not in short
     assert len(whole.splitlines()) > 200
@@ -176,9 +176,9 @@ def test_many_critical_courant_numbers_are_summed_up(told):
 
 
 def test_one_critical_courant_number_ends_the_table_in_words(capsys):
-    row = {"by": "pencil", "courant_critical": 0.5, "reason": ""}
+    row = {"by": "linear-laws", "courant_critical": 0.5, "reason": ""}
     show(terminal.stability_lines("A case", [row]))
-    assert capsys.readouterr().out.splitlines()[-1] == "pencil: C critical = 0.5"
+    assert capsys.readouterr().out.splitlines()[-1] == "linear-laws: C critical = 0.5"
 
 
 def test_waves_end_in_words(told, monkeypatch):

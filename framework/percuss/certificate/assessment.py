@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, ClassVar, Literal, Protocol
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from percuss.march.model import Model
+
 # Number of contacts that a reason names, so that it stays readable.
 MOST_NAMED = 6
 
@@ -31,8 +33,6 @@ class Assessment:
         Why the answer is less than certain; empty where it is certain.
     stretch
         Number of the stretch of the run that is assessed.
-    cure
-        Cure of an unstable step, where neither a shorter step nor another value of an option cures it.
     """
 
     answer: Answer
@@ -40,7 +40,6 @@ class Assessment:
     theta: float | None = None
     doubt: str = ""
     stretch: int = 0
-    cure: str = ""
 
     @property
     def conclusive(self) -> bool:
@@ -71,6 +70,11 @@ class Criterion(Protocol):
 
     def excess(self, dt: float) -> float:
         """Return the signed distance of a step from the critical one, -1 to 1: at most 0 where it is stable."""
+
+
+def contact_names(model: Model) -> list[str]:
+    """Return the name of the contact of each point."""
+    return [contact_point.name for contact_point in model.contact_points]
 
 
 def quoted(names: Sequence[str], points: Sequence[int]) -> str:

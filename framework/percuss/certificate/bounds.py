@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from percuss.certificate.assessment import Assessment
-from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.operator_criterion import ROUND_OFF, at_current_state, can_press, delassus
-from percuss.certificate.scheme_limit import limit_ratio
+from percuss.certificate.closed_laws import closed_laws, delassus
+from percuss.certificate.oscillator import limit_ratio
 from percuss.certificate.search import MARGINAL_DISTANCE, largest_step_below, signed_distance
 
 if TYPE_CHECKING:
-    from percuss.certificate.closed_contacts import ClosedContacts
+    from percuss.certificate.closed_laws import ClosedLaws
     from percuss.march.model import Model
     from percuss.methods.interfaces import Floats
 
@@ -32,7 +31,7 @@ BOUND = "up to which the bounds of cells and closed contacts exclude growth"
 UNLIKE = "contacts that share nodes differ in eps_m / eps_s, so that they do not act on one another as equals"
 
 
-class BoundsCriterion:
+class Bounds:
     """Criterion of one stretch of a run from bounds of its frequencies.
 
     Parameters
@@ -61,35 +60,32 @@ class BoundsCriterion:
 
     @cached_property
     def _delassus(self) -> Any:
-        return delassus(*self.model.rows.at(0.5 * self.model.dt)[1:])
+        return delassus(self.model)
 
     def _share(self, dt: float) -> float:
         """Return the number below 1 where a step is known to be stable; inf where nothing is known."""
-        laws = closed_contacts(self.model, dt)
+        laws = closed_laws(self.model, dt)
         if self._doubt(laws, dt):
             return np.inf
         limit = 4.0 * (self._ratio / dt) ** 2
-        stiffness, inertia = at_current_state(laws)
+        stiffness, inertia = laws.at_current_state()
         share = (self.model.bodies.omega**2 + self._largest_sum(np.maximum(stiffness - limit * inertia, 0.0))) / limit
-        predicted = laws.predicted & can_press(laws)
+        predicted = laws.predicted & laws.pressing
         by_sums = self._largest_sum(np.where(predicted, laws.stiffness, 0.0))
         ratio = float(np.min(laws.inertia[predicted] / laws.stiffness[predicted], initial=np.inf))
         return max(share, dt**2 * by_sums / (1.0 + ratio * by_sums) if by_sums else 0.0)
 
-    def _doubt(self, laws: ClosedContacts, dt: float) -> str:
+    def _doubt(self, laws: ClosedLaws, dt: float) -> str:
         """Return why no step is known to be stable; empty if some step is."""
         if laws.doubts:
             return "; ".join(laws.doubts)
-        pairs, pressing = self._delassus.tocoo(), can_press(laws)
-        one, other = laws.surplus[pairs.row], laws.surplus[pairs.col]
-        unlike = np.abs(one - other) > ROUND_OFF * (np.abs(one) + dt * dt)
-        return UNLIKE if (unlike & pressing[pairs.row] & pressing[pairs.col]).any() else ""
+        return UNLIKE if laws.unlike(self._delassus, dt) else ""
 
     def assess_step(self, dt: float) -> Assessment:
         """Return the assessment of a step."""
         if self._share(dt) < 1.0 - MARGINAL_DISTANCE:
             return Assessment("stable")
-        doubt = self._doubt(closed_contacts(self.model, dt), dt)
+        doubt = self._doubt(closed_laws(self.model, dt), dt)
         return Assessment("unknown", doubt=doubt or f"the step is not below {self.critical_step:.6g}, {BOUND}")
 
     def excess(self, dt: float) -> float:
@@ -99,5 +95,5 @@ class BoundsCriterion:
     @cached_property
     def critical_step(self) -> float:
         """Largest step that is known to be stable, with laws bound anew for each step tried; nan where none is."""
-        known = not self._doubt(closed_contacts(self.model, self.free), self.free)
+        known = not self._doubt(closed_laws(self.model, self.free), self.free)
         return largest_step_below(self.excess, self.free) if known else np.nan

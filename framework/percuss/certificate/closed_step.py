@@ -15,18 +15,17 @@ Two kinds of motion grow linearly in time without being an instability: motions 
 
 from __future__ import annotations
 
+import itertools
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.assembled import free_motions, operator_of, rigid_motions
-from percuss.certificate.lines import LineOperator, held_throughout
-from percuss.certificate.operator import unfelt
-from percuss.certificate.search import MARGINAL_DISTANCE
+from percuss.certificate.matrices import SAME_DIRECTION, free_motions, held_throughout, operator_of
 from percuss.contact.points import FROM_LINE, NEVER
 from percuss.heartbeat import beat
 from percuss.march.march import March
+from percuss.mesh.loads import directions_at_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -49,6 +48,7 @@ OPEN_GAP = 1e12
 LINEARITY_TOLERANCE = 1e-6
 # Relative change of a contact force by a perturbation below which it does not depend on the state.
 FORCE_TOLERANCE = 1e-9
+UNFELT = 1e-9  # relative size below which what rows see of a motion is round-off
 
 
 class ClosedStep:
@@ -133,8 +133,7 @@ class ClosedStep:
         signs[np.array(order, dtype=np.int64)[linear]] = 0.0
         gaps = self.motions.gaps * np.sqrt(lightest)
         # By half of the gap in a step, so that the gap one step before lies on the same side, for laws that weigh it.
-        closing = 0.5 * BASE_OVERLAP * signs
-        speed = np.linalg.lstsq(gaps, closing, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
+        speed = np.linalg.lstsq(gaps, 0.5 * BASE_OVERLAP * signs, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
         out = np.zeros((self.parts, self._scale.size))
         out[1] = (self.motions.basis @ speed) * self._scale / self.model.dt
         return out
@@ -171,7 +170,7 @@ class ClosedStep:
         return self(np.eye(self.parts * self.size))
 
     def linear(self) -> bool:
-        """Return whether the step is linear in the state."""
+        """Return whether the step is linear in the state, and no perturbation opens or closes what a law sees."""
         state = np.random.default_rng(0).uniform(-1.0, 1.0, self.parts * self.size)
         image, opposite = self(state), self(-0.5 * state)
         return bool(np.abs(image + 2.0 * opposite).max() <= LINEARITY_TOLERANCE * np.abs(image).max())
@@ -242,36 +241,15 @@ class Motions:
         whole = np.asarray(self.projection @ (rigid_motions(model) * self.root[:, None]))
         if not model.bodies.of_lines:
             return whole
-        across = np.flatnonzero(np.abs(self.projection @ self._axes.ravel()) < 1e-9)
-        sideways = np.zeros((whole.shape[0], across.size))
-        sideways[across, np.arange(across.size)] = 1.0
-        return np.concatenate([whole, sideways], axis=1)
-
-    @property
-    def _axes(self) -> Floats:
-        """The direction of the bar of each node, (nodes, dim)."""
-        bodies = self.model.bodies.values()
-        return np.concatenate([np.tile(body.mesh.direction, (body.mass.size, 1)) for body in bodies])
+        bodies = model.bodies.values()
+        axes = np.concatenate([np.tile(body.mesh.direction, (body.mass.size, 1)) for body in bodies])
+        across = np.flatnonzero(np.abs(self.projection @ axes.ravel()) < SAME_DIRECTION)
+        return np.concatenate([whole, np.eye(whole.shape[0])[:, across]], axis=1)
 
     def critical_modes(self, dt: float) -> Floats:
-        """Return the highest mode of each bar whose highest frequency is 2/dt, (n, z)."""
-        operator, columns = self.operator, []
-        if not isinstance(operator, LineOperator):
-            return np.zeros((self.basis.shape[1], 0))
-        axes = self._axes
-        for rows, block in operator.blocks():
-            diagonal, mass = block.stiffness[0], block.mass[0]
-            largest = float((diagonal / mass).max())
-            if (block.tridiagonal and abs(dt**2 * largest / 2.0 - 1.0) > 0.5) or block.size == 1:
-                continue  # Gershgorin's bound shows that the highest frequency is far from 2/dt.
-            value = block.highest_of_block()
-            if abs(value * dt**2 / 4.0 - 1.0) < 4.0 * MARGINAL_DISTANCE:
-                moving = np.flatnonzero((operator.place >= rows.start) & (operator.place < rows.stop))
-                mode = operator.signs[moving] * block.highest_mode(value)[operator.place[moving] - rows.start]
-                full = np.zeros((self.model.bodies.n_nodes, self.model.dim))
-                full[moving] = (mode * np.sqrt(self.model.bodies.mass[moving]))[:, None] * axes[moving]
-                columns.append(self.projection @ full.ravel())
-        return np.array(columns).reshape(-1, self.basis.shape[1]).T
+        """Return the highest mode of each body whose highest frequency is 2/dt, (n, z)."""
+        modes = self.operator.motions @ self.operator.modes_at(4.0 / dt**2)
+        return np.asarray(self.projection @ (self.root[:, None] * modes))
 
     def idle(self, dt: float, closed: Sequence[int]) -> Floats:
         """Return an orthonormal basis of the motions that grow linearly without being an instability, (n, w).
@@ -282,3 +260,46 @@ class Motions:
         groups = [self.strainless] if self.model.stages else [self.strainless, self.critical_modes(dt)]
         kept = np.concatenate([unfelt(group, gaps) for group in groups], axis=1)
         return np.linalg.qr(kept)[0] if kept.size else kept
+
+
+def rigid_motions(model: Model) -> Floats:
+    """Return the motions of bodies as a whole that supports allow, one a column, (nodes * dim, k).
+
+    A bar moves along its axis. Displacements of other bodies are small, so that a rotation moves a node across its
+    distance from the middle of the body.
+    """
+    from scipy.linalg import null_space
+
+    dim, held, columns = model.dim, directions_at_nodes(held_throughout(model)), []
+    for body in model.bodies.values():
+        inside = slice(body.start, body.stop)
+        arm = model.bodies.nodes[inside] - model.bodies.nodes[inside].mean(axis=0)
+        axes = np.eye(dim) if body.mesh.line is None else body.mesh.direction[None]
+        fields = [np.tile(axis, (len(arm), 1)) for axis in axes]
+        for first, second in itertools.combinations(range(dim if body.mesh.line is None else 0), 2):
+            turned = np.zeros_like(arm)
+            turned[:, first], turned[:, second] = -arm[:, second], arm[:, first]
+            fields.append(turned / np.abs(arm).max())
+        motions = np.zeros((len(fields), model.bodies.n_nodes, dim))
+        motions[:, inside] = fields
+        nodes = [node for node in held if body.start <= node < body.stop]
+        caught = np.array([motions[:, node] @ direction for node in nodes for direction in held[node]])
+        caught = caught[np.abs(caught).max(axis=1) > SAME_DIRECTION] if nodes else caught
+        allowed = null_space(caught) if caught.size else np.eye(len(fields))
+        columns.append(motions.reshape(len(fields), -1).T @ allowed)
+    return np.concatenate(columns, axis=1)
+
+
+def deflated(matrix: Floats, motions: Floats) -> Floats:
+    """Return a matrix with zero in place of some motions, orthonormal columns, and of what it makes of these."""
+    matrix = matrix - motions @ (motions.T @ matrix)
+    return matrix - (matrix @ motions) @ motions.T
+
+
+def unfelt(motions: Floats, rows: Floats) -> Floats:
+    """Return the combinations of motions, one a column, that leave rows at zero."""
+    if not (motions.size and rows.size):
+        return motions
+    _, size, right = np.linalg.svd(rows @ motions)
+    kept: Floats = motions @ right[int((size > UNFELT * np.linalg.norm(rows)).sum()) :].T
+    return kept

@@ -1,63 +1,26 @@
-"""The criteria of a run: one for each of its stretches, from the sparse operator or from the step itself.
+"""The criterion of a run: one criterion for each of its stretches, of which the worst decides.
 
-The step itself uses no property of the laws and `percuss.certificate.closed_form` no mesh, so each of them is an
-independent check of the operator, which asks the step itself only about bodies of one or two elements above theta = 1.
+The black box uses no property of the laws, so that it is an independent check of the linear laws, which ask it only
+about bodies of one or two elements above theta = 1.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.certificate.assembled import operator_of
-from percuss.certificate.assessment import Assessment, Criterion, quoted
-from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.operator_criterion import OperatorCriterion
-from percuss.certificate.scheme_limit import limit_ratio
-from percuss.certificate.step_itself import LARGEST_DENSE_STATE, StepCriterion
+from percuss.certificate.assessment import Assessment, Criterion, contact_names, quoted
+from percuss.certificate.black_box import BlackBox
+from percuss.certificate.bounds import Bounds
+from percuss.certificate.linear_laws import doubts_of, linear_laws
+from percuss.mesh.size_limits import MOST_FACTORED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from percuss.march.model import Model
-
-# Number of elements below which contact can damp all of a body, so that a step above theta = 1 may be stable.
-SHORT_BODY_ELEMENTS = 3
-
-
-def operator_criterion(model: Model) -> OperatorCriterion:
-    """Return the criterion of the sparse operator of a stretch of a run, `percuss.march.model.Model.stretches`."""
-    # Contact can damp all of a short body, so a step above theta = 1 may be stable: the step itself tells. The state of
-    # ends without mass is not one of displacement and velocity alone, and states are weighted with diagonal masses.
-    short = any(body.count < SHORT_BODY_ELEMENTS for body in model.bodies.values())
-    covered = not model.why("black box")
-    asked = short and covered and 2 * model.dim * model.bodies.mass.size <= LARGEST_DENSE_STATE
-    return OperatorCriterion(
-        operator_of(model),
-        model.rows.at(0.5 * model.dt)[1:],
-        functools.partial(closed_contacts, model),
-        contact_names(model),
-        limit_ratio=limit_ratio(model),
-        tied=model.tied_points,
-        apart=lambda: operator_of(model, tied=False),
-        beyond=StepCriterion(model) if asked else None,
-        why_open=model.why("short bars") if short else "",
-    )
-
-
-def step_criterion(model: Model) -> StepCriterion:
-    """Return the criterion of the step itself of a stretch; its search begins at the critical step by the operator."""
-    return StepCriterion(
-        model, lambda: 0.0 if closed_contacts(model, model.dt).doubts else operator_criterion(model).bound
-    )
-
-
-def contact_names(model: Model) -> list[str]:
-    """Return the name of the contact of each point."""
-    return [contact_point.name for contact_point in model.contact_points]
 
 
 class RunCriterion:
@@ -68,7 +31,7 @@ class RunCriterion:
     model
         The model of the whole run.
     kind
-        `operator_criterion`, `step_criterion`, or `percuss.certificate.bounds.BoundsCriterion`.
+        `linear_laws`, `BlackBox` or `Bounds`.
     other_step
         The criterion of the same run with another step. If the run has the same stretches with both steps, it also has
         the same critical step, and their criteria are taken over with what they have searched already.
@@ -126,3 +89,36 @@ class RunCriterion:
             return kind, assessment.theta or 0.0
 
         return dataclasses.replace(max(assessments, key=severity), theta=max(thetas, default=None))
+
+
+def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCriterion:
+    """Return the criterion of a run: that of the linear laws if they cover all of its contacts, else the black box.
+
+    Of bodies that are too large to factor it is that of bounds.
+
+    Parameters
+    ----------
+    model
+        The model of the run.
+    other_step
+        The criterion of the same run with another step, if there is one.
+    """
+    kind: Callable[[Model], Criterion] = Bounds
+    if not too_large(model):
+        kind = BlackBox if doubts_of(model) else linear_laws
+    return RunCriterion(model, kind, other_step)
+
+
+def too_large(model: Model) -> bool:
+    """Return whether a body is too large to be factored, which would take minutes and much memory."""
+    return model.dim == 3 and any(body.mass.size > MOST_FACTORED for body in model.bodies.values())
+
+
+def unknown_by_mass(model: Model) -> str:
+    """Return why no criterion covers the mass of a model; empty if one does.
+
+    Ends without mass, and masses that couple nodes, are examined by the linear laws alone.
+    """
+    what = model.why("black box")
+    doubts = doubts_of(model) if what else ()
+    return f"{what}, and {'; '.join(doubts)}" if doubts else ""

@@ -16,9 +16,10 @@ from percuss.blas import one_blas_thread
 from percuss.case.arguments import expect_names
 from percuss.case.case import expect_case
 from percuss.case.overrides import as_given_by
-from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.closed_form import NoClosedFormError, step_of_long_bars
-from percuss.certificate.criteria import RunCriterion, operator_criterion, step_criterion
+from percuss.certificate.assessment import Criterion
+from percuss.certificate.black_box import BlackBox
+from percuss.certificate.criteria import RunCriterion
+from percuss.certificate.linear_laws import doubts_of, linear_laws
 from percuss.certificate.verdict import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
 from percuss.files import replacing
@@ -28,7 +29,7 @@ from percuss.march.model import Model
 if TYPE_CHECKING:
     from percuss.case.case import Case
 
-WAYS = ("closed-form", "pencil", "black-box")
+CRITERIA: dict[str, Callable[[Model], Criterion]] = {"linear-laws": linear_laws, "black-box": BlackBox}
 MOST_COMBINATIONS = 1_000_000
 STEP = ("time.courant", "time.step")
 
@@ -52,9 +53,8 @@ def stability(
     vary, curves
         Values for each dotted path; `curves` differ from `vary` in the figure only.
     by
-        Criteria: ``closed-form`` (uniform bars taken as infinitely long), ``pencil`` (from the linear laws),
-        ``black-box`` (the amplification matrix of the step itself). By default the pencil where all laws are linear
-        laws that it covers, else the black box.
+        Criteria: ``linear-laws`` (from the coefficients of the laws) and ``black-box`` (the amplification matrix of the
+        step itself). By default the linear laws where they cover all contacts, else the black box.
     progress
         Function that is called with the number of combinations done and the number of all combinations.
 
@@ -77,7 +77,7 @@ def stability(
         message = f"expected at most {MOST_COMBINATIONS} combinations of values, found {count}"
         raise InputError([Problem("--vary", "", message, "Take fewer values.")])
     combinations = list(itertools.product(*axes.values()))
-    ways = by or ("pencil",)
+    ways = by or ("linear-laws",)
     rows: list[Entries] = []
     errors: list[InputError] = []
     for done, values in enumerate(combinations):
@@ -91,8 +91,9 @@ def stability(
             reason = error.sentence if isinstance(error, RefusedPair) else str(error)
             rows += [_row(varied, way, None, reason) for way in ways]
         else:
-            doubts = closed_contacts(model, model.dt).doubts
-            rows += [_critical_row(model, varied, way, doubts) for way in by or ("black-box" if doubts else "pencil",)]
+            doubts = doubts_of(model)
+            ways_here = by or ("black-box" if doubts else "linear-laws",)
+            rows += [_critical_row(model, varied, way, doubts) for way in ways_here]
         if progress is not None:
             progress(done + 1, len(combinations))
     if len(errors) == len(combinations):
@@ -104,7 +105,9 @@ def stability(
 def _check_arguments(by: Sequence[str], curves: Data, vary: Data) -> None:
     expect_names("percuss.stability", "by", by)
     problems = [
-        Problem(f"--by {way}", "", f"unknown way '{way}'", suggestion(way, WAYS)) for way in by if way not in WAYS
+        Problem(f"--by {way}", "", f"unknown way '{way}'", suggestion(way, CRITERIA))
+        for way in by
+        if way not in CRITERIA
     ]
     problems += [
         Problem(f"--curves {path}", "", "expected another path than those of --vary", "Give each path once.")
@@ -124,13 +127,13 @@ def save(rows: list[Entries], path: str | os.PathLike[str]) -> None:
 
 
 def _critical_row(model: Model, varied: Data, way: str, doubts: Sequence[str]) -> Entries:
-    """Return the row of one criterion; `doubts` are the reasons why the pencil does not cover some of the laws."""
+    """Return the row of one criterion; `doubts` are the reasons why the linear laws do not tell of some contacts."""
     if why := _why_unknown(model, way, doubts):
         return _row(varied, way, None, why)
     try:
-        criterion = RunCriterion(model, step_criterion if way == "black-box" else operator_criterion)
-        critical = step_of_long_bars(model) if way == "closed-form" else criterion.critical_step
-    except (NoClosedFormError, PluginError) as error:
+        criterion = RunCriterion(model, CRITERIA[way])
+        critical = criterion.critical_step
+    except PluginError as error:
         return _row(varied, way, None, str(error))
     doubt = ""
     if way == "black-box":
@@ -141,7 +144,7 @@ def _critical_row(model: Model, varied: Data, way: str, doubts: Sequence[str]) -
     row = _row(varied, way, critical, doubt if critical > 0 else "no step is stable", model)
     if set(STEP) & set(varied):
         row["margin"] = model.dt / critical if critical > 0 else np.inf
-        row["theta"] = None if way == "closed-form" else criterion.assess_step(model.dt).theta
+        row["theta"] = criterion.assess_step(model.dt).theta
     return row
 
 
@@ -153,8 +156,8 @@ def _why_unknown(model: Model, way: str, doubts: Sequence[str]) -> str:
         return f"{why}, which changes the critical step"
     if model.why("critical step"):
         return model.why("critical step")
-    if way == "pencil" and doubts:
-        return f"the pencil does not cover this: {'; '.join(doubts)}"
+    if way == "linear-laws" and doubts:
+        return f"the linear laws do not cover this: {'; '.join(doubts)}"
     why = model.why("black box")
     return "; ".join((why, *doubts)) if way == "black-box" and why else ""
 

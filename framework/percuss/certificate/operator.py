@@ -16,27 +16,30 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from percuss.blas import one_blas_thread
-from percuss.mesh.banded_matrices import bands
-from percuss.mesh.ritz_values import highest_ritz_value, without_chance
+from percuss.mesh.eigenvalues import as_bands, highest_of_bands, highest_ritz_value, without_chance
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from percuss.methods.interfaces import Floats, Integers
 
+MOST_BANDS = 8  # beside the diagonal of a matrix that is taken as banded
 SMALL_MATRIX = 32  # rows up to which a matrix is taken as full
 FULL_EIGENVECTORS = 200  # rows up to which all eigenvectors of a matrix are found to have the last one
 COLUMNS_AT_ONCE = 256  # right-hand sides that are solved for together
+FEWER_COLUMNS = 4  # times fewer columns of blocks than of contacts from which on blocks are solved for together
 # Largest number of contacts of which each is tried whether it can be left out, to bound the time.
 MOST_TRIED_CONTACTS = 24
-UNFELT = 1e-9  # relative size below which what rows see of a motion is round-off
 WELL_BELOW = 1e-6  # relative distance from a proved frequency beyond which no factor is asked again
 ABOVE_RITZ_VALUE = 1e-11  # relative distance from the largest Ritz value at which the first factor is tried
+SAME_FREQUENCY = 4e-9  # relative difference of two squares of a frequency that count as equal
+ABOVE_HIGHEST = 1e-12  # relative distance from the highest eigenvalue at which a matrix is factorised for its modes
+INVERSE_ITERATIONS = 8
 
 
 class Factor(Protocol):
@@ -46,9 +49,25 @@ class Factor(Protocol):
         """Return the inverse of the matrix times (n, k) columns."""
 
 
+class _BandFactor(NamedTuple):
+    """Factor of a banded matrix."""
+
+    band: Floats
+
+    def solve(self, columns: Floats) -> Floats:
+        """Return the inverse of the matrix times (n, k) columns."""
+        from scipy.linalg import cho_solve_banded
+
+        out: Floats = cho_solve_banded((self.band, True), columns, check_finite=False)
+        return out
+
+
 @dataclass(frozen=True)
 class Operator:
     """Mass, stiffness and contact rows of bodies of any dimension, and what follows from a factor of ``scale M - K``.
+
+    Matrices with few diagonals, as those of bars, are factorised as such, others as sparse ones. `banded` puts the
+    motions into an order that leaves few.
 
     Attributes
     ----------
@@ -56,23 +75,58 @@ class Operator:
         K and M, or ``C K C`` and C where the mass couples nodes.
     rows : (n, P) sparse array
         N, or C N; a contact point may have rows at any number of nodes.
+    motions : (nodes * dim, n) sparse array
+        The displacements of each motion.
     """
 
     stiffness: Any
     mass: Any
     rows: Any
+    motions: Any = None
 
     @property
     def size(self) -> int:
         """Number of motions."""
         return int(self.stiffness.shape[1])
 
+    @cached_property
+    def _pattern(self) -> Any:
+        """Which motions K or M couple."""
+        return abs(self.stiffness) + abs(self.mass)
+
+    @cached_property
+    def _bands(self) -> tuple[Floats, Floats] | None:
+        """K and M as bands, None where they have more than `MOST_BANDS` beside the diagonal."""
+        return (as_bands(self.stiffness), as_bands(self.mass)) if _reach(self._pattern) <= MOST_BANDS else None
+
+    def banded(self) -> Operator:
+        """Return the operator with its motions in an order that leaves few diagonals, itself where there is none."""
+        from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+        if _reach(self._pattern) <= MOST_BANDS or self._pattern.nnz > (2 * MOST_BANDS + 1) * self.size:
+            return self
+        order = reverse_cuthill_mckee(self._pattern, symmetric_mode=True)
+        parts = submatrix(self.stiffness, order), submatrix(self.mass, order), self.rows[order]
+        return Operator(*parts, None if self.motions is None else self.motions[:, order])
+
     def factor(self, scale: float) -> Factor | None:
-        """Return a factor without pivoting: the matrix is positive definite where all its pivots are positive."""
+        """Return a factor of ``scale M - K``, None unless that is positive definite."""
+        if self._bands is not None:
+            from scipy.linalg import cholesky_banded
+
+            stiffness, mass = self._bands
+            band = np.zeros((max(len(stiffness), len(mass)), self.size))
+            band[: len(mass)] += scale * mass
+            band[: len(stiffness)] -= stiffness
+            try:
+                return _BandFactor(cholesky_banded(band, lower=True, check_finite=False))
+            except np.linalg.LinAlgError:
+                return None
         from scipy.sparse import csc_array
         from scipy.sparse.linalg import splu
 
         matrix = csc_array(scale * self.mass - self.stiffness)
+        # Without pivoting, the matrix is positive definite where all pivots are positive.
         try:
             factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         except RuntimeError:  # a pivot is 0
@@ -80,21 +134,48 @@ class Operator:
         kept = bool(np.all(factor.perm_r == factor.perm_c))
         return factor if kept and bool(np.all(factor.U.diagonal() > 0.0)) else None
 
-    def compliance(self, factor: Factor, contacts: Integers) -> Floats:
-        """Return ``N^T (scale M - K)^-1 N`` of some contacts."""
+    def compliance(self, factor: Factor, contacts: Integers) -> Any:
+        """Return ``N^T (scale M - K)^-1 N`` of some contacts; sparse where many bodies are in contact."""
+        label, touched, column = self._blocks
         rows = self.rows[:, contacts]
-        parts = [
-            rows.T @ factor.solve(rows[:, first : first + COLUMNS_AT_ONCE].toarray())
-            for first in range(0, contacts.size, COLUMNS_AT_ONCE)
-        ]
-        return np.concatenate(parts, axis=1)
+        if FEWER_COLUMNS * (int(column.max(initial=-1)) + 1) > contacts.size:
+            parts = [
+                rows.T @ factor.solve(rows[:, first : first + COLUMNS_AT_ONCE].toarray())
+                for first in range(0, contacts.size, COLUMNS_AT_ONCE)
+            ]
+            return np.concatenate(parts, axis=1)
+        # Bodies that nothing joins are solved for together: one column serves a motion of each of them.
+        units = np.zeros((self.size, int(column.max()) + 1))
+        units[touched, column] = 1.0
+        first, second = same_label(label)
+        from scipy.sparse import csr_array
+
+        values = factor.solve(units)[touched[first], column[second]]
+        inverse = csr_array((values, (first, second)), shape=(touched.size, touched.size))
+        return rows[touched].T @ inverse @ rows[touched]
+
+    @cached_property
+    def _blocks(self) -> tuple[Integers, Integers, Integers]:
+        """The block of each motion that contacts touch, that motion, and its number within its block."""
+        from scipy.sparse.csgraph import connected_components
+
+        touched = np.unique(self.rows.tocoo().row)
+        label = connected_components(self._pattern, directed=False)[1][touched]
+        order = np.argsort(label, kind="stable")
+        touched, label = touched[order], label[order]
+        return label, touched, np.arange(label.size) - np.searchsorted(label, label)
 
     @cached_property
     def highest_eigenvalue(self) -> float:
-        """The smallest number found for which a factor proves ``scale M - K`` to be positive definite.
+        """The largest eigenvalue of ``M^-1 K`` [1/time^2].
 
-        The Ritz value of a Lanczos iteration is at most the eigenvalue.
+        Of matrices with many diagonals it is the smallest number found for which a factor proves ``scale M - K`` to be
+        positive definite. The Ritz value of a Lanczos iteration is at most the eigenvalue.
         """
+        if not self.size:
+            return 0.0
+        if self._bands is not None:
+            return highest_of_bands(*self._bands)
         low = highest_ritz_value(self.stiffness, self.mass)
         if low <= 0.0:
             return 0.0
@@ -103,24 +184,38 @@ class Operator:
             low, distance = low * (1.0 + distance), 2.0 * distance
         return low * (1.0 + distance)
 
-    def rigid(self) -> Floats:
-        """Return motions without strain, one a column; where the mass couples nodes, those of M u in place of u."""
-        from scipy.linalg import null_space
+    def modes_at(self, square: float) -> Floats:
+        """Return the highest mode of each body whose eigenvalue is the largest of all, ``u^T M u = 1``, (n, k).
 
-        motions: Floats = null_space(self.stiffness.toarray())
-        return motions
+        There is none unless that is `square`. Bodies that nothing joins are looked at in one iteration.
+        """
+        from scipy.sparse.csgraph import connected_components
 
-    def dense(self) -> tuple[Floats, Floats, Floats]:
-        """Return stiffness, mass and contact rows as full matrices."""
-        return self.stiffness.toarray(), self.mass.toarray(), self.rows.toarray()
+        highest = self.highest_eigenvalue
+        if not abs(highest - square) < SAME_FREQUENCY * square:
+            return np.zeros((self.size, 0))
+        factor = self.factor(highest * (1.0 + ABOVE_HIGHEST)) or self.factor(highest * (1.0 + 1e3 * ABOVE_HIGHEST))
+        if factor is None:
+            raise np.linalg.LinAlgError(f"no factor just above the highest eigenvalue {highest:.6g}")
+        count, label = connected_components(self._pattern, directed=False)
+        mode: Floats = np.random.default_rng(0).standard_normal(self.size)
+        for _ in range(INVERSE_ITERATIONS):
+            mode = factor.solve((self.mass @ mode)[:, None])[:, 0]
+            mode = mode / np.sqrt(np.bincount(label, mode * (self.mass @ mode)))[label]
+        squares = np.bincount(label, mode * (self.stiffness @ mode), minlength=count)
+        alike = np.flatnonzero(np.abs(squares - square) < SAME_FREQUENCY * square)
+        return np.where(label[:, None] == alike, mode[:, None], 0.0)
 
     def free_step(self) -> float:
         """Return the largest step that is stable with no contact closed but ties, 2 over the highest frequency."""
         highest = self.highest_eigenvalue
         return 2.0 / math.sqrt(highest) if highest > 0.0 else math.inf
 
-    def definite(self, dt: float, stiffness: Floats, inertia: Floats) -> tuple[bool, list[int]]:
-        """Return whether ``(4/dt^2)(M + M_p) - (K + K_p)`` is positive definite for every set of closed contacts.
+    def softening(self, dt: float, stiffness: Floats, inertia: Floats) -> tuple[Integers, Any] | None:
+        """Return the contacts that soften a step, and the matrix of their softening.
+
+        ``(4/dt^2)(M + M_p) - (K + K_p)`` is positive definite for every set of closed contacts where the largest
+        eigenvalue of the matrix is below 1. None where the step is unstable without contact.
 
         Parameters
         ----------
@@ -128,35 +223,7 @@ class Operator:
             Time step.
         stiffness, inertia : (P,) arrays
             eps_s and eps_m of the contacts evaluated at the current state, 0 for the others.
-
-        Returns
-        -------
-        definite
-            Whether the matrix is positive definite.
-        limiting
-            Contacts that suffice to make it indefinite while they are closed; if they are at most
-            `MOST_TRIED_CONTACTS`, none can be left out. Empty where the matrix is definite, or indefinite without
-            contact.
         """
-        harmful, softening = self._softening(dt, stiffness, inertia)
-        if softening is None:
-            return False, []
-        if not harmful.size or largest_eigenvalue(softening) < 1.0:
-            return True, []
-        return False, [int(p) for p in harmful[_limiting_rows(softening)]]
-
-    def largest_softening(self, dt: float, stiffness: Floats, inertia: Floats) -> float:
-        """Return the number that is below 1 where `definite` is true; inf where no contact is needed to make it false.
-
-        It varies continuously with dt.
-        """
-        harmful, softening = self._softening(dt, stiffness, inertia)
-        if softening is None:
-            return np.inf
-        return largest_eigenvalue(softening) if harmful.size else 0.0
-
-    def _softening(self, dt: float, stiffness: Floats, inertia: Floats) -> tuple[Integers, Any]:
-        """Return the contacts that soften the step, and their softening; None where it is unstable without contact."""
         excess = stiffness - 4.0 * inertia / dt**2
         harmful = np.flatnonzero(excess > 0)
         proved = vars(self).get("highest_eigenvalue", math.inf) * (1.0 + WELL_BELOW)
@@ -164,7 +231,7 @@ class Operator:
             return harmful, np.zeros((0, 0))  # a factor has proved a longer step
         factor = self.factor(4.0 / dt**2)
         if factor is None or harmful.size == 0:
-            return harmful, None if factor is None else np.zeros((0, 0))
+            return None if factor is None else (harmful, np.zeros((0, 0)))
         root = np.sqrt(excess[harmful])
         compliance = self.compliance(factor, harmful)
         if isinstance(compliance, np.ndarray):
@@ -174,50 +241,40 @@ class Operator:
         return harmful, (diags_array(root) @ compliance @ diags_array(root)).tocsr()
 
 
-def largest_eigenvalue(matrix: Any) -> float:
-    """Return the largest eigenvalue of a symmetric matrix; a large one, full or sparse, has zeros in most places.
+def _reach(matrix: Any) -> int:
+    """Return how far from the diagonal a sparse matrix has entries."""
+    entries = matrix.tocoo()
+    return int(np.abs(entries.row - entries.col).max(initial=0))
 
-    A contact is coupled to those on the same bodies only, so that a suitable order of the contacts gives a matrix with
+
+def same_label(label: Integers) -> tuple[Integers, Integers]:
+    """Return all pairs of places with the same label, of labels in ascending order."""
+    start, stop = np.searchsorted(label, label), np.searchsorted(label, label, side="right")
+    first = np.repeat(np.arange(label.size), stop - start)
+    pairs_before = np.concatenate([[0], np.cumsum(stop - start)[:-1]])
+    return first, np.arange(first.size) + np.repeat(start - pairs_before, stop - start)
+
+
+def largest_eigenvalue(matrix: Any) -> float:
+    """Return the largest eigenvalue of a symmetric matrix, 0 of an empty one.
+
+    A contact is coupled to those on the same bodies only, so that a suitable order of the contacts gives a large matrix
     few diagonals.
     """
     size = matrix.shape[0]
     if size <= SMALL_MATRIX:
-        return float(np.linalg.eigvalsh(_full(matrix))[-1])
+        return float(np.linalg.eigvalsh(_full(matrix))[-1]) if size else 0.0
     from scipy.linalg import eigh, eigvals_banded
-    from scipy.sparse import coo_array, csr_array
+    from scipy.sparse import csr_array
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
     last = (size - 1, size - 1)
     order = reverse_cuthill_mckee(csr_array(matrix), symmetric_mode=True)
-    ordered = coo_array(submatrix(csr_array(matrix), order))
-    if int(np.abs(ordered.row - ordered.col).max(initial=0)) > size // 8:
+    ordered = submatrix(csr_array(matrix), order)
+    if _reach(ordered) > size // 8:
         with one_blas_thread():  # once more, of the library that this import may have brought
             return float(eigh(_full(matrix), eigvals_only=True, subset_by_index=last)[0])
-    return float(eigvals_banded(bands(ordered), lower=True, select="i", select_range=last)[0])
-
-
-def none_to_spare(members: Sequence[int], unstable: Callable[[list[int]], bool]) -> list[int]:
-    """Return what is left of an unstable set once each member is left out, in turn, that it can spare."""
-    kept = list(members)
-    for member in members:
-        rest = [other for other in kept if other != member]
-        kept = rest if unstable(rest) else kept
-    return kept
-
-
-def deflated(matrix: Floats, motions: Floats) -> Floats:
-    """Return a matrix with zero in place of some motions, orthonormal columns, and of what it makes of these."""
-    matrix = matrix - motions @ (motions.T @ matrix)
-    return matrix - (matrix @ motions) @ motions.T
-
-
-def unfelt(motions: Floats, rows: Floats) -> Floats:
-    """Return the combinations of motions, one a column, that leave rows at zero."""
-    if not (motions.size and rows.size):
-        return motions
-    _, size, right = np.linalg.svd(rows @ motions)
-    kept: Floats = motions @ right[int((size > UNFELT * np.linalg.norm(rows)).sum()) :].T
-    return kept
+    return float(eigvals_banded(as_bands(ordered), lower=True, select="i", select_range=last)[0])
 
 
 def submatrix(matrix: Any, rows: Any) -> Any:
@@ -244,14 +301,14 @@ def _last_eigenvector(matrix: Any) -> Floats:
         return diagonal  # type: ignore[no-any-return]
 
 
-def _limiting_rows(matrix: object) -> list[int]:
+def limiting_rows(matrix: object) -> list[int]:
     """Return a small set of rows of a symmetric matrix whose submatrix has an eigenvalue of 1 or more.
 
     The rows with the largest components in the last eigenvector come first, the fewest of them that suffice; of up to
     `MOST_TRIED_CONTACTS` rows, each that can be left out is then left out.
     """
 
-    def unstable(rows: list[int]) -> bool:
+    def unstable(rows: Sequence[int]) -> bool:
         return bool(rows) and largest_eigenvalue(submatrix(matrix, rows)) >= 1.0
 
     component = np.abs(_last_eigenvector(matrix))
@@ -260,4 +317,8 @@ def _limiting_rows(matrix: object) -> list[int]:
     while hi - lo > 1:
         middle = (lo + hi) // 2
         lo, hi = (lo, middle) if unstable(order[:middle]) else (middle, hi)
-    return sorted(order[:hi] if hi > MOST_TRIED_CONTACTS else none_to_spare(order[:hi][::-1], unstable))
+    kept = order[:hi]
+    for row in order[:hi][::-1] if hi <= MOST_TRIED_CONTACTS else ():
+        rest = [other for other in kept if other != row]
+        kept = rest if unstable(rest) else kept
+    return sorted(kept)

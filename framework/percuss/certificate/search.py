@@ -24,9 +24,7 @@ def largest_step_below(excess: Callable[[float], float], free: float) -> float:
     return free if excess(just_below) <= 0.0 else largest_step(excess, just_below)
 
 
-def largest_step(
-    excess: Callable[[float], float], start: float, tolerance: float = 1e-11, *, guess: float = 0.0
-) -> float:
+def largest_step(excess: Callable[[float], float], start: float, tolerance: float = 1e-11) -> float:
     """Return the largest step, within a relative `tolerance`, up to which steps are stable, searching from `start`.
 
     Parameters
@@ -38,9 +36,6 @@ def largest_step(
         Step at which the search begins.
     tolerance
         Relative distance from the limit within which the returned step lies. It is stable itself.
-    guess
-        A step that may be the limit: if the steps just below and above it show that it is, two trials are enough.
-        None where it is 0 or inf.
     """
     from scipy.optimize import brentq
 
@@ -53,10 +48,6 @@ def largest_step(
             trials[dt] = 1.0 if math.isnan(value) else value if value > 0.0 else min(value, -SMALLEST_NUMBER)
         return trials[dt]
 
-    if 0.0 < guess < math.inf:
-        below, above = guess * (1.0 - 0.4 * tolerance), guess * (1.0 + 0.4 * tolerance)
-        if tried(below) <= 0.0 < tried(above):
-            return below
     lo = hi = start
     while tried(lo) > 0.0:
         hi, lo = lo, 0.5 * lo

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple, TypedDict
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.blas import one_blas_thread
 from percuss.case.cross_checks import after_the_end
 from percuss.case.quantities import percent
-from percuss.certificate.assessment import Answer, Assessment, Criterion, quoted
-from percuss.certificate.bounds import BOUND, BoundsCriterion
-from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
-from percuss.certificate.criteria import RunCriterion, contact_names, operator_criterion, step_criterion
-from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
-from percuss.certificate.search import MARGINAL_DISTANCE
+from percuss.certificate.assessment import Answer, Assessment, contact_names, quoted
+from percuss.certificate.black_box import SMALLEST_SHARE_OF_FREE_STEP, BlackBox
+from percuss.certificate.bounds import BOUND
+from percuss.certificate.closed_laws import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedLaws, closed_laws, why_unlike
+from percuss.certificate.criteria import RunCriterion, criterion_of, too_large, unknown_by_mass
+from percuss.certificate.linear_laws import doubts_of, linear_laws
+from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
 from percuss.contact.features import Verdict
 from percuss.errors import InputError, refuse_if_any
+from percuss.jsonable import Entries
 from percuss.march.model import Model
 from percuss.mesh.size_limits import MOST_FACTORED
 from percuss.mesh.stresses import tangent_as_declared
@@ -26,25 +29,36 @@ from percuss.mesh.stresses import tangent_as_declared
 if TYPE_CHECKING:
     from percuss.case.case import Case
 
-# Share of the free step below which a critical step counts as none, as growth may be too slow to show in one step.
-SMALLEST_SHARE_OF_FREE_STEP = 1e-4
 # Relative distance above the critical step at which the contacts that limit it are unstable and can be found.
 DISTANCE_ABOVE_CRITICAL = 1e-6
 # Share of the critical step that is chosen where the case leaves the step open.
 SHARE_OF_CRITICAL_STEP = 0.9
-NOT_SEARCHED = "only the step itself can tell it, and a run does not search it; `percuss check` does"
+# Relative tolerance of the option that is named as a cure, far below the digits that are printed.
+CURE_TOLERANCE = 1e-10
+NOT_SEARCHED = "only the black box can tell it, and a run does not search it; `percuss check` does"
 LONGER = "longer steps may be stable where this one is not, or nothing is known of them"
+NOT_LINEAR = "the closed step is not linear at longer steps"
+EQUALS = "give contacts that share an end the same eps_m / eps_s, or evaluate contact at the current gap"
 
 
-class Certificate(TypedDict):
-    """The certificate of a run.
+@dataclass(frozen=True)
+class Finding:
+    """What is found about the stability of a run.
 
     Attributes
     ----------
     stable
         Stability of the closed linear step: ``yes``, ``marginal``, ``no`` or ``unknown``.
+    why
+        Reason for that.
     energy, energy_why
         Energy guarantee of the pair of methods while contacts open and close, and the reason for it.
+    ignores
+        Sentences that name the laws that take no account of contacts at the same end.
+    by
+        Criterion: ``linear-laws``, ``black-box``, ``bounds`` or ``none``.
+    cure
+        Cure of an unstable step.
     dt_critical, dt_critical_free
         Critical step, and that with no contact closed but those that are tied throughout. None where it is not known;
         with bodies that are not linear it never is, because it changes with the strain. Where theta of contacts that
@@ -61,33 +75,32 @@ class Certificate(TypedDict):
         Start and stop of the decisive stretch of the run; None where supports, drives and acting laws never change.
     theta
         theta of Wu's predictor-corrector; None where it has no meaning.
-    by
-        Criterion: ``pencil``, ``bounds``, ``black-box`` or ``none``.
-    why, cure
-        Reason for the verdict, and the cure of an unstable step.
-    ignores
-        Sentences that name the laws that take no account of contacts at the same end.
     """
 
     stable: Verdict
+    why: str
     energy: str
     energy_why: str
-    dt_critical: float | None
-    dt_critical_free: float | None
-    dt_critical_why: str
-    courant_critical: float | None
-    margin: float | None
-    worst: list[str]
-    stretch: list[float] | None
-    theta: float | None
-    by: str
-    why: str
-    cure: str
     ignores: list[str]
+    by: str = "none"
+    cure: str = ""
+    dt_critical: float | None = None
+    dt_critical_free: float | None = None
+    dt_critical_why: str = ""
+    courant_critical: float | None = None
+    margin: float | None = None
+    worst: list[str] = field(default_factory=list)
+    stretch: list[float] | None = None
+    theta: float | None = None
 
 
+# The entries of a `Finding`, as the summary of a run has them.
+Certificate = Entries
 # What gives a run its certificate: `certificate`, or a function that asks for less.
 Certify = Callable[[Model, RunCriterion | None], Certificate]
+
+
+# ------------------------------------------------------------------------------------------------- the step of a run
 
 
 class SettledRun(NamedTuple):
@@ -160,24 +173,7 @@ def _with_step(case: Case) -> SettledRun:
         model = model.with_step(SHARE_OF_CRITICAL_STEP * critical)
 
 
-def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCriterion:
-    """Return the criterion of a run: the pencil if it covers all of its laws, else the black box.
-
-    Of bodies that are too large to factor it is that of bounds.
-
-    Parameters
-    ----------
-    model
-        The model of the run.
-    other_step
-        The criterion of the same run with another step, if there is one.
-    """
-    kind: Callable[[Model], Criterion] = operator_criterion
-    if too_large(model):
-        kind = BoundsCriterion
-    elif closed_contacts(model, model.dt).doubts:
-        kind = step_criterion
-    return RunCriterion(model, kind, other_step)
+# ------------------------------------------------------------------------------------------------------- certificate
 
 
 @one_blas_thread()
@@ -194,153 +190,129 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
     criterion
         The criterion of this run, if `settled` has searched the critical step already.
     with_critical_step
-        Whether to search the critical step too where only the step itself can tell it and `criterion` is None, which
+        Whether to search the critical step too where only the black box can tell it and `criterion` is None, which
         takes many times as long as to examine the step of the run; without it that is not known.
     """
-    large = too_large(model)
-    if model.bodies.why_not_linear and not large:
-        found = _certificate_of_nonlinear_bodies(model)
-    elif why := model.bodies.why_not_linear or unknown_by_mass(model) or model.why("criterion"):
-        found = _unknown_certificate(model, why)
-    elif large:
-        found = _certificate_by_bounds(criterion or criterion_of(model))
-    else:
-        known = with_critical_step or criterion is not None
-        found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), known)
-    if why := model.why("certificate"):
-        why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found['why']}"
-        found = found | {"stable": "unknown", "why": why, "cure": "", "worst": []}
-        found = found | {"dt_critical": None, "dt_critical_free": None, "courant_critical": None, "margin": None}
-        found["dt_critical_why"] = why
-    return found
+    return dataclasses.asdict(
+        _finding(model, criterion, with_critical_step=with_critical_step or criterion is not None)
+    )
 
 
 def verdict_alone(model: Model, criterion: RunCriterion | None = None) -> Certificate:
-    """Return the certificate of a run, which searches no critical step that only the step itself can tell."""
+    """Return the certificate of a run, which searches no critical step that only the black box can tell."""
     return certificate(model, criterion, with_critical_step=False)
 
 
 def unasked(model: Model, criterion: RunCriterion | None = None) -> Certificate:  # noqa: ARG001
     """Return the certificate of a run about which nobody has asked, so that nothing is known of its step."""
-    return _unknown_certificate(model, "nobody has asked for a verdict")
+    return dataclasses.asdict(_unknown(model, closed_laws(model, model.dt), "nobody has asked for a verdict"))
 
 
-def too_large(model: Model) -> bool:
-    """Return whether a body is too large to be factored, which would take minutes and much memory."""
-    return model.dim == 3 and any(body.mass.size > MOST_FACTORED for body in model.bodies.values())
+def _unknown(model: Model, laws: ClosedLaws, why: str, **known: Any) -> Finding:
+    """Return what is found where nothing is known of a step, but for what is `known`."""
+    found = Finding("unknown", why, laws.energy, laws.why, model.ignored_couplings(), dt_critical_why=why)
+    return dataclasses.replace(found, **known)
 
 
-def _certificate_by_bounds(criterion: RunCriterion) -> Certificate:
+def _finding(model: Model, criterion: RunCriterion | None, *, with_critical_step: bool) -> Finding:
+    """Return what is found about a run, by the criterion that covers it."""
+    laws = closed_laws(model, model.dt)
+    large = too_large(model)
+    if model.bodies.why_not_linear and not large:
+        found = _about_nonlinear_bodies(model, laws)
+    elif why := model.bodies.why_not_linear or unknown_by_mass(model) or model.why("criterion"):
+        found = _unknown(model, laws, why)
+    else:
+        criterion = criterion or criterion_of(model)
+        found = _by_bounds(criterion, laws) if large else _about_linear_bodies(criterion, laws, with_critical_step)
+    if why := model.why("certificate"):
+        why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found.why}"
+        known = {name: getattr(found, name) for name in ("energy", "energy_why", "by", "stretch", "theta")}
+        return _unknown(model, laws, why, **known)
+    return found
+
+
+def _by_bounds(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
     model, assessment = criterion.model, criterion.assess_step(criterion.model.dt)
     not_factored = f"a body of more than {MOST_FACTORED} nodes in three dimensions is not factored"
     if not assessment.stable:
         alone = "; the step is below the bound of the cells, so that the bodies alone are stable"
         below = model.dt < criterion.free * (1.0 - MARGINAL_DISTANCE)
-        return _unknown_certificate(model, f"{not_factored}, and {assessment.doubt}{alone if below else ''}")
+        return _unknown(model, laws, f"{not_factored}, and {assessment.doubt}{alone if below else ''}")
     bound = criterion.critical_step
     why = f"the step is {percent(model.dt / bound, 6)} of {bound:.6g}, {BOUND}; {not_factored}"
-    energy, energy_why = _energy_guarantee(model, assessment, "yes")
-    found = _unknown_certificate(model, f"{why}, so that the critical step is not known")
-    return found | {"stable": "yes", "by": criterion.by, "energy": energy, "energy_why": energy_why}
+    energy, energy_why = _energy_guarantee(model, laws, assessment, "yes")
+    why = f"{why}, so that the critical step is not known"
+    return _unknown(model, laws, why, stable="yes", by=criterion.by, energy=energy, energy_why=energy_why)
 
 
-def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_critical_step: bool) -> Certificate:
-    free, assessment = criterion.free, criterion.assess_step(model.dt)
-    # Where nothing is certain about the step itself nothing is about longer ones, and a search takes long.
-    searched = assessment.conclusive and (with_critical_step or criterion.kind is not step_criterion)
+def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, with_critical_step: bool) -> Finding:
+    model, free, black_box = criterion.model, criterion.free, criterion.kind is BlackBox
+    assessment = criterion.assess_step(model.dt)
+    # Where nothing is certain about the step of the run nothing is about longer ones, and a search takes long.
+    searched = assessment.conclusive and (with_critical_step or not black_box)
     critical, critical_why = (criterion.critical_step, LONGER) if searched else (np.nan, NOT_SEARCHED)
     if assessment.conclusive and not searched and assessment.stable and model.dt > free * (1.0 - MARGINAL_DISTANCE):
         critical = free
-    if searched and np.isnan(critical) and criterion.kind is step_criterion and model.period == 1:
+    if searched and np.isnan(critical) and black_box and model.period == 1:
         unsure: Answer = "no growth found" if assessment.stable else "unknown"
-        assessment = dataclasses.replace(
-            assessment, answer=unsure, doubt="the closed step is not linear at longer steps"
-        )
+        assessment = dataclasses.replace(assessment, answer=unsure, doubt=NOT_LINEAR)
     if assessment.conclusive and assessment.stable and not np.isnan(critical):
-        critical = max(critical, min(model.dt, free))
+        # Where growth becomes ever slower at shorter steps, that of this one is too slow to be seen.
+        critical = max(critical, min(model.dt, free)) if critical > 0.0 or free == 0.0 else np.nan
+    if assessment.answer == "grows" and black_box and (unlike := why_unlike(model)):
+        assessment = dataclasses.replace(assessment, doubt=unlike)
     if assessment.conclusive and 0.0 < critical < free * (1.0 - MARGINAL_DISTANCE):
         # The contacts that limit the step are those with which a step just above the critical one is unstable.
         limiting = criterion.assess_step(critical * (1.0 + DISTANCE_ABOVE_CRITICAL))
         if not limiting.stable:
-            assessment = dataclasses.replace(assessment, worst=limiting.worst, stretch=limiting.stretch)
-            if not limiting.conclusive:
-                assessment = dataclasses.replace(assessment, doubt=limiting.doubt)
+            doubt = assessment.doubt if limiting.conclusive else limiting.doubt
+            assessment = dataclasses.replace(assessment, worst=limiting.worst, stretch=limiting.stretch, doubt=doubt)
     if not assessment.conclusive or (not assessment.stable and critical > model.dt * (1.0 + MARGINAL_DISTANCE)):
         critical = np.nan  # A longer step may be stable where this one is not, so the limit is not known.
-    found = _judged(criterion, assessment, critical) | {"dt_critical_free": free}
-    found["dt_critical_why"] = "" if not np.isnan(critical) else assessment.doubt or critical_why
-    found["energy"], found["energy_why"] = _energy_guarantee(model, assessment, found["stable"])
+    found = _judged(criterion, laws, assessment, critical)
+    energy, energy_why = _energy_guarantee(model, laws, assessment, found.stable)
+    known: dict[str, Any] = {"dt_critical_free": free, "energy": energy, "energy_why": energy_why}
+    known["dt_critical_why"] = assessment.doubt or critical_why
     if not np.isnan(critical):
         margin = model.dt / critical if critical > 0 else np.inf
-        found |= {"dt_critical": critical, "courant_critical": 0.5 * critical * model.bodies.omega, "margin": margin}
+        known |= {"dt_critical": critical, "courant_critical": 0.5 * critical * model.bodies.omega, "margin": margin}
+        known["dt_critical_why"] = ""
     if len(criterion.stretches) > 1:
         stretch = criterion.stretches[assessment.stretch]
-        found["stretch"] = [stretch.start, stretch.stop]
-    if found["stable"] == "no":
-        found["cure"] = assessment.cure or cure_of(criterion, critical, searched=searched)
-    return found
+        known["stretch"] = [stretch.start, stretch.stop]
+    if found.stable == "no":
+        known["cure"] = cure_of(criterion, critical, searched=searched)
+    return dataclasses.replace(found, **known)
 
 
-def _judged(criterion: RunCriterion, assessment: Assessment, critical: float) -> Certificate:
-    """Return the certificate of a run with the verdict on its step, and what the verdict follows from."""
-    verdict, why = _verdict(criterion, assessment, critical)
-    worst = list(dict.fromkeys(criterion.names[p] for p in assessment.worst))
-    found = _unknown_certificate(criterion.model, why)
-    found |= {"stable": verdict, "by": criterion.by, "worst": worst, "theta": assessment.theta}
-    return found
-
-
-def unknown_by_mass(model: Model) -> str:
-    """Return why no criterion covers the mass of a model; empty if one does.
-
-    Ends without mass, and masses that couple nodes, are examined by the pencil alone.
-    """
-    what = model.why("kernels")
-    doubts = closed_contacts(model, model.dt).doubts if what else ()
-    return f"{what}, and {'; '.join(doubts)}" if doubts else ""
-
-
-def _unknown_certificate(model: Model, why: str) -> Certificate:
-    """Return the certificate of a run about whose step nothing is known, with the reason in words."""
-    laws = closed_contacts(model, model.dt)
-    return {
-        "stable": "unknown",
-        "energy": laws.energy,
-        "energy_why": laws.why,
-        "dt_critical": None,
-        "dt_critical_free": None,
-        "dt_critical_why": why,
-        "courant_critical": None,
-        "margin": None,
-        "worst": [],
-        "stretch": None,
-        "theta": None,
-        "by": "none",
-        "why": why,
-        "cure": "",
-        "ignores": model.ignored_couplings(),
-    }
-
-
-def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
-    """Return the certificate of a run with bodies that are not linear.
+def _about_nonlinear_bodies(model: Model, laws: ClosedLaws) -> Finding:
+    """Return what is found about a run with bodies that are not linear.
 
     Their highest frequency changes with the strain, so no step is known to be stable. A step that is unstable for
     small motions about rest is known to be unstable, provided the bodies are as stiff about rest as they declare.
     """
     why = f"{model.bodies.why_not_linear}, and its highest frequency changes with the strain"
-    if closed_contacts(model, model.dt).doubts or not tangent_as_declared(model.bodies.values()):
-        return _unknown_certificate(model, why)
+    if doubts_of(model) or not tangent_as_declared(model.bodies.values()):
+        return _unknown(model, laws, why)
     criterion = criterion_of(model)
     assessment = criterion.assess_step(model.dt)
     critical = criterion.critical_step if assessment.conclusive else np.nan
-    found = _judged(criterion, assessment, critical)
-    about_rest = f"for small motions about rest {found['why']}"
-    if found["stable"] != "no":
-        return _unknown_certificate(model, f"{why}; {about_rest}")
-    lower = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"
-    found |= {"dt_critical_why": why}
-    return found | {"why": about_rest, "cure": lower if critical > 0 else no_step(model, criterion.free, critical)}
+    found = _judged(criterion, laws, assessment, critical)
+    about_rest = f"for small motions about rest {found.why}"
+    if found.stable != "no":
+        return _unknown(model, laws, f"{why}; {about_rest}")
+    cure = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"
+    cure = cure if critical > 0 else no_step(model, criterion.free, critical)
+    return dataclasses.replace(found, why=about_rest, cure=cure, dt_critical_why=why)
+
+
+def _judged(criterion: RunCriterion, laws: ClosedLaws, assessment: Assessment, critical: float) -> Finding:
+    """Return the verdict on the step of a run, and what it follows from."""
+    stable, why = _verdict(criterion, assessment, critical)
+    worst = list(dict.fromkeys(criterion.names[p] for p in assessment.worst))
+    known = {"stable": stable, "by": criterion.by, "worst": worst, "theta": assessment.theta}
+    return _unknown(criterion.model, laws, why, **known)
 
 
 def _verdict(criterion: RunCriterion, assessment: Assessment, critical: float) -> tuple[Verdict, str]:
@@ -383,9 +355,8 @@ def _compare_with_critical(dt: float, critical: float, combination: str, *, stab
     return "yes", f"the step is {percent(margin, 6)} of {critical:.6g}, the critical step {combination}"
 
 
-def _energy_guarantee(model: Model, assessment: Assessment, verdict: Verdict) -> tuple[str, str]:
+def _energy_guarantee(model: Model, laws: ClosedLaws, assessment: Assessment, verdict: Verdict) -> tuple[str, str]:
     """Return the energy guarantee of the pair of methods in this run, and the reason for it in words."""
-    laws = closed_contacts(model, model.dt)
     if laws.energy in {NEVER_GROWS, BETWEEN}:
         if verdict == "no" or (assessment.theta is not None and assessment.theta >= 1.0):
             more = ", with theta below 1" if assessment.theta is not None else ""
@@ -395,7 +366,7 @@ def _energy_guarantee(model: Model, assessment: Assessment, verdict: Verdict) ->
     return laws.energy, laws.why
 
 
-def _stiffened_contacts(model: Model, laws: ClosedContacts) -> str:
+def _stiffened_contacts(model: Model, laws: ClosedLaws) -> str:
     """Return a sentence about the first contacts that the start or end of a drive stiffens; empty if there are none.
 
     A drive changes s of the contact. The stiffness at the end of the step,
@@ -414,3 +385,72 @@ def _stiffened_contacts(model: Model, laws: ClosedContacts) -> str:
                 "with that"
             )
     return ""
+
+
+# ------------------------------------------------------------------------------------------------------------- cures
+
+
+def no_step(model: Model, free: float, critical: float, *, searched: bool = True) -> str:
+    """Return the cure where no step is known to be stable.
+
+    It is another integrator if that holds without contact, a shorter step if the critical one is not known (nan), as it
+    was searched in vain or not at all, else another law.
+    """
+    name = model.case.method.integrator.name
+    if free == 0.0:
+        return f"take another integrator: {name} is unstable at any step, without contact too"
+    if not searched:
+        return "lower the step: `percuss check` searches how far"
+    if np.isnan(critical):
+        return "lower the step; how far is not known, as its critical value was not found"
+    return "take another law: with this one no step is stable"
+
+
+def cure_of(criterion: RunCriterion, critical: float, *, searched: bool = True) -> str:
+    """Return the cheapest cures of an unstable step, with their numbers."""
+    model = criterion.model
+    if why_unlike(model):
+        return EQUALS
+    cures = []
+    if critical > 0:
+        courant = round_down(0.5 * critical * model.bodies.omega)
+        cures.append(f"lower the step to {round_down(critical)} (Courant number {courant})")
+    for law in (bound_law.law for bound_law in model.laws):
+        for option in law.stiffening:
+            value = getattr(law, option, None)
+            if isinstance(value, float) and criterion.kind is linear_laws:
+                limit = largest_stable_value(criterion, law, option, value)
+                if limit is not None:
+                    cures.append(f"set {option} of {law.name} to at most {round_down(limit)}")
+    if np.isnan(critical) and model.why("cure"):
+        cures.append(model.why("cure"))
+    elif np.isnan(critical) or not cures:
+        cures.append(no_step(model, criterion.free, critical, searched=searched))
+    return ", or ".join(cures)
+
+
+def capitalised(sentence: str) -> str:
+    """Return a sentence with a capital first letter."""
+    return sentence[:1].upper() + sentence[1:]
+
+
+def round_down(value: float) -> str:
+    """Return a number in six digits, rounded down, so that the step or option named as a cure is really stable."""
+    digit = 10.0 ** (np.floor(np.log10(value)) - 5)
+    return f"{np.floor(value * (1.0 - 1e-9) / digit) * digit:.6g}"
+
+
+def largest_stable_value(criterion: RunCriterion, law: Any, option: str, value: float) -> float | None:
+    """Return the largest value of a law's option, below its present `value`, with which the step is stable.
+
+    None if the step is unstable with a thousand-millionth of the present value, too.
+    """
+    model = criterion.model
+
+    def excess(candidate: float) -> float:
+        changed = model.with_laws({law: dataclasses.replace(law, **{option: candidate})})
+        return -1.0 if RunCriterion(changed, linear_laws).assess_step(model.dt).stable else 1.0
+
+    if excess(value * 1e-9) > 0.0:
+        return None
+    return min(value, largest_step(excess, value, CURE_TOLERANCE))

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.blas import one_blas_thread
-from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.closed_form import end_elements, unlike_plain_bars
+from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.jsonable import Entries
 
 if TYPE_CHECKING:
+    from percuss.contact.contact_point import ContactPoint
     from percuss.march.model import Model
     from percuss.methods.interfaces import Floats
 
@@ -92,7 +92,7 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
         viscous, the step is not linear with the contact closed, or an end in contact is held, in a second contact, or
         of a body with fewer than two elements.
     """
-    if why := unlike_plain_bars(model):
+    if why := _unlike_plain_bars(model):
         known = "harmonics at an interface are known of linear bars of two-node elements and a leap-frog step only"
         raise PercussError(f"{why}: {known}")
     names = [contact_point.name for contact_point in model.contact_points]
@@ -131,6 +131,23 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     return Waves(
         contact_point.name, frequency, reflected, transmitted, np.abs(reflected) ** 2 + passed, formula, reason
     )
+
+
+def _unlike_plain_bars(model: Model) -> str:
+    """Return what sets a model apart from linear bars of two-node elements under a leap-frog scheme, or nothing."""
+    scheme = f"{model.case.method.integrator.name} is no leap-frog scheme" if model.multistage else ""
+    cells = (
+        f"the cells of body '{body.name}' are of the kind {kind}"
+        for body in model.bodies.values()
+        for kind in (body.mesh.cells if body.of_cells else ())
+    )
+    return model.bodies.why_not_linear or scheme or model.why("plain bars") or next(cells, "")
+
+
+def _end_elements(model: Model, contact_point: ContactPoint) -> list[tuple[float, float]]:
+    """Return EA/h and 2c/h of the end element of each side of a contact."""
+    ends = [(model.bodies.bar_at(node), model.bodies.bar_at(node).end_element(node)) for node in contact_point.nodes]
+    return [(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends]
 
 
 class _Ends(NamedTuple):
@@ -174,7 +191,7 @@ def _ends(model: Model, p: int) -> _Ends:
     rest = np.zeros_like(place)
     readout = place[:, ::2] / np.sum(place[:, ::2] ** 2, axis=0)
     after = [step(np.concatenate(state))[step.size :] for state in ((place, rest), (rest, place))]
-    return _Ends(end_elements(model, contact_point), readout.T @ after[0], readout.T @ after[1])
+    return _Ends(_end_elements(model, contact_point), readout.T @ after[0], readout.T @ after[1])
 
 
 def _element_phase(frequency: Floats) -> Any:
@@ -187,7 +204,7 @@ def _formula(model: Model, p: int, frequency: Floats, step_phase: Floats) -> tup
     contact_point = model.contact_points[p]
     if len(contact_point.nodes) < 2 or not contact_point.equal_sides:
         return None, "a formula is known for identical bars only"
-    laws = closed_contacts(model, model.dt)
+    laws = closed_laws(model, model.dt)
     if laws.stiffness[p] == 0:
         return None, f"no formula for {contact_point.law.name}"
     side = frequency * np.sqrt(1.0 - 0.25 * frequency**2)

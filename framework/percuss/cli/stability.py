@@ -17,7 +17,7 @@ def stability(
         list[str] | None,
         option("--curves PATH=VALUES", "Draw one curve, or one map, for each value."),
     ] = None,
-    by: Annotated[str, option("--by A,B", "Criteria: closed-form, pencil or black-box; several are overlaid.")] = "",
+    by: Annotated[str, option("--by A,B", "Criteria: linear-laws or black-box; both are overlaid.")] = "",
     set_: common.Sets = None,
     plugin: common.Plugins = None,
     out: Annotated[Path | None, option("-o --out FILE", "Save the rows as csv.")] = None,

@@ -21,14 +21,11 @@ Question = Literal[
     # of a certificate: why ...
     "springs",  # closed contacts do not act in the step as the springs of a mesh do
     "linear laws",  # the linear laws do not cover it
-    "black box",  # the step itself is not examined
-    "kernels",  # it is examined with linear laws alone
-    "short bars",  # bars of one or two elements above theta = 1 are not examined
+    "black box",  # the black box does not examine it
     "criterion",  # no criterion covers the model
     "certificate",  # its effect on the verdict is not known
     "critical step",  # there is no critical step, or none that a search can find
     "energy",  # energy is not guaranteed to stay bounded as contacts open and close
-    "closed form",  # no critical step in closed form is known
     "waves",  # no wave at a closed contact is known
     "plain bars",  # it is no case of linear bars under a leap-frog scheme
     # of a reader: ...

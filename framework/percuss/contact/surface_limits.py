@@ -8,7 +8,7 @@ import numpy as np
 
 from percuss.contact.contact_point import gap_rows
 from percuss.contact.stiffness_limits import LARGEST_COURANT
-from percuss.mesh.ritz_values import highest_ritz_value
+from percuss.mesh.eigenvalues import highest_ritz_value
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from percuss.march.model import Model
 
 NOT_STARTED = "the certificate says unstable, so the run was not started"
+UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"
 
 
 Kind = Literal["contact work", "energy", "not solved", "kernel", "not started"]
@@ -35,3 +42,44 @@ class Stop:
     kind: Kind
     what: str
     cause: str = ""
+
+
+def not_started(model: Model, worst: Collection[str], cause: str) -> Stop:
+    """Return the stop of a run that its certificate forbids, placed at a node that limits the step.
+
+    Parameters
+    ----------
+    model
+        The model of the run.
+    worst
+        Names of the contacts that limit the step; without any, the fastest element does.
+    cause
+        Why the step is unstable, and the cure.
+    """
+    nodes = [contact_point.nodes[0] for contact_point in model.contact_points if contact_point.name in worst]
+    body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
+    node = nodes[0] if nodes else int(body.element_nodes(np.argmax(body.frequency, keepdims=True))[0, 0])
+    return Stop(0, node, "not started", NOT_STARTED, cause)
+
+
+def likely_cause(stop: Stop, stable: str, why: str) -> str:
+    """Return the likely cause of a stop, in words.
+
+    Parameters
+    ----------
+    stop
+        Record of where and why the run stopped.
+    stable, why
+        What the certificate says of the step, and the reason for that; with the cure of an unstable step.
+    """
+    if stop.cause:
+        return stop.cause
+    if stop.kind == "not solved":
+        return UNSOLVED
+    if stable == "no":
+        return why
+    if stop.kind == "contact work":
+        return "contact adds energy each time it closes or opens; this pair of methods gives no bound on it"
+    if stable == "marginal":
+        return "at the critical step the highest frequency of a bar with free ends grows with time: lower it"
+    return f"unknown: {why}"

@@ -10,7 +10,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two, of_column, percent, ranking
-from percuss.certificate.cures import capitalised
+from percuss.certificate.verdict import capitalised
 from percuss.jsonable import Data
 from percuss.results.ledger import open_accounts
 from percuss.results.true_error import (

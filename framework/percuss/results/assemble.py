@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from percuss.case.quantities import percent
-from percuss.certificate import cause
 from percuss.certificate.verdict import Certificate
 from percuss.interrupt import interruptible
 from percuss.jit import Stopwatch
 from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.march.model import Model
-from percuss.march.stop import Stop
+from percuss.march.stop import Stop, likely_cause
 from percuss.mesh.body import Body
 from percuss.mesh.cells import is_solid
 from percuss.methods.interfaces import Exact, Floats
@@ -47,6 +46,7 @@ def _stop_entry(model: Model, stop: Stop | None, certificate: Certificate) -> St
     if stop is None:
         return None
     body = model.bodies.at(stop.node)
+    cure = f": {certificate['cure']}" if certificate["cure"] else ""
     return {
         "step": stop.step,
         "time": stop.step * model.dt,
@@ -55,7 +55,7 @@ def _stop_entry(model: Model, stop: Stop | None, certificate: Certificate) -> St
         "node_in_body": stop.node - body.start,
         "position": [float(x) for x in model.bodies.nodes[stop.node]],
         "what": stop.what,
-        "cause": cause.likely_cause(stop, certificate),
+        "cause": likely_cause(stop, certificate["stable"], f"{certificate['why']}{cure}"),
     }
 
 

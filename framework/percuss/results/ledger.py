@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from percuss.case.quantities import percent
-from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS
+from percuss.certificate.closed_laws import BETWEEN, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
 from percuss.contact.points import BY_CURRENT, BY_END
 from percuss.march.march import March, Outcome

@@ -10,7 +10,7 @@ import numpy as np
 
 from percuss.blas import one_blas_thread
 from percuss.case.case import Case, expect_case
-from percuss.certificate import cause, verdict
+from percuss.certificate import verdict
 from percuss.errors import RunError
 from percuss.heartbeat import heard_by
 from percuss.interrupt import interruptible
@@ -19,7 +19,7 @@ from percuss.jsonable import Data
 from percuss.march.march import March, Outcome, Progress
 from percuss.march.model import Model
 from percuss.march.recording import recordable
-from percuss.march.stop import NOT_STARTED
+from percuss.march.stop import NOT_STARTED, not_started
 from percuss.methods.interfaces import Floats
 from percuss.results.assemble import result_of
 from percuss.results.result import Result
@@ -102,7 +102,7 @@ def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None, cr
         that of an earlier run of the same methods with as many nodes and steps, or `REPEATS` marches are made, or
         `REPEAT_SECONDS` have passed.
     critical_step
-        Whether to search a critical step that only the step itself can tell.
+        Whether to search a critical step that only the black box can tell.
     """
     certify = verdict.certificate if critical_step else verdict.verdict_alone
     return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, timed=True, certify=certify)
@@ -158,7 +158,8 @@ def _run(
     certificate = certify(model, criterion)
     seconds["certificate"] = watch.lap()
     if certificate["stable"] == "no" and case.time.on_unstable == "stop":
-        outcome = march.refuse(cause.not_started(march.model, certificate))
+        cause = f"{certificate['why']}: {certificate['cure']}"
+        outcome = march.refuse(not_started(march.model, certificate["worst"], cause))
     else:
         marginal = certificate["stable"] == "marginal"
         march.compile()  # before the lock is taken, so that no other thread waits for the compilation

@@ -24,7 +24,7 @@ import numpy as np
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, load
 from percuss.case.quantities import JUDGED_BY, METRICS, by_two
-from percuss.certificate.closed_contacts import NEVER_GROWS
+from percuss.certificate.closed_laws import NEVER_GROWS
 from percuss.errors import (
     InputError,
     PercussError,

@@ -43,7 +43,7 @@ class SoftenedPenalty(ContactLaw):
     The force is zero at a gap of c, and p where the bodies touch, unless the tangent begins before that. It has no
     kink where it begins, so that an impact excites less vibration than with a penalty of the same stiffness, which it
     reaches later. With central difference a contact on the line lowers the critical step as a penalty of eps_s does;
-    the step itself is examined there.
+    the black box examines it there.
     """
 
     name = "softened-penalty"

@@ -21,8 +21,8 @@ class Asynchronous(Integrator):
 
     Without contact each body is a leap-frog scheme of the step ``m_b dt``, stable for ``m_b dt <= 2 / omega_b``, which
     conserves the energy ``v M v / 2 + u_j K u_{j+1} / 2`` between its kicks j and j + 1. With closed contacts steps of
-    different lengths resonate, small ones too: nothing is guaranteed, and the certificate examines the step itself over
-    the period of all kicks. Velocities are recorded as the mean of those before and after t_n, elastic energy as that
+    different lengths resonate, small ones too: nothing is guaranteed, and the black box examines the step over the
+    period of all kicks. Velocities are recorded as the mean of those before and after t_n, elastic energy as that
     between the two kicks of a body around t_{n+1/2}, along its present velocities. The force of a contact balances
     kicks of a coarse body in the step of the kick alone: compare its impulses, or its mean over m_b steps.
     """

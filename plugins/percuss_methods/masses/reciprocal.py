@@ -33,7 +33,7 @@ class Reciprocal(Mass):
     Contact moves the end by ``(1 + s) / 2`` of what it would with lumped mass, and the node beside it by ``(1 - s) /
     4``, which the contact equation and its stability limits include. The stress at an end, which `nitsche` uses,
     follows from the accelerations of both nodes. The certificate is `unknown` for laws with a kernel, and wherever only
-    the step itself could decide.
+    the black box could decide.
     """
 
     name = "reciprocal"

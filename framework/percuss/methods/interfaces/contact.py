@@ -163,7 +163,7 @@ class ContactLaw(Component, contract="contacts"):
 
     A law whose `bind` returns `LinearLaw` is complete. Any other law returns a NamedTuple of arrays and numbers and
     has a static method ``multipliers(bound, trial, multiplier)`` that fills the (P,) array `multiplier`, compression
-    positive, from the `Trial`; there is no closed-form stability certificate for it. Before each call all multipliers
+    positive, from the `Trial`; the black box certifies it. Before each call all multipliers
     are nan; a multiplier that the kernel leaves unset ends the run with an error that names the contact. The other
     arguments of the kernel are read-only, and nothing may be kept from one call to the next.
 

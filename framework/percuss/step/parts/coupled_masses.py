@@ -276,14 +276,8 @@ def feature(model: ModelArrays) -> Feature | None:
         name=mass,
         no_row_kernel=True,
         reasons={
-            "closed form": f"the mass {mass} couples nodes",
             "waves": f"waves are measured with diagonal masses; the mass {mass} couples nodes",
-            "black box": f"the mass {mass} couples nodes: only the pencil covers it",
-            "short bars": (
-                "above theta = 1 contact may damp all of a bar of one or two elements, and the step itself is examined "
-                "only with diagonal masses"
-            ),
-            "kernels": f"the mass {mass}, which couples nodes, is examined only with linear laws",
+            "black box": f"the mass {mass}, which couples nodes, is examined only with linear laws",
         },
     )
 

@@ -178,8 +178,7 @@ def feature(model: ModelArrays) -> Feature | None:
         reasons={
             "delassus": "1/(k dt^2) of each end without mass",
             "waves": f"waves are measured of ends with mass; the mass {mass} leaves ends in contact without",
-            "black box": f"the mass {mass} leaves ends without mass: only the pencil covers it",
-            "kernels": "ends without mass are examined only with linear laws in gap or gap rate",
+            "black box": "ends without mass are examined only with linear laws in gap or gap rate",
         },
     )
 

@@ -121,7 +121,7 @@ def feature(model: ModelArrays) -> Feature | None:
         name="loads that follow the motion of an end",
         forces=model.loads.followers,
         springs=partial(_springs, model),
-        reasons={"linear laws": partial(_why_beyond_pencil, model), "certificate": partial(_why_unknown, model)},
+        reasons={"linear laws": partial(_why_beyond_linear_laws, model), "certificate": partial(_why_unknown, model)},
     )
 
 
@@ -160,8 +160,8 @@ def _why_unknown(model: ModelArrays) -> str:
     return ""
 
 
-def _why_beyond_pencil(model: ModelArrays) -> str:
-    """Return why the pencil does not cover a load that follows the motion; empty if it covers all of them.
+def _why_beyond_linear_laws(model: ModelArrays) -> str:
+    """Return why the linear laws do not cover a load that follows the motion; empty if it covers all of them.
 
     Under a leap-frog scheme the velocity of such a load is centred in the step: its dashpot takes energy at any step,
     and its spring adds to the stiffness of the end.

@@ -1,4 +1,4 @@
-"""The criterion of the step itself: amplification matrices measured from the solver's own time step, for any method.
+"""The criterion of the black box: amplification matrices measured from the solver's own time step, for any method.
 
 A law with a kernel may be linear deep in contact and follow another line elsewhere, as one that softens, yields or
 remembers its largest overlap does. The step is therefore examined about other states too: at small overlaps, and while
@@ -7,7 +7,7 @@ unstable, but nothing tells that it is stable, as a run changes from one line to
 
 Motions that grow linearly in time without being an instability are deflated (`percuss.certificate.closed_step`). Under
 a multi-stage scheme each mode without contact is an oscillator by itself, and the kernel of the scheme tells its limit
-(`percuss.certificate.scheme_limit`).
+(`percuss.certificate.oscillator`).
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from percuss.certificate.assessment import Assessment, quoted
-from percuss.certificate.closed_step import LINEARITY_TOLERANCE, ClosedStep, Motions
-from percuss.certificate.operator import MOST_TRIED_CONTACTS, deflated, none_to_spare
-from percuss.certificate.scheme_limit import limit_ratio
+from percuss.certificate.assessment import Assessment, contact_names, quoted
+from percuss.certificate.closed_laws import why_unlike
+from percuss.certificate.closed_step import LINEARITY_TOLERANCE, ClosedStep, Motions, deflated
+from percuss.certificate.oscillator import limit_ratio
 from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
 from percuss.contact.law_trials import changes_with_time
 from percuss.errors import PercussError
-from percuss.mesh.ritz_values import without_chance
+from percuss.mesh.eigenvalues import without_chance
 from percuss.methods.blame import described
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from percuss.march.model import Model
     from percuss.methods.interfaces import Floats
@@ -46,6 +46,8 @@ KRYLOV_VECTORS = 24
 # Number of restarts of Arnoldi's iteration, halved for states of `LARGE_STATE` entries or more to bound the time.
 ARNOLDI_RESTARTS = 12
 LARGE_STATE = 5000
+# Growth in a step below which it cannot be told from rounding with certainty.
+GROWTH_RESOLUTION = 1e-7
 # Relative change by contact below which a motion counts as unaffected by contact.
 CONTACT_EFFECT_TOLERANCE = 1e-7
 # Largest number of contacts of which every combination is tried, as the number of combinations doubles with each
@@ -57,6 +59,9 @@ MOST_ALONE = 30
 NONE_AND_ALL = "no contact and all"
 # Relative tolerance of the critical step in a search with the time step itself, where each trial is expensive.
 SEARCH_TOLERANCE = 1e-6
+# Share of the free step below which a critical step counts as none, as growth may be too slow to show in one step.
+SMALLEST_SHARE_OF_FREE_STEP = 1e-4
+TOO_SLOW = "the step may grow, too slowly to distinguish from rounding"
 
 
 @dataclass(frozen=True)
@@ -74,22 +79,12 @@ class ClosedStepStability:
         Why the radius is not certain, in words; empty where it is.
     felt_radius
         Above theta = 1 the largest modulus of the motions that contact changes; infinite where it was not computed.
-    distance_to_flip
-        Least ``|1 + lambda|^2 / |lambda|`` of the eigenvalues lambda left after deflation: under a leap-frog scheme a
-        motion mostly begins to grow as its two eigenvalues meet at -1. Infinite where it was not computed, and under a
-        multi-stage scheme, where eigenvalues may meet anywhere.
     """
 
     radius: float
     theta: float | None
     doubt: str = ""
     felt_radius: float = np.inf
-    distance_to_flip: float = np.inf
-
-    @property
-    def conclusive(self) -> bool:
-        """Whether the radius is certain."""
-        return not self.doubt
 
     @property
     def linear(self) -> bool:
@@ -108,21 +103,9 @@ class ClosedStepStability:
         )
 
     @property
-    def excess(self) -> float:
-        """Signed distance of the step from the critical one, -1 to 1: at most 0 where it is stable, else above 0.
-
-        Under a leap-frog scheme it varies continuously with most steps, which shortens a search.
-        """
-        if not np.isfinite(self.distance_to_flip):
-            return -1.0 if self.linear and self.stable else 1.0
-        growth = self.radius - 1.0
-        above = -np.inf if self.theta is None else self.theta - 1.0
-        distance = max(-self.distance_to_flip if self.stable else growth * growth / self.radius, above)
-        # Above theta = 1 a step may be stable, and rounding must not decide about the sign.
-        distance = min(distance, 0.0) if self.stable else max(distance, np.finfo(float).tiny)
-        if not np.isfinite(distance):
-            return -1.0 if self.stable else 1.0
-        return float(distance / (1.0 + abs(distance)))
+    def too_slow_to_tell(self) -> bool:
+        """Whether the growth that was found may be one of round-off."""
+        return self.theta is None and MARGINAL_DISTANCE < self.radius - 1.0 <= GROWTH_RESOLUTION
 
 
 def _above_one(theta: float | None) -> bool:
@@ -132,8 +115,7 @@ def _above_one(theta: float | None) -> bool:
 
 def examine(motions: Motions, dt: float, closed: Sequence[int]) -> ClosedStepStability:
     """Return the stability of the step of length `dt` with the given contacts closed; parameters as of `ClosedStep`."""
-    names = [contact_point.name for contact_point in motions.model.contact_points]
-    which = quoted(names, closed) or "none"
+    which = quoted(contact_names(motions.model), closed) or "none"
     try:
         step = ClosedStep(motions, dt, closed)
         why_not = "" if step.linear() else f"the step is not linear with contacts {which} closed"
@@ -204,17 +186,7 @@ def _stability(step: ClosedStep) -> ClosedStepStability:
         change = matrix - ClosedStep(motions, dt, ()).matrix()
         felt = np.linalg.norm(change @ vectors, axis=0) > CONTACT_EFFECT_TOLERANCE * np.linalg.norm(change)
         felt_radius = float(np.abs(values[felt]).max(initial=0.0))
-    flip = np.inf if step.model.multistage else _distance_to_flip(values)
-    return ClosedStepStability(
-        float(np.abs(values).max(initial=0.0)), theta, felt_radius=felt_radius, distance_to_flip=flip
-    )
-
-
-def _distance_to_flip(values: Any) -> float:
-    """Return `distance_to_flip` of `ClosedStepStability` from all eigenvalues; those that are deflated are zero."""
-    values = values[np.abs(values) > LINEARITY_TOLERANCE]
-    with np.errstate(over="ignore", invalid="ignore"):  # of growth beyond all numbers
-        return float((np.abs(1.0 + values) ** 2 / np.abs(values)).min(initial=np.inf))
+    return ClosedStepStability(float(np.abs(values).max(initial=0.0)), theta, felt_radius=felt_radius)
 
 
 def _theta(closed: ClosedStep, free: ClosedStep) -> float | None:
@@ -281,25 +253,19 @@ def combinations(count: int) -> list[tuple[int, ...]]:
     return [(), *((p,) for p in alone), tuple(contacts)]
 
 
-class StepCriterion:
+class BlackBox:
     """Criterion from the amplification matrix of the solver's own step, for any integrator and contact law.
 
     Parameters
     ----------
     model
         A stretch of a run, `percuss.march.model.Model.stretches`.
-    guess
-        Function that returns a step that may be the critical one, about which the step itself is asked; 0 or inf for
-        none.
     """
 
     by: ClassVar[str] = "black-box"
 
-    def __init__(self, model: Model, guess: Callable[[], float] = lambda: 0.0) -> None:
+    def __init__(self, model: Model) -> None:
         self.model = model
-        self._guess = guess
-        # Combination that limited the last step of a search, and may limit the next one too.
-        self._limiting_combination: tuple[int, ...] | None = None
         self._examined: dict[tuple[float, tuple[int, ...]], ClosedStepStability] = {}
 
     @cached_property
@@ -344,11 +310,15 @@ class StepCriterion:
                 return Assessment("unknown", list(closed), doubt=found.doubt)
             if found.theta is not None and (theta is None or found.theta > theta):
                 theta = found.theta
+            not_tied = [p for p in closed if p in self.motions.not_tied]
+            if self._unlike and found.too_slow_to_tell:
+                which = quoted(contact_names(self.model), closed) or "none"
+                return Assessment("unknown", not_tied, theta, f"with contacts {which} closed {TOO_SLOW}")
             if not found.stable:
-                return Assessment("grows", self._smallest_combination(dt, closed), found.theta)
+                return Assessment("grows", not_tied, theta)
             doubts.append(found.doubt)
             if found.radius > radius * (1.0 + 1e-6):
-                radius, worst = found.radius, [p for p in closed if p in self.motions.not_tied]
+                radius, worst = found.radius, not_tied
         if self._time_dependent_laws:
             names = ", ".join(self._time_dependent_laws)
             doubts.append(f"{names} changes with time, and no growth was found as it acts at the start")
@@ -356,31 +326,10 @@ class StepCriterion:
         return Assessment("no growth found" if doubt else "stable", worst, theta, doubt)
 
     def excess(self, dt: float) -> float:
-        """Return a `ClosedStepStability.excess` above 0 or else the largest; 1 where it is not known for all sets."""
-        if self._why_not_all:
-            return 1.0
-        largest = -np.inf
-        limiting = self._limiting_combination
-        for closed in sorted(self._combinations, key=lambda closed: closed != limiting):
-            found = self._examine(dt, closed)
-            excess = found.excess if found.conclusive else 1.0
-            if excess > largest:
-                largest, self._limiting_combination = excess, closed
-            if excess > 0.0:
-                break
-        return largest
-
-    def _smallest_combination(self, dt: float, unstable: tuple[int, ...]) -> list[int]:
-        """Return contacts of an unstable combination that suffice for instability and none of which can be left out."""
-        kept = [p for p in unstable if p in self.motions.not_tied]
-        if len(self.motions.not_tied) <= MOST_TOGETHER or len(kept) > MOST_TRIED_CONTACTS:
-            return kept  # All smaller combinations were stable, or there are too many to try.
-
-        def grows(fewer: list[int]) -> bool:
-            found = self._examine(dt, (*self.model.tied_points, *fewer))
-            return found.linear and not found.stable
-
-        return none_to_spare(kept, grows)
+        """Return -1 where a step is certain to be stable, else 1."""
+        found = (self._examine(dt, closed) for closed in self._combinations)
+        sure = not self._why_not_all and all(one.linear and one.stable and not one.doubt for one in found)
+        return -1.0 if sure else 1.0
 
     @cached_property
     def _time_dependent_laws(self) -> list[str]:
@@ -397,37 +346,50 @@ class StepCriterion:
     def critical_step(self) -> float:
         """Largest stable step within the relative tolerance `SEARCH_TOLERANCE`, or nan where the step is not linear.
 
-        It is nan too where bodies have steps of their own.
+        It is nan too where bodies have steps of their own, and 0 where growth only becomes slower at shorter steps.
 
         A combination of closed contacts that is stable at the free step is taken as stable at all shorter steps.
         """
-        if self.free in {0.0, np.inf}:
-            return self.free
-        if self.model.period > 1:  # steps of different lengths resonate: a longer step may be stable, a shorter one not
+        at_no_or_any_step = self.free in {0.0, np.inf}
+        # Steps of different lengths resonate: a longer step may be stable, and a shorter one not.
+        if at_no_or_any_step or self.model.period > 1:
+            return self.free if at_no_or_any_step else np.nan
+        just_below = self.free * (1.0 - MARGINAL_DISTANCE)
+        found = {closed: self._examine(just_below, closed) for closed in self._combinations}
+        if not all(one.linear for one in found.values()):
             return np.nan
-        results = [
-            (closed, self._examine(self.free * (1.0 - MARGINAL_DISTANCE), closed)) for closed in self._combinations
-        ]
-        if not all(found.linear for _, found in results):
-            return np.nan
-        unstable = [closed for closed, found in results if not found.stable]
+        unstable = [closed for closed, one in found.items() if not one.stable]
         if not unstable:
             return self.free
-        nonlinear_steps: list[float] = []
+        unclear: list[float] = []
 
         def excess(dt: float) -> float:
-            found = [self._examine(dt, closed) for closed in unstable]
-            nonlinear_steps.extend(dt for one in found if not one.linear)
-            return max(one.excess for one in found)
+            tried = [self._examine(dt, closed) for closed in unstable]
+            unclear.extend(dt for one in tried if not one.linear)
+            return -1.0 if all(one.linear and one.stable for one in tried) else 1.0
 
-        critical = largest_step(excess, self.free, SEARCH_TOLERANCE, guess=self._guess())
-        return np.nan if nonlinear_steps else critical
+        critical = largest_step(excess, self.free, SEARCH_TOLERANCE)
+        if self._unlike and self._only_becomes_slower(critical, unstable):
+            return 0.0
+        return np.nan if unclear else critical
+
+    def _only_becomes_slower(self, critical: float, unstable: Sequence[tuple[int, ...]]) -> bool:
+        """Return whether growth goes on at shorter steps than the one at which it is lost in round-off."""
+        if critical < SMALLEST_SHARE_OF_FREE_STEP * self.free:
+            return True
+        twice = [self._examine(2.0 * critical, closed) for closed in unstable]
+        return all(found.stable or found.too_slow_to_tell for found in twice)
+
+    @cached_property
+    def _unlike(self) -> bool:
+        """Whether contacts that share an end differ in eps_m / eps_s, so that growth may set in at any step."""
+        return bool(why_unlike(self.model))
 
     def _examine(self, dt: float, closed: tuple[int, ...]) -> ClosedStepStability:
         """Return the stability of a step; if it is certain it is kept, as a search ends where an assessment begins."""
         known = self._examined.get((dt, closed))
         if known is None:
             known = examine(self.motions, dt, closed)
-            if known.conclusive:
+            if not known.doubt:
                 self._examined[dt, closed] = known
         return known

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.certificate.assessment import contact_names, quoted
 from percuss.step.integrator_check import kernel_of, scheme, uses_internal
 
 if TYPE_CHECKING:
@@ -32,10 +33,16 @@ BILATERAL = "the law pulls as it pushes from its first step on: a gap that is th
 INTERVALS = "the law acts in intervals of time: what its contacts store jumps as one of them begins"
 ALONE = "asks for the internal forces without those of contact, so that a closed contact does not act as a stiffness"
 OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and loads for linear bodies only"
+UNALIKE = (
+    "contacts {} share an end and differ in eps_m / eps_s: they do not act on one another as equals, and such a step "
+    "can grow at any theta"
+)
+# Difference of two eps_m / eps_s, relative to their scale and dt^2, below which it is round-off.
+ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
-class ClosedContacts:
+class ClosedLaws:
     """Closed contacts of a model at one step, as their linear laws describe them; (P,) arrays in the order of the case.
 
     Attributes
@@ -68,8 +75,49 @@ class ClosedContacts:
     energy: str
     why: str
 
+    @property
+    def pressing(self) -> Any:
+        """Which contacts have a `surplus` and can press, (P,): the predicted ones need stiffness for it."""
+        return np.where(self.predicted, self.stiffness > 0.0, ~np.isnan(self.surplus))
 
-def closed_contacts(model: Model, dt: float) -> ClosedContacts:
+    def at_current_state(self) -> tuple[Floats, Floats]:
+        """Return eps_s and eps_m of the contacts evaluated at the current state, 0 for the others, (P,) each."""
+        return np.where(self.predicted, 0.0, self.stiffness), np.where(self.predicted, 0.0, self.inertia)
+
+    def unlike(self, delassus: Any, dt: float) -> list[int]:
+        """Return the contacts that differ in eps_m / eps_s from one with which they share an end.
+
+        Parameters
+        ----------
+        delassus : (P, P) sparse array
+            The Delassus operator S.
+        dt
+            Time step.
+        """
+        pairs, pressing = delassus.tocoo(), self.pressing
+        one, other = self.surplus[pairs.row], self.surplus[pairs.col]
+        differ = np.abs(one - other) > ROUND_OFF * (np.maximum(np.abs(one), np.abs(other)) + dt * dt)
+        found: list[int] = np.unique(pairs.row[differ & pressing[pairs.row] & pressing[pairs.col]]).tolist()
+        return found
+
+
+def delassus(model: Model) -> Any:
+    """Return the Delassus operator S of the contacts of a stretch as a sparse array, (P, P)."""
+    from scipy.sparse import csr_array
+
+    _, diagonal, others = model.rows.at(0.5 * model.dt)
+    entries = [(p, q, value) for p, row in enumerate(others) for q, value in {**row, p: diagonal[p]}.items()]
+    row, column, value = np.array(entries).reshape(-1, 3).T
+    return csr_array((value, (row.astype(np.int64), column.astype(np.int64))), shape=(diagonal.size,) * 2)
+
+
+def why_unlike(model: Model) -> str:
+    """Return which contacts that share an end differ in eps_m / eps_s; empty if none do."""
+    unlike = closed_laws(model, model.dt).unlike(delassus(model), model.dt)
+    return UNALIKE.format(quoted(contact_names(model), unlike)) if unlike else ""
+
+
+def closed_laws(model: Model, dt: float) -> ClosedLaws:
     """Return the closed contacts of a model, as its linear laws describe them for a step `dt`."""
     count = len(model.contact_points)
     stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -115,7 +163,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         guarantees.append((BETWEEN, BALANCED))
     weakest, why = _weakest(guarantees, multistage=stages is not None)
     reasons = tuple(filter(None, (*dict.fromkeys(doubts), model.why("linear laws"))))
-    return ClosedContacts(stiffness, inertia, predicted, surplus, compliance, reasons, weakest, why)
+    return ClosedLaws(stiffness, inertia, predicted, surplus, compliance, reasons, weakest, why)
 
 
 def _weakest(guarantees: Sequence[tuple[str, str]], *, multistage: bool) -> tuple[str, str]:

@@ -1,0 +1,99 @@
+"""The highest frequencies of bodies: of matrices with few diagonals exactly, of others by Lanczos iterations.
+
+A symmetric banded matrix is an array (k + 1, n), as LAPACK has it: its diagonal, then its k diagonals below that, the
+entry of column j in place j, with zeros where a row has ended.
+"""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import Floats
+
+BRACKET = 2.0  # factor between two trials for a bracket of the highest eigenvalue
+RITZ_TOLERANCE = 1e-9  # of the largest residual over the Ritz value, whose own error is of second order
+
+
+def as_bands(matrix: Any) -> Floats:
+    """Return the bands of a symmetric sparse matrix, (k + 1, n)."""
+    entries = matrix.tocoo()
+    below = entries.row - entries.col
+    out = np.zeros((int(below.max(initial=0)) + 1, matrix.shape[0]))
+    kept = below >= 0
+    out[below[kept], entries.col[kept]] = entries.data[kept]
+    return out
+
+
+def highest_of_bands(stiffness: Floats, mass: Floats) -> float:
+    """Return the largest eigenvalue of ``M^-1 K``, both of them banded [1/time^2].
+
+    With more than one diagonal beside the main one it is the smallest number s for which ``s M - K`` is found to be
+    positive definite.
+    """
+    from scipy.linalg import cholesky_banded, eigvalsh_tridiagonal
+
+    if len(stiffness) == 1 and len(mass) == 1:
+        return float((stiffness[0] / mass[0]).max())
+    if len(stiffness) == 2 and len(mass) == 1:
+        root = 1.0 / np.sqrt(mass[0])
+        squared = stiffness[0] * root**2
+        scale = float(squared.max()) or 1.0  # LAPACK does not scale, and units may be of any size
+        beside = stiffness[1, :-1] * root[:-1] * root[1:] / scale
+        last = (squared.size - 1, squared.size - 1)
+        values = eigvalsh_tridiagonal(squared / scale, beside, select="i", select_range=last, check_finite=False)
+        return scale * float(values[0])
+    count = max(len(stiffness), len(mass))
+    k, m = (np.pad(band, ((0, count - len(band)), (0, 0))) for band in (stiffness, mass))
+
+    def definite(square: float) -> bool:
+        try:
+            cholesky_banded(square * m - k, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
+    # The quotient of stiffness and mass of a single direction is no larger than the eigenvalue.
+    low = high = float((stiffness[0] / mass[0]).max())
+    if low == 0.0:
+        return 0.0
+    while not definite(high):
+        low, high = high, BRACKET * high
+    while True:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            return high
+        low, high = (low, middle) if definite(middle) else (middle, high)
+
+
+def highest_ritz_value(stiffness: Any, mass: Any) -> float:
+    """Return the largest Ritz value of ``M^-1 K``, which is at most its largest eigenvalue [1/time^2].
+
+    Bodies with equal directions have several equal eigenvalues, at which an iteration for all digits does not end.
+
+    Parameters
+    ----------
+    stiffness, mass : (n, n) sparse arrays
+        K and M.
+    """
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import eigsh
+
+    size = mass.shape[0]
+    search: Any = {"k": 1, "which": "LA", "tol": RITZ_TOLERANCE, "return_eigenvectors": False}
+    search |= {"v0": np.random.default_rng(0).standard_normal(size), **without_chance(eigsh)}
+    if mass.nnz > size:
+        return float(eigsh(stiffness, M=mass, **search)[0])
+    root = diags_array(1.0 / np.sqrt(mass.diagonal()))
+    return float(eigsh(root @ stiffness @ root, **search)[0])
+
+
+def without_chance(solver: Any) -> dict[str, int]:
+    """Return the argument with which an iteration of SciPy draws the same numbers in each call.
+
+    Versions before 1.17 do not have it, and draw the same numbers anyway.
+    """
+    return {"rng": 0} if "rng" in inspect.signature(solver).parameters else {}
