@@ -604,29 +604,25 @@ def test_an_inverse_that_breaks_its_contract_is_refused_with_its_place(tmp_path,
     assert "mine.py" in str(refusal.value)
 
 
-# -------------------------------------------------------------------------------------------------- banded matrices
+# --------------------------------------------------------------------------------- matrices of held and tied ends
 
 
-@pytest.mark.parametrize("reach", [1, 2, 3])
-def test_bands_are_those_of_full_matrices(reach):
-    from percuss.mesh.banded_matrices import pencil_bands, reversed_band, times, with_ends_held
+@pytest.mark.parametrize("contact", ["lagrange", "tied"])
+@pytest.mark.parametrize("fixed", [[], ["right"]])
+def test_the_inverse_mass_of_held_and_tied_bodies_is_that_of_full_matrices(fixed, contact):
+    from percuss.certificate.matrices import operator_of
+    from percuss.march.model import Model
 
-    draw, size = np.random.default_rng(reach), 9
-    root = np.tril(np.triu(draw.uniform(0.5, 1.5, (size, size)), -reach))
-    full, springs = root @ root.T, draw.uniform(1.0, 2.0, size - 1)
-    band = np.array([np.append(np.diag(full, -k), np.zeros(k)) for k in range(reach + 1)])
-    stiffness = np.diff(np.eye(size), axis=0).T @ np.diag(springs) @ np.diff(np.eye(size), axis=0)
-    assert times(band, np.eye(size)) == pytest.approx(full, rel=1e-12, abs=1e-12)
-    assert times(reversed_band(band), np.eye(size)) == pytest.approx(full[::-1, ::-1], rel=1e-12, abs=1e-12)
-    inverse, product = pencil_bands(band, np.array([np.diag(stiffness), np.append(np.diag(stiffness, 1), 0.0)]))
-    assert times(inverse, np.eye(size)) == pytest.approx(full, rel=1e-12, abs=1e-12)
-    assert times(product, np.eye(size)) == pytest.approx(full @ stiffness @ full, rel=1e-12, abs=1e-12)
-    mass = np.linalg.inv(full)
-    for first, last in ((0, 1), (1, 0), (1, 1), (0, 0)):
-        held = with_ends_held(band, first=bool(first), last=bool(last))
-        rest = slice(first, size - last)
-        expected = np.linalg.inv(mass[rest, rest])
-        assert times(held, np.eye(size - first - last)) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    case = hunek(5, contact=contact)
+    case["bodies"]["long"]["fixed"] = fixed
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": -1.5}
+    operator, bars = operator_of(Model(percuss.load(case))), assemble(case)
+    motions = operator.motions.toarray()
+    mass = np.linalg.inv(reciprocal_inverse(bars, -1.5))
+    inverse = np.linalg.inv(motions.T @ mass @ motions)
+    assert operator.mass.toarray() == pytest.approx(inverse, rel=1e-9, abs=1e-9)
+    product = inverse @ motions.T @ bars.K @ motions @ inverse
+    assert operator.stiffness.toarray() == pytest.approx(product, rel=1e-9, abs=1e-7)
 
 
 @pytest.mark.parametrize(("consistency", "courant"), [(-1.5, 1.3), (-1.5, 0.4), (1.0, 0.5), (1.0, 0.9)])

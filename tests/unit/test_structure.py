@@ -88,7 +88,6 @@ GROUND = {
         "interrupt",
         "jit",
         "jsonable",
-        "lapack",
         "locks",
         "process",
         "record_arrays",

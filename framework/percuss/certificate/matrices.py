@@ -19,7 +19,6 @@ import numpy as np
 
 from percuss.certificate.operator import Operator
 from percuss.contact.contact_point import gap_rows
-from percuss.mesh.banded_matrices import sparse
 from percuss.mesh.loads import directions_at_nodes
 
 if TYPE_CHECKING:
@@ -179,7 +178,7 @@ def _inverse_mass(model: Model, basis: Any, ties: Any) -> Any:
     from scipy.sparse import block_diag, csr_array, diags_array, eye_array, hstack, kron
 
     bodies = model.bodies.values()
-    blocks = [sparse(body.inverse) if body.inverse.size else diags_array(1.0 / body.mass) for body in bodies]
+    blocks = [body.inverse if body.inverse is not None else diags_array(1.0 / body.mass) for body in bodies]
     inverse = kron(block_diag(blocks), eye_array(model.dim), format="csr")
     held = [(one.node, one.direction) for one in held_throughout(model)]
     taken = _columns(model, held) if ties is None else hstack([_columns(model, held), ties])

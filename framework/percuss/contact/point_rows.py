@@ -90,7 +90,7 @@ class PointRows:
             bar = self._bodies.bar_at(node)
             stiffness = float(bar.stiffness[bar.end_element(node)])
             return [Side(node, normal, free / (stiffness * self._dt**2), beside)]
-        if body.inverse.size:
+        if body.inverse is not None:
             return [
                 Side(moved, normal if moved == node else np.zeros_like(normal), free * response)
                 for moved, response in body.response(node).items()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.mesh.banded_matrices import pencil_bands, times
+from percuss.mesh.eigenvalues import as_bands
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
@@ -47,8 +47,9 @@ def stiffness_limits(
         ends = [node for node in (body.start, body.stop - 1) if node in uses]
         if ends:
             step = min(dt, LARGEST_COURANT * 2.0 / body.highest_frequency)
-            matrix = (body.stiffness,) if not body.of_cells else body.axial_band
-            arrays = [array.tobytes() for array in (body.mass, body.inverse, *matrix)]
+            stiffness = body.stiffness if not body.of_cells else body.axial_stiffness.data
+            inverse = body.mass if body.inverse is None else body.inverse.data
+            arrays = [array.tobytes() for array in (body.mass, inverse, stiffness)]
             alike = (step, *(node - body.start for node in ends), *arrays)
             if alike not in of_alike:
                 of_alike[alike] = list(end_reserves(body, step, ends).values())
@@ -74,13 +75,12 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
     ends
         The end nodes in contact, one or both.
     """
-    if body.inverse.size:
-        inverse, stiffness = pencil_bands(body.inverse, body.axial_band)
-        places = [node - body.start for node in ends]
-        return _reserves(4.0 / dt**2 * inverse - stiffness, places, ends, lower=True, coupling=body.inverse)
+    if (inverse := body.inverse) is not None:
+        matrix = as_bands(4.0 / dt**2 * inverse - inverse @ body.axial_stiffness @ inverse)
+        return _reserves(matrix, [node - body.start for node in ends], ends, lower=True, coupling=inverse)
     banded = np.zeros((2, body.mass.size))
     if body.of_cells:
-        banded = -body.axial_band
+        banded = -as_bands(body.axial_stiffness)
         banded[0] += 4.0 / dt**2 * body.mass
     else:
         banded[0, 1:] = body.stiffness
@@ -98,11 +98,11 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
 
 
 def _reserves(
-    banded: Floats, places: Sequence[int], ends: Sequence[int], *, lower: bool, coupling: Floats | None = None
+    banded: Floats, places: Sequence[int], ends: Sequence[int], *, lower: bool, coupling: Any = None
 ) -> dict[int, float]:
     """Return `end_reserves` at the nodes `ends`, which are the rows `places` of a banded matrix.
 
-    Where the mass couples nodes, that matrix is ``C ((4/dt^2) M - K) C`` with C = M^-1, whose bands are `coupling`.
+    Where the mass couples nodes, that matrix is ``C ((4/dt^2) M - K) C`` with C = M^-1, which is `coupling`.
     """
     from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
@@ -113,7 +113,7 @@ def _reserves(
     unit = np.zeros((banded.shape[1], len(ends)))
     unit[places, np.arange(len(ends))] = 1.0
     if coupling is not None:
-        compliance = times(coupling, cho_solve_banded((factor, lower), times(coupling, unit)))
+        compliance = coupling @ cho_solve_banded((factor, lower), coupling @ unit)
     else:
         compliance = cho_solve_banded((factor, lower), unit)
     stiffness = np.linalg.inv(compliance[list(places)])

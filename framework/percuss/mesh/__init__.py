@@ -4,8 +4,7 @@
 body at a region, `spots` a point of it, `block` the bodies of one kind as a step reads them. `cells`, `cell_kernels`
 and `materials` call the kernels of elements and materials. `element_probe` asks the same kernels for one element after
 the other: `cell_stiffness` takes the stiffness of cells from it, `stresses` the stress field of a body.
-`banded_matrices` has the masses of bars that couple nodes, and the matrices of anything along a line. `ritz_values`
-finds the highest frequency of large bodies. `masses` knows which ends are in contact, and `loads` when a load acts in a
-step; else nothing here knows of contact or of time steps. Whoever adds a shape, an element or a material touches
-nothing in this folder.
+`eigenvalues` finds the highest frequency of bodies from their matrices. `masses` knows which ends are in contact, and
+`loads` when a load acts in a step; else nothing here knows of contact or of time steps. Whoever adds a shape, an
+element or a material touches nothing in this folder.
 """

@@ -40,7 +40,7 @@ class Bodies(Mapping[str, Body]):
     omega
         Largest frequency of an element [1/time].
     couples_nodes
-        Whether the mass of a body couples its nodes, so that M^-1 is banded.
+        Whether the mass of a body couples its nodes, so that M^-1 is sparse and M is full.
     why_not_linear
         The reason why internal forces are not proportional to displacements; empty where all bodies are linear.
     """
@@ -53,7 +53,7 @@ class Bodies(Mapping[str, Body]):
         self.nodes: Floats = read_only(np.concatenate([body.mesh.nodes for body in bodies]))
         self.n_nodes, self.dim = self.nodes.shape
         self.omega = max(float(body.frequency.max()) for body in bodies)
-        self.couples_nodes = any(body.inverse.size for body in bodies)
+        self.couples_nodes = any(body.inverse is not None for body in bodies)
         self.why_not_linear = "; ".join(filter(None, (body.why_not_linear for body in bodies)))
 
     def __getitem__(self, name: str) -> Body:

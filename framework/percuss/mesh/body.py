@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.lapack import lapack
-from percuss.mesh.banded_matrices import column, highest_eigenvalue, pencil_bands, sparse
 from percuss.mesh.cell_stiffness import cell_stiffness, stiffness_of_cells
 from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of, modulus_of
+from percuss.mesh.eigenvalues import as_bands, highest_of_bands
 from percuss.mesh.surfaces import BodySurface, surface_of
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, LoadedEnd, Mesh
 
@@ -34,7 +33,7 @@ class Body:
     volumes: Floats  # (n, points) of the quadrature points, one of a two-node element
     velocity: Floats  # (dim,)
     may_lack_mass: Any  # (n + 1,), whether a node is an end in contact at which nothing else acts
-    inverse: Floats  # (k + 1, nodes) bands of M^-1 where the mass couples nodes, (0, nodes) where it is diagonal
+    inverse: Any  # M^-1, sparse, where the mass couples nodes; None where it is diagonal
     stiffness: Floats  # (n,) EA/h of a bar, (0,) of other bodies
 
     # ---------------------------------------------------------------------------------------- nodes and elements
@@ -166,9 +165,11 @@ class Body:
 
     def response(self, node: int) -> dict[int, float]:
         """Return the accelerations by a unit force on a node with mass, by node, that of the node itself first."""
-        if self.inverse.size == 0:
+        if self.inverse is None:
             return {node: 1.0 / float(self.mass[node - self.start])}
-        return {self.start + row: value for row, value in column(self.inverse, node - self.start).items()}
+        row = self.inverse[[node - self.start]]
+        entries = dict(zip((self.start + row.indices).tolist(), row.data.tolist(), strict=True))
+        return {near: entries[near] for near in sorted(entries, key=lambda near: (abs(near - node), near < node))}
 
     # -------------------------------------------------------------------------------------------------- stiffness
 
@@ -201,20 +202,16 @@ class Body:
             return stiffness_of_cells(self.spec.element, self.spec.material, self.view)
         from scipy.sparse import kron
 
-        return kron(sparse(self.axial_band), np.outer(self.mesh.direction, self.mesh.direction))
+        return kron(self.axial_stiffness, np.outer(self.mesh.direction, self.mesh.direction))
 
     @property
     def highest_frequency(self) -> float:
         """Highest angular frequency of a single element, or of the whole body if its mass couples nodes [1/time]."""
-        if self.inverse.size == 0:
+        if self.inverse is None:
             return float(self.frequency.max())
-        inverse, stiffness = pencil_bands(self.inverse, self.axial_band)
-
-        def definite(square: float) -> bool:
-            return lapack().dpbtrf(square * inverse - stiffness, lower=1)[1] == 0  # type: ignore[no-any-return]
-
-        # The quotient of stiffness and mass of a single direction is no larger than the eigenvalue.
-        return math.sqrt(highest_eigenvalue(float((stiffness[0] / inverse[0]).max()), definite))
+        # With C = M^-1 the eigenvalues of M^-1 K are those of C K C and C, which have few diagonals.
+        stiffness = self.inverse @ self.axial_stiffness @ self.inverse
+        return math.sqrt(highest_of_bands(as_bands(stiffness), as_bands(self.inverse)))
 
     # -------------------------------------------------------------------------------------------- ends of a bar
 
@@ -252,22 +249,18 @@ class Body:
         return 0.5 * float(mass) * float(self.frequency[i]) ** 2
 
     @cached_property
-    def axial_band(self) -> Floats:
-        """The stiffness along a bar with a linear material, a banded matrix (`percuss.mesh.banded_matrices`)."""
+    def axial_stiffness(self) -> Any:
+        """The stiffness along a bar with a linear material, sparse, (nodes, nodes) [force/length]."""
+        from scipy.sparse import csr_array, diags_array
+
         if not self.of_cells:
-            band = np.zeros((2, self.mass.size))
-            band[0, :-1] += self.stiffness
-            band[0, 1:] += self.stiffness
-            band[1, :-1] = -self.stiffness
-            return band
+            diagonal = np.append(self.stiffness, 0.0)
+            diagonal[1:] += self.stiffness
+            return csr_array(diags_array([-self.stiffness, diagonal, -self.stiffness], offsets=[-1, 0, 1]))
         found = cell_stiffness(self.spec.element, self.spec.material, self.view)
         matrices, cells = found.matrices[found.kind], cells_of(self.mesh)
-        band = np.zeros((cells.shape[1], self.mass.size))
-        for a, b in np.ndindex(matrices.shape[1:]):
-            below = cells[:, b] - cells[:, a]  # rows below the diagonal, of cell nodes in any order
-            rows = np.flatnonzero(below >= 0)
-            np.add.at(band, (below[rows], cells[rows, a]), matrices[rows, b, a])
-        return band
+        rows, columns = np.broadcast_arrays(cells[:, :, None], cells[:, None, :])
+        return csr_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(self.mass.size, self.mass.size))
 
 
 def in_space(vectors: Floats) -> Floats:

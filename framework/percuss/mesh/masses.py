@@ -1,20 +1,18 @@
 """The masses of a body as its mass method returns them, checked.
 
-Ends in contact may be left without mass. A mass that couples neighbouring nodes is given by its banded inverse;
-`percuss.mesh.banded_matrices` says how that is stored.
+Ends in contact may be left without mass. A mass that couples neighbouring nodes is given by its sparse inverse.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from percuss.errors import InputError
-from percuss.lapack import lapack
-from percuss.mesh.banded_matrices import bands, times
 from percuss.mesh.cells import element_masses, has_cells, lumping_of
+from percuss.mesh.eigenvalues import as_bands
 from percuss.mesh.size_limits import within_limits
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import Mass
@@ -78,8 +76,8 @@ def nodal_masses(case: Case, spec: BodySpec, body: BodyMesh, ends: Collection[st
     return np.asarray(nodal, dtype=float), may_lack_mass
 
 
-def inverse_mass(case: Case, spec: BodySpec, body: BodyMesh, mass: Floats) -> Floats:
-    """Return the bands of M^-1 of a body, (k + 1, nodes); (0, nodes) if its mass matrix is diagonal.
+def inverse_mass(case: Case, spec: BodySpec, body: BodyMesh, mass: Floats) -> Any:
+    """Return M^-1 of a body as a sparse array, (nodes, nodes); None if its mass matrix is diagonal.
 
     Parameters
     ----------
@@ -95,10 +93,12 @@ def inverse_mass(case: Case, spec: BodySpec, body: BodyMesh, mass: Floats) -> Fl
     PluginError
         If the matrix is not positive definite, or gives a body that moves as a whole another mass than its nodes have.
     """
+    from scipy.linalg import cholesky_banded
+    from scipy.sparse import csr_array
+
     method = case.method.mass
-    diagonal = np.zeros((0, mass.size))
     if type(method).inverse is Mass.inverse or not within_limits(mass).all():  # the latter are refused by their bounds
-        return diagonal
+        return None
     if has_cells(spec.element):
         message = (
             f"expected elements of two nodes with the mass {method.name}, found cells {', '.join(body.mesh.cells)}"
@@ -108,22 +108,20 @@ def inverse_mass(case: Case, spec: BodySpec, body: BodyMesh, mass: Floats) -> Fl
     masses, lumping = element_masses(spec.element, body, spec.material.rho), lumping_of(spec.element, body)
     matrix = answer(method, "inverse", masses, lumping)
     if matrix is None:
-        return diagonal
+        return None
     if type(method).nodal_in_contact is not Mass.nodal_in_contact:
         raise breach(method, "inverse", "has both `inverse` and `nodal_in_contact`: an end without mass has no inverse")
-    band = bands(matrix)
-    last = int(np.flatnonzero(band.any(axis=1)).max(initial=0))
-    band = band[: last + 1]
-    if lapack().dpbtrf(band, lower=1)[1]:
-        raise breach(method, "inverse", f"the matrix of body '{spec.name}' is not positive definite")
-    moved = times(band, mass[:, None])[:, 0]
+    matrix = csr_array(matrix)
+    matrix.eliminate_zeros()
+    try:
+        cholesky_banded(as_bands(matrix), lower=True)
+    except np.linalg.LinAlgError:
+        raise breach(method, "inverse", f"the matrix of body '{spec.name}' is not positive definite") from None
+    moved = matrix @ mass
     node = int(np.argmax(np.abs(moved - 1.0)))
     if not abs(moved[node] - 1.0) <= SAME_TRANSLATION:
         message = (
             f"M^-1 m is {moved[node]:.9g} at node {node} of body '{spec.name}', expected 1 for the masses m of `nodal`"
         )
         raise breach(method, "inverse", f"{message}, which a body has that moves as a whole")
-    if last == 0:  # 1/m to round-off
-        return diagonal
-    band.flags.writeable = False
-    return band
+    return matrix if matrix.nnz > mass.size else None  # 1/m to round-off

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from percuss.contact.features import EVERY_STEP, Feature
-from percuss.lapack import lapack
+from percuss.mesh.eigenvalues import as_bands
 from percuss.record_arrays import Records, record_array
 from percuss.step.actions import (
     AFTER_FORCES,
@@ -119,26 +119,26 @@ class CoupledMasses(Part[Coupling]):
 def arrays_for_the_loop(bodies: Iterable[Body], dim: int) -> tuple[Floats, Floats]:
     """Return ``M^-1 diag(m) - I`` of all bodies, and D and L of ``M^-1 = L D L^T``, which the loop reads.
 
-    Both have one column for each degree of freedom, and are empty, (0, 0), if all mass matrices are diagonal. The
-    former has 2 k + 1 rows, the entry of row i and column i + d in place [k + d, i]; the latter k + 1, 1/D and then the
-    off-diagonals of L, the entry of column j in place j. A diagonal mass matrix among others has zeros there.
+    Both have one column for each degree of freedom. The former has 2 k + 1 rows, the entry of row i and column i + d in
+    place [k + d, i]; the latter k + 1, 1/D and then the off-diagonals of L, the entry of column j in place j. A
+    diagonal mass matrix among others has zeros there.
     """
+    from scipy.linalg import cholesky_banded
+
     bodies = list(bodies)
-    width = max(body.inverse.shape[0] for body in bodies) - 1
-    if width < 0:
-        return np.zeros((0, 0)), np.zeros((0, 0))
+    inverses = [as_bands(body.inverse) if body.inverse is not None else 1.0 / body.mass[None] for body in bodies]
+    width = max(map(len, inverses)) - 1
     couplings, factors = [], []
-    for body in bodies:
+    for body, bands in zip(bodies, inverses, strict=True):
         size = body.mass.size
         band = np.zeros((width + 1, size))
-        bands = body.inverse if body.inverse.size else 1.0 / body.mass[None]
-        band[: bands.shape[0]] = bands
+        band[: len(bands)] = bands
         coupling = np.zeros((2 * width + 1, size))
         for d in range(1, min(width + 1, size)):
             coupling[width + d, : size - d] = band[d, : size - d] * body.mass[d:]
             coupling[width - d, d:] = band[d, : size - d] * body.mass[: size - d]
         coupling[width] = -coupling.sum(axis=0)  # rows of M^-1 diag(m) have the sum 1
-        factor = lapack().dpbtrf(band, lower=1)[0]
+        factor = cholesky_banded(band, lower=True)
         factor[1:] /= factor[0]
         factor[0] **= -2
         couplings.append(coupling)
@@ -297,7 +297,7 @@ def refusals(model: ModelArrays) -> Iterator[Problem]:
         advice = f"A mass that couples nodes needs {EVERY_STEP}, and {why}: take lumped, or central-difference."
         yield case.problem(("method", "mass"), message, advice)
     for body in model.bodies.values():
-        reach, count = body.inverse.shape[0] - 1, body.count
+        reach, count = 0 if body.inverse is None else len(as_bands(body.inverse)) - 1, body.count
         if count <= reach and not {body.start, body.stop - 1}.isdisjoint(model.loads.acted_nodes):
             message = f"expected more than {reach} elements in body '{body.name}', found {count}"
             advice = (
