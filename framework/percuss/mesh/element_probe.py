@@ -202,7 +202,7 @@ class ElementProbe:
         self._views: tuple[Any, ...] = tuple(
             kept.reshape(*self._weights.shape, *kept.shape[1:]) for kept in self._answers[2:]
         )
-        self._compiles = True
+        self._compiles = not jit_disabled()
         self._kernels: dict[tuple[Kernel, bool], Kernel] = {}
 
     def force(self, number: int, displacement: Floats) -> Floats:
@@ -305,7 +305,7 @@ class ElementProbe:
         filled = self._filled
         if not isinstance(material, Answers):
             filled = {**filled, self._slot: filled[stress_of_material]}
-        if calls >= MANY and self._compiles and not jit_disabled():
+        if calls >= MANY and self._compiles:
             self._compiles = False
             with suppress(*compile_error()):  # the march says why, where it cannot compile the kernels either
                 self._bound(kernel, filled, jit=True)(self._elements, material, *arguments)
