@@ -245,7 +245,7 @@ def test_a_law_that_cannot_run_is_told_on_one_screen_and_its_case_written(verifi
     assert "starts: mine.py:14: AttributeError: 'ContactPoints' object has no attribute 'stifness'" in done.stdout
     assert "Did you mean 'stiffness'?" in done.stdout
     assert re.search(r"It cannot run, so \d\d checks were not made", done.stdout)
-    assert len(done.stdout.splitlines()) <= 30
+    assert len(done.stdout.splitlines()) <= 40
     (case,) = (tmp_path / "failed").iterdir()
     assert case.name == "mine-starts.yaml"
     assert "has no attribute 'stifness'" in percuss_command("run", case, cwd=tmp_path).stderr

@@ -122,7 +122,6 @@ class Mine(ContactLaw):
 '''
 BY_THE_KIT = {
     "without a mistake": ("pass", "no-hidden-state", ""),
-    "draws at random": ("multiplier[p] = 1e-9 * np.random.rand(); continue", "no-hidden-state", "the second time"),
     "a branch that sets nothing": (
         "if trial.gap[p] < 0.0 and trial.rate[p] > 0.0: continue",
         "any-number-of-contacts",

@@ -14,7 +14,7 @@ from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 from percuss.methods.registry import Registry
-from percuss.testing.subject import Subject
+from percuss.testing import CheckFailed, checks
 from strategies import CORE, INTEGRATORS, INVISCID, each_integrator, number, run
 
 CD = "central-difference"
@@ -323,9 +323,8 @@ def test_the_kit_finds_a_load_that_keeps_state(tmp_path):
     file = tmp_path / "drag.py"
     file.write_text(DRAG.replace("return -n", "CALLS.append(0)\n        return len(CALLS) - n", 1), encoding="utf-8")
     registry = Registry.load([file])
-    subject = Subject.of(registry.get("loads", "drag"), registry)
-    with pytest.raises(percuss.PluginError, match="drag: follow gives another answer"):
-        subject.run(bar({"drag": {"drag": {}, "on": "bar.right"}}, elements=1, velocity=1.0, courant=0.5, end=0.1))
+    with pytest.raises(CheckFailed, match="the run gives another motion the second time"):
+        dict(checks(registry.get("loads", "drag"), registry=registry))["runs-in-a-case"]()
 
 
 def test_the_critical_courant_number_of_the_page_is_true():

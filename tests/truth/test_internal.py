@@ -13,7 +13,7 @@ from percuss.certificate.verdict import certificate
 from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.methods.registry import Registry
-from percuss.testing.subject import Subject
+from percuss.testing import CheckFailed, checks
 from strategies import hunek
 
 PAGE = (places.ROOT / "plugins" / "INTEGRATOR.md").read_text(encoding="utf-8")
@@ -238,9 +238,8 @@ def test_the_kit_finds_a_stage_that_does_not_exist(tmp_path):
     file = keeper(tmp_path)[0]
     file.write_text(file.read_text().replace("internal(system, 0", "internal(system, 3"), encoding="utf-8")
     registry = Registry.load([file])
-    subject = Subject.of(registry.get("integrators", "keeper"), registry)
-    with pytest.raises(percuss.PluginError, match="asks for stage 3"):
-        subject.run(two_bars("keeper"))
+    with pytest.raises(CheckFailed, match="asks for stage 3"):
+        dict(checks(registry.get("integrators", "keeper"), registry=registry))["stages"]()
 
 
 def test_schemes_that_do_not_ask_for_internal_forces_compile_none():

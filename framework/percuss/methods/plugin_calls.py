@@ -18,8 +18,6 @@ from percuss.jit import Kernel
 from percuss.methods.blame import breach, described, is_foreign, line_in_plugin
 from percuss.methods.interfaces import BodyMesh, Component, Exact, Floats, Lumping, Mesh, PairedPoints, Surface
 
-DEEPEST = 6  # levels of attributes up to which two answers are compared
-
 
 def answer(component: Component, method: str, *arguments: object) -> Any:
     """Return the answer of a method of a component; one that does not come with percuss is checked.
@@ -52,16 +50,8 @@ def checked(component: Component, method: str, call: Callable[..., Any], *argume
 
 
 @contextmanager
-def kernel_faults(component: Component, name: str, advice: str = "") -> Iterator[None]:
-    """Turn an error that a kernel in plain Python raises inside this context into one with its line.
-
-    Parameters
-    ----------
-    component, name
-        The method and the name of its kernel.
-    advice
-        What to do about an index that is out of bounds.
-    """
+def kernel_faults(component: Component, name: str) -> Iterator[None]:
+    """Turn an error that the kernel of a name in plain Python raises inside this context into one with its line."""
     try:
         with np.errstate(all="ignore"):
             yield
@@ -71,8 +61,6 @@ def kernel_faults(component: Component, name: str, advice: str = "") -> Iterator
         text = f"{name}: {described(error)}"
         if isinstance(error, ValueError) and "read-only" in str(error):
             text = f"{name} changes what it was handed to read; it may write only its result"
-        if isinstance(error, IndexError):
-            text += advice
         raise breach(component, name, text, line_in_plugin(error)) from error
 
 
@@ -102,31 +90,6 @@ def mapped(function: Kernel, *values: Any) -> Any:
         return function(*values)
     parts = [mapped(function, *entries) for entries in zip(*values, strict=True)]
     return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
-
-
-def same(first: Any, second: Any, depth: int = 0) -> bool:
-    """Return whether two answers are equal to the last bit, as far as they consist of numbers, text and containers.
-
-    All other objects are compared attribute by attribute.
-    """
-    if first is second or depth > DEEPEST:
-        return True
-    if type(first) is not type(second):
-        return False
-    if isinstance(first, np.ndarray | np.generic | float | int):
-        bits = [(array.dtype, array.shape, array.tobytes()) for array in map(np.asarray, (first, second))]
-        return bits[0] == bits[1]
-    if isinstance(first, str | bytes):
-        return first == second  # type: ignore[no-any-return]
-    if hasattr(first, "tocoo"):  # a sparse array keeps what was found out about it, too
-        entries = first.tocoo(), second.tocoo()
-        first, second = ((matrix.shape, matrix.row, matrix.col, matrix.data) for matrix in entries)
-    if isinstance(first, Mapping):
-        first, second = list(first.items()), list(second.items())
-    if isinstance(first, list | tuple):
-        return len(first) == len(second) and all(same(*pair, depth + 1) for pair in zip(first, second, strict=True))
-    is_compared = hasattr(first, "__dict__") and not isinstance(first, Component) and not callable(first)
-    return not is_compared or same(vars(first), vars(second), depth + 1)
 
 
 # ---------------------------------------------------------------------------------------- checks of the answers

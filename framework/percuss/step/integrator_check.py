@@ -138,11 +138,6 @@ def step_error(integrator: Integrator, message: str) -> PluginError:
     return breach(integrator, "step" if hasattr(integrator, "step") else "bind", message)
 
 
-def constant_accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Set `a` to the accelerations in `system[0]`, which do not depend on the state."""
-    a[:] = system[0]
-
-
 def no_internal_forces(system: object, stage: int, u: Floats, f: Floats) -> None:
     """Set `f` to zero: the internal forces of points that nothing holds together."""
     f[:] = 0.0

@@ -12,6 +12,6 @@ Without it, `percuss verify` makes the checks of a file, and `checks` gives them
 from __future__ import annotations
 
 from percuss.testing.kit import Check, checks, parametrize
-from percuss.testing.subject import CheckFailed, DeclaredFailure, NotApplicable, Subject
+from percuss.testing.subject import CheckFailed, DeclaredFailure, Demand, NotApplicable, Subject
 
-__all__ = ["Check", "CheckFailed", "DeclaredFailure", "NotApplicable", "Subject", "checks", "parametrize"]
+__all__ = ["Check", "CheckFailed", "DeclaredFailure", "Demand", "NotApplicable", "Subject", "checks", "parametrize"]

@@ -350,3 +350,5 @@ TWO_BARS = chain(
     probes=True,
     time={"steps": 40, "courant": 0.5},
 )
+# A bar that strikes a wall once and leaves it.
+STRUCK_WALL = chain({"a": bar(20, velocity=0.5)}, wall=1.0, time={"steps": 40, "courant": 0.5})

@@ -15,12 +15,10 @@ from percuss.contact.law_trials import COUPLED, multipliers_of, plain_kernel, tr
 from percuss.errors import InputError, RunError, suggestion
 from percuss.jsonable import Data, Entries
 from percuss.methods.interfaces import ContactPoints, Floats, LinearLaw
-from percuss.testing.draws import TWO_BARS, bar, chain, largest_difference, on_chains, per_cent
+from percuss.testing.draws import STRUCK_WALL, TWO_BARS, largest_difference, on_chains, per_cent
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, demand, sample_points, was_not_started
 
 COUNTS = (0, 1, 2, 5)  # numbers of contact points
-# A bar that strikes a wall once and leaves it.
-STRUCK_WALL = chain({"a": bar(20, velocity=0.5)}, wall=1.0)
 # Two bars that strike each other, and a wall that one of them reaches with the same end.
 STRUCK_TWICE = {
     **TWO_BARS,

@@ -151,20 +151,21 @@ def check_critical_courant(subject: Subject) -> None:
 def check_stages(subject: Subject) -> None:
     """`times` and `end` describe the stages.
 
-    In a multi-stage scheme `times` gives the time of each stage, and `end` the displacement of the next stage. The
-    check makes two steps with random data. In free flight at velocity v, a stage at time c asks for accelerations
-    at the displacement u + c dt v; with another c the loads would act at another time. If `end` is (r_v, r_a, s_a),
-    the next stage asks for accelerations at u + r_v v + r_a a, for any u, v and a of this stage, and s_a = r_a /
-    r_v; otherwise a law of the end of the step is evaluated at another state. The first stage is compared with
-    `start` in the same way if it lies after t = 0, where v is the velocity there and a the acceleration that is
-    kept. Without `start` it is compared with the end of the last stage, unless laws without penetration are
-    refused. If `velocity` is c, a stage at time t asks under a constant acceleration a for accelerations at a
-    velocity v with v + c a = v_n + t dt a.
+    In a multi-stage scheme `times` gives the time of each stage, and `end` the displacement of the next stage. A step
+    changes v by dt a and u by dt v, in place; otherwise impulse and work are lost. Two more steps have random data. In
+    free flight at velocity v, a stage at time c asks for accelerations at the displacement u + c dt v; with another c
+    the loads would act at another time. If `end` is (r_v, r_a, s_a), the next stage asks for accelerations at u + r_v v
+    + r_a a, for any u, v and a of this stage, and s_a = r_a / r_v; otherwise a law of the end of the step is evaluated
+    at another state. The first stage is compared with `start` in the same way if it lies after t = 0, where v is the
+    velocity there and a the acceleration that is kept. Without `start` it is compared with the end of the last stage,
+    unless laws without penetration are refused. If `velocity` is c, a stage at time t asks under a constant
+    acceleration a for accelerations at a velocity v with v + c a = v_n + t dt a.
     """
     for options, integrator in subject.made():
         stages = integrator.bind(STEP)
         if not isinstance(stages, Stages):
             raise NotApplicable("it is no multi-stage scheme")
+        _check_one_step(integrator, stages)
         _check_stage_times(integrator, stages)
         if stages.end:
             start = bool(type(integrator).kept and (stages.start or not _refuses_exact_laws(subject, options)))
@@ -214,6 +215,30 @@ def _calls(
     for _ in range(steps):
         step(stages.numbers, None, u, v, kept, STEP)
     return calls
+
+
+def _check_one_step(integrator: Integrator, stages: Stages) -> None:
+    """Raise `CheckFailed` unless a step asks for declared stages, and uses all of a constant acceleration."""
+    used: list[int] = []
+
+    def accelerations(system: object, stage: int, u: Floats, v: Floats, a: Floats) -> None:  # noqa: ARG001  signature of the slot
+        used.append(stage)
+        a[:] = 0.0, 1.0
+
+    def internal(system: object, stage: int, u: Floats, f: Floats) -> None:  # noqa: ARG001  signature of the slot
+        used.append(stage)
+        f[:] = 0.0
+
+    u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile([0.0, 1.0], (type(integrator).kept, 1))
+    plain_step(integrator, accelerations, internal)(stages.numbers, None, u, v, kept, STEP)
+    if max(used, default=0) >= len(stages.times):
+        raise CheckFailed(f"step asks for stage {max(used)}, and Stages.times has {len(stages.times)}")
+    if not np.abs([u[0] - STEP, v[0] - 1.0, v[1] - STEP]).max() <= STAGED_TOLERANCE:
+        raise CheckFailed(
+            "step must change u and v in place (u += ..., or u[:] = ...), v by dt times a constant acceleration and u "
+            f"by dt times a constant velocity; found a change of v by {v[1] / STEP:.9g} dt a, and of u by "
+            f"{u[0] / STEP:.9g} dt v"
+        )
 
 
 def _no_forces() -> Floats:

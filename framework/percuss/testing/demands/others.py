@@ -11,7 +11,7 @@ from percuss.jsonable import Entries
 from percuss.march.model import Model
 from percuss.methods.interfaces import FollowingLoad
 from percuss.methods.plugin_calls import answer
-from percuss.testing.draws import TWO_BARS, bar, bar_chains, chain, for_all, must_balance, on_chains
+from percuss.testing.draws import STRUCK_WALL, TWO_BARS, bar, bar_chains, chain, for_all, must_balance, on_chains
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, demand
 
 TIMES = np.linspace(0.0, 1.0, 41)
@@ -81,7 +81,11 @@ def check_runs_in_a_case(subject: Subject) -> None:
         if dim > 1:
             body["bar"]["direction"] = start
         push = {subject.name: dict(options), **({} if load.everywhere else {"on": "a.left"})}
-        must_balance(subject.run(chain({"a": body}, loads={"push": push}, time={"steps": 400, "courant": 0.5})))
+        case = chain({"a": body}, loads={"push": push}, time={"steps": 400, "courant": 0.5})
+        result = subject.run(case)
+        must_balance(result)
+        if follows and subject.run(case).summary["momentum"] != result.summary["momentum"]:
+            raise CheckFailed("the run gives another motion the second time")
 
 
 @demand("solutions")
@@ -96,11 +100,14 @@ def check_exact_solution(subject: Subject) -> None:
     components = subject.registry.components.items()
     sole = {key: cls for key, cls in components if key[0] != "solutions" or key[1] == subject.name}
     subject = dataclasses.replace(subject, registry=dataclasses.replace(subject.registry, components=sole))
-    for options in subject.examples:
+    for options, engine in subject.made():
+        found = [subject.placed(case, options) for case in (TWO_BARS, STRUCK_WALL)]
+        covered = [case for case in found if engine.covers(cast("Any", Model(subject.load(case)).problem)) is None]
+        if not covered:
+            raise NotApplicable("it covers neither two bars that meet nor a bar that strikes a wall")
         errors = []
         for refine in (2, 8):
-            case = {**TWO_BARS, "refine": refine, "time": {"end": 0.03, "courant": 0.5}}
-            result = subject.run(subject.placed(case, options))
+            result = subject.run({**covered[0], "refine": refine, "time": {"end": 0.03, "courant": 0.5}})
             if result.summary["exact"] is None:
                 raise CheckFailed(f"no error against it was computed: {result.summary['exact_reason']}")
             errors.append(cast("float", result.summary["exact"]["displacement_error"]))
