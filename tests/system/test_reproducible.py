@@ -45,7 +45,7 @@ from percuss import ContactLaw, LinearLaw
 
 @dataclass(frozen=True)
 class Damped(ContactLaw):
-    '''A penalty spring with a dashpot, which is certified from the step itself.'''
+    '''A penalty spring with a dashpot, which the black box certifies.'''
 
     name = "damped"
     summary = "Penalty spring and dashpot"

@@ -322,7 +322,7 @@ def test_the_impulse_converges_to_the_exact_one():
 @pytest.mark.parametrize(
     "law", [{"name": "penalty", "beta_s": 2.0}, {"name": "bipenalty", "beta_s": 2.0, "ratio": 2.0}]
 )
-def test_rows_of_the_laws_and_the_step_itself_agree_on_the_critical_step(element, law, integrator):
+def test_linear_laws_and_black_box_agree_on_the_critical_step(element, law, integrator):
     model = model_of(impact(element, law, integrator, n=3))
     rows, step = linear_laws(model).critical_step, BlackBox(model).critical_step
     assert rows == pytest.approx(step, rel=1e-5)

@@ -457,7 +457,7 @@ def test_the_consistency_that_the_docstring_gives_for_a_step_cancels_its_error()
 # ---------------------------------------------------------------------------------------------- unknown, and refused
 
 
-def test_what_only_the_step_itself_could_tell_is_unknown():
+def test_what_only_the_black_box_could_tell_is_unknown():
     case = hunek(5, courant=0.3, end=0.05)
     case["method"]["mass"] = "reciprocal"
     for change, reason in (

@@ -599,7 +599,7 @@ def test_waves_at_ends_without_mass_are_not_told():
 
 
 @pytest.mark.parametrize("law", ["moreau-jean", "penalty"])
-def test_the_step_itself_is_not_asked_where_ends_have_no_mass(law, capfd):
+def test_the_black_box_is_not_asked_where_ends_have_no_mass(law, capfd):
     case = hunek(4, integrator="central-difference", contact={"name": law})
     case["method"]["mass"] = "redistributed"
     (row,) = percuss.stability(percuss.load(case), by=("black-box",))

@@ -226,7 +226,7 @@ def test_its_limit_is_the_root_of_twelve(gradient):
 
 
 def test_a_closed_contact_is_no_spring_of_the_mesh(gradient):
-    """The linear laws take contact and mesh alike, and here they are not: the step itself decides."""
+    """The linear laws take contact and mesh alike, and here they are not: the black box decides."""
     case = two_bars("force-gradient")
     del case["loads"]
     judged = certificate(Model(percuss.load(case, plugins=gradient)))

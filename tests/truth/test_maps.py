@@ -267,7 +267,7 @@ def test_the_command_line_measures_waves(tmp_path):
 
 
 # On large meshes each integrator and each law is asked once, and two pairs on the largest: the search takes longer
-# there, and half a minute where the step itself is asked.
+# there, and half a minute where the black box is asked.
 IN_SPACE = {"box-impact", "wolff-bucher", "ball-on-wall-3d", "two-spheres"}
 LARGE = {"box-impact", "ball-on-wall-3d", "two-spheres", "disk-on-wall"}
 EACH_ONCE = {(CD, "penalty"), (CD, "lagrange"), (WU, "bipenalty"), ("noh-bathe", "tied")}
@@ -308,7 +308,7 @@ def test_the_chosen_step_is_certified_on_every_case(case, pair):
         else percuss.load(case, {"method.integrator": pair[0], "method.contact": pair[1], "time": AUTO})
     )
     found = certificate(model, criterion)
-    if pair[0] == "noh-bathe" and pair[1]["name"] in {"lagrange", "tied"}:  # asked of the step itself
+    if pair[0] == "noh-bathe" and pair[1]["name"] in {"lagrange", "tied"}:  # asked of the black box
         assert found["by"] == "black-box"
         if found["stable"] == "unknown":
             assert "Krylov" in found["why"] or "other combinations" in found["why"]

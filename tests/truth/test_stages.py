@@ -365,7 +365,7 @@ def on_a_wall(name, law, elements=12):
 @pytest.mark.parametrize(
     "name", ["noh-bathe", "verlet", "newmark", "tchamwa", "alpha", pytest.param("runge", marks=pytest.mark.deep)]
 )
-def test_the_step_itself_has_the_limit_of_the_rows(name, law, files):
+def test_the_black_box_has_the_limit_of_the_linear_laws(name, law, files):
     """Growth seen in the step, what is kept between steps included, against oscillators and the linear laws."""
     model = Model(percuss.load(on_a_wall(name, law), plugins=files))
     assert BlackBox(model).critical_step == pytest.approx(linear_laws(model).critical_step, rel=5e-6)

@@ -328,8 +328,7 @@ class BlackBox:
     def excess(self, dt: float) -> float:
         """Return -1 where a step is certain to be stable, else 1."""
         found = (self._examine(dt, closed) for closed in self._combinations)
-        sure = not self._why_not_all and all(one.linear and one.stable and not one.doubt for one in found)
-        return -1.0 if sure else 1.0
+        return -1.0 if not self._why_not_all and all(one.stable and not one.doubt for one in found) else 1.0
 
     @cached_property
     def _time_dependent_laws(self) -> list[str]:

@@ -21,14 +21,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.matrices import SAME_DIRECTION, free_motions, held_throughout, operator_of
+from percuss.certificate.matrices import (
+    SAME_DIRECTION,
+    columns_at_nodes,
+    free_motions,
+    held_throughout,
+    operator_of,
+)
+from percuss.contact.contact_point import gap_rows
 from percuss.contact.points import FROM_LINE, NEVER
 from percuss.heartbeat import beat
 from percuss.march.march import March
 from percuss.mesh.loads import directions_at_nodes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from percuss.certificate.operator import Operator
     from percuss.march.model import Model
@@ -219,20 +226,16 @@ class Motions:
     @cached_property
     def gaps(self) -> Floats:
         """Gap matrix N^T of all contacts for weighted displacements, (P, n)."""
-        return self._weighted([contact_point.gradient for contact_point in self.model.contact_points])
+        return self._weighted(gap_rows(self.model.contact_points, self.root.size, self.model.dim))
 
     @cached_property
     def followed(self) -> Floats:
         """The displacements on which forces depend, as rows for weighted displacements, (forces, n)."""
-        return self._weighted([[(force.node, force.force)] for force in self.model.facts.forces])
+        return self._weighted(columns_at_nodes(self.model, [(one.node, one.force) for one in self.model.facts.forces]))
 
-    def _weighted(self, gradients: Sequence[Iterable[tuple[int, Floats]]]) -> Floats:
-        """Return rows for weighted displacements, (k, n), from derivatives by the displacements of nodes."""
-        rows = np.zeros((len(gradients), self.model.bodies.n_nodes, self.model.dim))
-        for row, gradient in zip(rows, gradients, strict=True):
-            for node, vector in gradient:
-                row[node] += vector
-        return np.asarray(self.projection @ (rows.reshape(len(gradients), self.root.size) / self.root).T).T
+    def _weighted(self, columns: Any) -> Floats:
+        """Return rows for weighted displacements, (k, n), from sparse columns of derivatives by displacements."""
+        return np.asarray(self.projection @ (columns.toarray() / self.root[:, None])).T
 
     @cached_property
     def strainless(self) -> Floats:

@@ -69,12 +69,12 @@ def _stiffness(model: Model) -> Any:
     )
     if springs := model.facts.springs():
         axes = [(node, np.sqrt(spring) * model.bodies.at(node).mesh.direction) for node, spring in springs.items()]
-        columns = _columns(model, axes)
+        columns = columns_at_nodes(model, axes)
         stiffness = stiffness + columns @ columns.T
     return stiffness
 
 
-def _columns(model: Model, vectors: Sequence[tuple[int, Floats]]) -> Any:
+def columns_at_nodes(model: Model, vectors: Sequence[tuple[int, Floats]]) -> Any:
     """Return vectors at nodes as the columns of a sparse matrix, (nodes * dim, k)."""
     from scipy.sparse import csr_array
 
@@ -181,7 +181,7 @@ def _inverse_mass(model: Model, basis: Any, ties: Any) -> Any:
     blocks = [body.inverse if body.inverse is not None else diags_array(1.0 / body.mass) for body in bodies]
     inverse = kron(block_diag(blocks), eye_array(model.dim), format="csr")
     held = [(one.node, one.direction) for one in held_throughout(model)]
-    taken = _columns(model, held) if ties is None else hstack([_columns(model, held), ties])
+    taken = columns_at_nodes(model, held) if ties is None else hstack([columns_at_nodes(model, held), ties])
     reached = csr_array(inverse @ taken)
     middle = np.linalg.pinv((taken.T @ reached).toarray(), hermitian=True)
     within = basis.T @ reached
