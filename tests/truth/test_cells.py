@@ -12,6 +12,7 @@ from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.matrices import operator_of
 from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
+from percuss.contact.laws import points_of_law
 from percuss.errors import PercussError
 from percuss.march.model import Model
 from percuss.mesh.stresses import stress_field
@@ -355,7 +356,7 @@ def test_the_stiffest_contact_that_a_step_allows_is_that_of_exact_matrices(eleme
     stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
     reserve = np.diag(4.0 / model.dt**2 * 0.01 * mass) - 100.0 * stiffness
     limit = 1.0 / np.linalg.inv(reserve)[-1, -1]
-    assert model.binding.points([0], model.dt).stiffness_limit[0] == pytest.approx(limit, rel=1e-7)
+    assert points_of_law(model, [0], model.dt).stiffness_limit[0] == pytest.approx(limit, rel=1e-7)
 
 
 def test_automatic_step_and_penalty_run():

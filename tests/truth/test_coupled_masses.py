@@ -13,6 +13,7 @@ import percuss
 from dense import assemble
 from dense import march as dense_march
 from percuss import Lumping
+from percuss.contact.laws import points_of_law
 from percuss_methods.masses.reciprocal import Reciprocal
 from strategies import hunek, nudged, number, unlike_bars
 
@@ -641,4 +642,4 @@ def test_the_stiffness_limit_of_a_contact_is_that_of_dense_matrices(consistency,
         body, stiffness = mass[nodes, nodes], bars.K[nodes, nodes]
         step = min(model.dt, 0.99 * 2.0 / math.sqrt(eigh(stiffness, body, eigvals_only=True)[-1]))
         softness += np.linalg.inv(4.0 / step**2 * body - stiffness)[end, end]
-    assert model.binding.points([0], model.dt).stiffness_limit == pytest.approx([1.0 / softness], rel=1e-8)
+    assert points_of_law(model, [0], model.dt).stiffness_limit == pytest.approx([1.0 / softness], rel=1e-8)

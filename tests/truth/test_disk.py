@@ -149,7 +149,7 @@ def test_a_wall_at_a_point_needs_a_normal_for_a_disk():
         Model(fall(1e-2, 8, 1.0).with_overrides({"contacts.floor.wall": [0.0, 0.0]}))
     at = {"contacts.floor.wall": -1.5, "bodies.disk.velocity": [-0.01, 0.0]}
     model = Model(fall(1e-2, 8, 1.0).with_overrides(at))
-    assert model.contact_points[0].normal.tolist() == [-1.0, 0.0]
+    assert model.contact_points.normal[0].tolist() == [-1.0, 0.0]
 
 
 @pytest.mark.parametrize("cells", ["quad4", "tri3"])
@@ -341,7 +341,7 @@ def test_the_height_of_a_ring_is_that_of_its_section(cells, at):
                        ("bottom", {"point": [0.0, 0.0], "normal": [0, 1]}),
                        ("left", {"point": [at, 0.0], "normal": [1, 0]})][: 3 if at else 2]:  # fmt: skip
         points = Model(about_the_axis(cells, at, contacts={"c": {"body": f"a.{side}", "wall": wall}})).contact_points
-        assert [point.stiffness / point.weight for point in points] == pytest.approx([4.0] * 5, rel=1e-12)
+        assert points.stiffness / points.weight == pytest.approx([4.0] * 5, rel=1e-12)
 
 
 SHAPE = """

@@ -42,9 +42,9 @@ def surfaces_at_the_end(integrator, law, pairing, meshes, courant):
     assert model.dt == pytest.approx(step, rel=1e-6)
     march = March(model)
     march.run()
-    nodes = sorted({node for point in model.contact_points for node in point.nodes})
+    nodes = np.unique(model.contact_points.node)
     velocity = march.v.reshape(-1, model.bodies.dim)[nodes] / 0.5
-    areas = np.array([model.contact_points[point].weight for point in march.arrays.order])
+    areas = model.contact_points.weight[march.arrays.order]
     return velocity, march.arrays.step.points.state["multiplier"] / areas / 0.5
 
 
@@ -239,9 +239,8 @@ def test_mortar_in_space_sees_the_near_side_of_a_closed_body_alone():
         "contacts": {"seam": {"between": ["a.skin", "b.skin"], "pairing": "mortar"}},
         "time": {"courant": 0.5, "steps": 1},
     }))  # fmt: skip
-    gaps = np.array([point.gap for point in model.contact_points])
-    assert gaps.min() == 0.0
-    assert all(point.normal[0] > 0.0 for point in model.contact_points)
+    assert model.contact_points.gap.min() == 0.0
+    assert (model.contact_points.normal[:, 0] > 0.0).all()
 
 
 PAIRING = """

@@ -5,6 +5,7 @@ import pytest
 
 import percuss
 from percuss.certificate.verdict import certificate
+from percuss.contact.laws import parameters
 from percuss.march.march import March
 from percuss.march.model import Model
 from percuss.results.exact_only import run_exact
@@ -442,7 +443,7 @@ def test_automatic_stiffness_of_a_strip_is_that_of_its_bar(integrator, pairing):
                 "percuss": 1, "bodies": bodies, "contacts": {"tip": {"between": ["left.right", "right.left"]}},
                 "method": method, "time": {"step": step, "steps": 1},
             }))  # fmt: skip
-            beta = {value["beta_s"] for value in model.parameters().values()}
+            beta = {value["beta_s"] for value in parameters(model).values()}
             found.append((*beta, certificate(model)["dt_critical"]))
     assert np.array(found[:2]) == pytest.approx(np.array(found[2:]), rel=1e-6)
     assert certificate(model)["stable"] == "yes"

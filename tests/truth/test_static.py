@@ -50,7 +50,7 @@ def at_rest(model):
     Every point is closed, as its pressure shows. The least displacements are taken: bodies may move along the seam.
     """
     order, records = model.law_records()
-    normals = model.rows.normals()[:, order]
+    normals = model.contact_points.matrix(model.bodies.n_nodes).toarray()[:, order]
     nodes, dim = model.bodies.n_nodes, model.bodies.dim
     system = np.zeros((nodes * dim + len(order),) * 2)
     for body in model.bodies.values():
@@ -63,7 +63,7 @@ def at_rest(model):
         right[load.node * dim : (load.node + 1) * dim] += PRESSURE * load.force
     found = np.linalg.lstsq(system, right, rcond=1e-12)[0]
     assert np.abs(system @ found - right).max() < 1e-12 * PRESSURE
-    areas = np.array([model.contact_points[point].weight for point in order])
+    areas = model.contact_points.weight[order]
     return found[: nodes * dim].reshape(nodes, dim), found[nodes * dim :] / areas
 
 

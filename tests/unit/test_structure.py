@@ -398,7 +398,7 @@ ABOUT_LINES = {
 # Where bars and other bodies part: their meshes, contact points, operators and refusals, and how they are described.
 PART_THERE = {
     "case/case.py", "certificate/matrices.py", "certificate/closed_step.py", "cli/run.py",
-    "contact/contact_points.py", "contact/point_rows.py", "contact/paired_surfaces.py", "contact/binding.py",
+    "contact/limits.py", "contact/pairs.py",
     "march/estimate.py", "march/recording.py", "march/refusals.py",
     "mesh/bodies.py", "mesh/body.py", "mesh/cell_stiffness.py", "mesh/cells.py",
     "mesh/loads.py", "mesh/size_limits.py", "mesh/spots.py", "mesh/stresses.py", "mesh/surfaces.py",

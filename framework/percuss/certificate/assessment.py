@@ -74,7 +74,7 @@ class Criterion(Protocol):
 
 def contact_names(model: Model) -> list[str]:
     """Return the name of the contact of each point."""
-    return [contact_point.name for contact_point in model.contact_points]
+    return list(model.contact_points.names)
 
 
 def quoted(names: Sequence[str], points: Sequence[int]) -> str:

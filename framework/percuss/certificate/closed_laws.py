@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -103,12 +102,7 @@ class ClosedLaws:
 
 def delassus(model: Model) -> Any:
     """Return the Delassus operator S of the contacts of a stretch as a sparse array, (P, P)."""
-    from scipy.sparse import csr_array
-
-    _, diagonal, others = model.rows.at(0.5 * model.dt)
-    entries = [(p, q, value) for p, row in enumerate(others) for q, value in {**row, p: diagonal[p]}.items()]
-    row, column, value = np.array(entries).reshape(-1, 3).T
-    return csr_array((value, (row.astype(np.int64), column.astype(np.int64))), shape=(diagonal.size,) * 2)
+    return model.rows_at(0.5 * model.dt).matrix()
 
 
 def why_unlike(model: Model) -> str:
@@ -156,7 +150,7 @@ def closed_laws(model: Model, dt: float) -> ClosedLaws:
     if (balanced := model.balanced).any():
         # A closed contact of an end without mass is a spring between nodes with mass, which is the law in series with
         # the end elements and follows from the current state.
-        compliance[balanced] += model.rows.at(0.5 * model.dt).diagonal[balanced] * model.dt**2
+        compliance[balanced] += model.rows_at(0.5 * model.dt).delassus[balanced] * model.dt**2
         stiffness[balanced], inertia[balanced], surplus[balanced], predicted[balanced] = 0.0, 0.0, np.nan, False
         acting = [int(p) for p in np.flatnonzero(balanced) if p not in inactive]
         stiffness[acting] = 1.0 / compliance[acting]
@@ -257,5 +251,6 @@ def _determined(state: ContactState, linear: LinearLaw) -> bool:
 
 def _share_an_end(model: Model, indices: list[int]) -> bool:
     """Return whether a contact of `indices` shares a node with another contact, whose force then changes its gap."""
-    contacts_at = Counter(node for contact_point in model.contact_points for node in contact_point.nodes)
-    return any(contacts_at[node] > 1 for p in indices for node in model.contact_points[p].nodes)
+    points = model.contact_points
+    shared = np.bincount(points.node)[points.node] > 1
+    return bool(np.isin(points.point[shared], indices).any())

@@ -28,7 +28,6 @@ from percuss.certificate.matrices import (
     held_throughout,
     operator_of,
 )
-from percuss.contact.contact_point import gap_rows
 from percuss.contact.points import FROM_LINE, NEVER
 from percuss.heartbeat import beat
 from percuss.march.march import March
@@ -123,7 +122,7 @@ class ClosedStep:
         """Set the gaps deep in contact or far out of it; return the base state of all steps, (parts, nodes * dim)."""
         signs = np.ones(len(self.model.contact_points))
         signs[self.closed] = -1.0
-        nodes = [node for contact_point in self.model.contact_points for node in contact_point.nodes]
+        nodes = self.model.contact_points.node.tolist()
         lightest = min((self.model.bodies.mass[node] for node in nodes), default=float(self.model.bodies.mass.min()))
         unit = self._unit
         self._scale = unit * np.sqrt(lightest) / self.motions.root
@@ -226,7 +225,7 @@ class Motions:
     @cached_property
     def gaps(self) -> Floats:
         """Gap matrix N^T of all contacts for weighted displacements, (P, n)."""
-        return self._weighted(gap_rows(self.model.contact_points, self.root.size, self.model.dim))
+        return self._weighted(self.model.contact_points.matrix(self.model.bodies.n_nodes))
 
     @cached_property
     def followed(self) -> Floats:

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.operator import Operator
-from percuss.contact.contact_point import gap_rows
 from percuss.mesh.loads import directions_at_nodes
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ def operator_of(model: Model, *, tied: bool = True) -> Operator:
     from scipy.sparse import csr_array, diags_array
 
     basis = free_motions(model, across=not model.bodies.of_lines)
-    rows = gap_rows(model.contact_points, model.bodies.n_nodes * model.dim, model.dim)
+    rows = model.contact_points.matrix(model.bodies.n_nodes)
     ties = rows[:, list(model.tied_points)] if tied and model.tied_points and model.period == 1 else None
     if ties is not None:
         basis = basis @ _without(ties.T @ basis)
@@ -102,7 +101,7 @@ def free_motions(model: Model, *, across: bool = True) -> Any:
     from scipy.sparse import csr_array
 
     dim, held = model.dim, directions_at_nodes(held_throughout(model))
-    touched = {node for contact_point in model.contact_points for node in contact_point.nodes} if across else set()
+    touched = set(model.contact_points.node.tolist()) if across else set()
     carrier = np.arange(model.bodies.n_nodes)
     found: list[tuple[Any, Floats]] = []
     for body in model.bodies.values():

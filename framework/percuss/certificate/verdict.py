@@ -20,6 +20,7 @@ from percuss.certificate.criteria import RunCriterion, criterion_of, too_large, 
 from percuss.certificate.linear_laws import doubts_of, linear_laws
 from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
 from percuss.contact.features import Verdict
+from percuss.contact.laws import ignored_couplings
 from percuss.errors import InputError, refuse_if_any
 from percuss.jsonable import Entries
 from percuss.march.model import Model
@@ -210,7 +211,7 @@ def unasked(model: Model, criterion: RunCriterion | None = None) -> Certificate:
 
 def _unknown(model: Model, laws: ClosedLaws, why: str, **known: Any) -> Finding:
     """Return what is found where nothing is known of a step, but for what is `known`."""
-    found = Finding("unknown", why, laws.energy, laws.why, model.ignored_couplings(), dt_critical_why=why)
+    found = Finding("unknown", why, laws.energy, laws.why, ignored_couplings(model), dt_critical_why=why)
     return dataclasses.replace(found, **known)
 
 
@@ -376,7 +377,7 @@ def _stiffened_contacts(model: Model, laws: ClosedLaws) -> str:
     pressing = laws.predicted & (laws.stiffness > 0)
     weight = np.where(pressing, laws.surplus, 0.0)
     starts = [first for first, _ in model.segments()]
-    softness = [laws.compliance + weight * model.rows.at((first + 0.5) * model.dt).diagonal for first in starts]
+    softness = [laws.compliance + weight * model.rows_at((first + 0.5) * model.dt).delassus for first in starts]
     for first, before, after in zip(starts[1:], softness, softness[1:], strict=False):
         if stiffer := [int(p) for p in np.flatnonzero(after < before * (1.0 - 1e-12))]:
             return (

@@ -19,7 +19,8 @@ from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.jsonable import Entries
 
 if TYPE_CHECKING:
-    from percuss.contact.contact_point import ContactPoint
+    from collections.abc import Iterable
+
     from percuss.march.model import Model
     from percuss.methods.interfaces import Floats
 
@@ -95,12 +96,11 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     if why := _unlike_plain_bars(model):
         known = "harmonics at an interface are known of linear bars of two-node elements and a leap-frog step only"
         raise PercussError(f"{why}: {known}")
-    names = [contact_point.name for contact_point in model.contact_points]
+    names = model.contact_points.names
     if not names or (contact and contact not in names):
         advice = suggestion(contact, names, "contact") if names else "Add a contact."
         raise InputError([Problem("--contact", "", f"expected the name of a contact, found '{contact}'", advice)])
     p = names.index(contact) if contact else 0
-    contact_point = model.contact_points[p]
     ends = _ends(model, p)
     courant = [0.5 * model.dt * frequency for _, frequency in ends.sides]
     # The first bar carries no wave above Omega = 2, and the leap-frog step none above Omega = 2/C.
@@ -122,15 +122,13 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
         try:
             amplitudes = np.linalg.solve(equations @ outgoing, -equations @ incident)
         except np.linalg.LinAlgError:
-            where = f"contact '{contact_point.name}': at the frequency {frequency[k]:.6g}"
+            where = f"contact '{names[p]}': at the frequency {frequency[k]:.6g}"
             raise PercussError(f"{where} the equations of its waves have no solution in numbers of 64 bits") from None
         reflected[k], transmitted[k] = amplitudes[0], amplitudes[1] if amplitudes.size > 1 else 0.0
     flux = [stiffness * np.sin(angle).real for (stiffness, _), angle in zip(ends.sides, phase, strict=True)]
     passed = np.abs(transmitted) ** 2 * flux[1] / flux[0] if len(flux) > 1 else 0.0
     formula, reason = _formula(model, p, frequency, step_phase)
-    return Waves(
-        contact_point.name, frequency, reflected, transmitted, np.abs(reflected) ** 2 + passed, formula, reason
-    )
+    return Waves(names[p], frequency, reflected, transmitted, np.abs(reflected) ** 2 + passed, formula, reason)
 
 
 def _unlike_plain_bars(model: Model) -> str:
@@ -144,9 +142,9 @@ def _unlike_plain_bars(model: Model) -> str:
     return model.bodies.why_not_linear or scheme or model.why("plain bars") or next(cells, "")
 
 
-def _end_elements(model: Model, contact_point: ContactPoint) -> list[tuple[float, float]]:
+def _end_elements(model: Model, nodes: Iterable[int]) -> list[tuple[float, float]]:
     """Return EA/h and 2c/h of the end element of each side of a contact."""
-    ends = [(model.bodies.bar_at(node), model.bodies.bar_at(node).end_element(node)) for node in contact_point.nodes]
+    ends = [(model.bodies.bar_at(node), model.bodies.bar_at(node).end_element(node)) for node in nodes]
     return [(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends]
 
 
@@ -169,8 +167,8 @@ class _Ends(NamedTuple):
 
 def _ends(model: Model, p: int) -> _Ends:
     """Return the response of the ends of a contact, measured from the time step."""
-    contact_point = model.contact_points[p]
-    contact, ends = f"contact '{contact_point.name}'", contact_point.nodes
+    points = model.contact_points
+    contact, ends = f"contact '{points.names[p]}'", points.nodes_of(p)
     if why := model.why("waves"):
         raise PercussError(f"{contact}: {why}")
     motions = Motions(model)
@@ -178,20 +176,19 @@ def _ends(model: Model, p: int) -> _Ends:
     if not step.linear():
         raise PercussError(f"{contact}: the step is not linear while it is closed")
     bodies = [model.bodies.bar_at(node) for node in ends]
-    others = (other.nodes for other in model.contact_points if other is not contact_point)
-    taken = {constraint.node for constraint in motions.constraints}.union(*others)
+    taken = {constraint.node for constraint in motions.constraints}.union(points.node[points.point != p].tolist())
     if taken.intersection(ends) or any(body.count < 2 for body in bodies):
         needed = "ends that move freely, in one contact, with two elements behind"
         raise PercussError(f"{contact}: waves need {needed}")
     behind = [end + 1 if end == body.start else end - 1 for end, body in zip(ends, bodies, strict=True)]
     nodes = [node for pair in zip(ends, behind, strict=True) for node in pair]
     units = np.zeros((len(nodes), model.bodies.n_nodes, model.dim))
-    units[np.arange(len(nodes)), nodes] = contact_point.normal
+    units[np.arange(len(nodes)), nodes] = points.normal[p]
     place = motions.projection @ (units.reshape(len(units), -1) * motions.root).T
     rest = np.zeros_like(place)
     readout = place[:, ::2] / np.sum(place[:, ::2] ** 2, axis=0)
     after = [step(np.concatenate(state))[step.size :] for state in ((place, rest), (rest, place))]
-    return _Ends(_end_elements(model, contact_point), readout.T @ after[0], readout.T @ after[1])
+    return _Ends(_end_elements(model, ends), readout.T @ after[0], readout.T @ after[1])
 
 
 def _element_phase(frequency: Floats) -> Any:
@@ -201,19 +198,19 @@ def _element_phase(frequency: Floats) -> Any:
 
 def _formula(model: Model, p: int, frequency: Floats, step_phase: Floats) -> tuple[Any, str]:
     """Return the transmission between identical bars by formula, or None and the reason why there is no formula."""
-    contact_point = model.contact_points[p]
-    if len(contact_point.nodes) < 2 or not contact_point.equal_sides:
+    points = model.contact_points
+    if points.at_wall[p] or not points.equal_sides[p]:
         return None, "a formula is known for identical bars only"
     laws = closed_laws(model, model.dt)
     if laws.stiffness[p] == 0:
-        return None, f"no formula for {contact_point.law.name}"
+        return None, f"no formula for {points.laws[p].name}"
     side = frequency * np.sqrt(1.0 - 0.25 * frequency**2)
-    stiffness, inertia = laws.stiffness[p] / contact_point.stiffness, laws.inertia[p] / contact_point.mass
+    stiffness, inertia = laws.stiffness[p] / points.stiffness[p], laws.inertia[p] / points.mass[p]
     if not laws.predicted[p]:
         # The contact has the dynamic stiffness eps_s - eps_m omega^2, here over EA/h, as rho A h / 2 is
         # 2 (EA/h) / (2c/h)^2.
         return 1.0 / (1.0 + 1j * side / (2.0 * (stiffness - 0.5 * inertia * frequency**2))), ""
     # This is 1/kappa over h/EA, with s = 2/m of two equal masses. It is 0 at theta = 1, where contact takes back all of
     # the overlap.
-    compliance = (1.0 + (laws.inertia[p] - model.dt**2 * laws.stiffness[p]) * 2.0 / contact_point.mass) / stiffness
+    compliance = (1.0 + (laws.inertia[p] - model.dt**2 * laws.stiffness[p]) * 2.0 / points.mass[p]) / stiffness
     return 1.0 / (1.0 + 0.5j * side * np.exp(-1j * step_phase) * compliance), ""

@@ -23,7 +23,7 @@ def contact_problem(model: ModelArrays) -> ContactProblem | str:
     """
     if not model.bodies.of_lines:
         return prism_problem(model)
-    bodies = list(model.bodies.values())
+    bodies, points = list(model.bodies.values()), model.contact_points
     loads = []
     for nodal_force in model.loads.on_nodes:
         vector = nodal_force.force
@@ -45,12 +45,12 @@ def contact_problem(model: ModelArrays) -> ContactProblem | str:
         bodies=MappingProxyType({body.name: _body(body) for body in bodies}),
         contacts=tuple(
             ProblemContact(
-                contact_point.name,
-                tuple(_end_of(model, node) for node in contact_point.nodes),
-                read_only(contact_point.normal),
-                contact_point.gap,
+                name,
+                tuple(_end_of(model, node) for node in points.nodes_of(p)),
+                read_only(points.normal[p]),
+                float(points.gap[p]),
             )
-            for contact_point in model.contact_points
+            for p, name in enumerate(points.names)
         ),
         fixed=tuple(dict.fromkeys(fixed)),
         loads=tuple(sorted(loads, key=lambda load: order[load.name])),

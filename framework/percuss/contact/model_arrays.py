@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,17 +12,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.contact.features import together
-from percuss.contact.point_rows import PointRows
+from percuss.contact.limits import stiffness_limits
+from percuss.contact.rows import Rows, rows_of
 from percuss.mesh.loads import latest
 from percuss.methods.interfaces import LeapFrog, Stages
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.contact.bound_law import BoundLaw
-    from percuss.contact.contact_point import ContactPoint
     from percuss.contact.features import Feature, Question
+    from percuss.contact.points import PointArrays
     from percuss.mesh.bodies import Bodies
     from percuss.mesh.loads import SupportsAndLoads
+    from percuss.methods.interfaces import Floats
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -51,7 +54,7 @@ class ModelArrays:
     dt: float
     steps: int
     bodies: Bodies
-    contact_points: tuple[ContactPoint, ...]
+    contact_points: PointArrays
     loads: SupportsAndLoads
     stages: Stages | None
     tables: tuple[LeapFrog, ...]
@@ -139,6 +142,29 @@ class ModelArrays:
         return list(itertools.pairwise(edges))
 
     @cached_property
-    def rows(self) -> PointRows:
-        """The rows of N and S of the contact points."""
-        return PointRows(self.bodies, self.loads.constraints, self.contact_points, self.dt)
+    def _rows(self) -> dict[tuple[int, ...], Rows]:
+        return {}
+
+    def rows_at(self, midpoint: float) -> Rows:
+        """Return the rows of N and S for the supports and drives active at a time, made once for each set of these."""
+        active = tuple(k for k, constraint in enumerate(self.loads.constraints) if constraint.active(midpoint))
+        if active not in self._rows:
+            constraints = [self.loads.constraints[k] for k in active]
+            self._rows[active] = rows_of(self.contact_points, self.bodies, constraints, self.dt)
+        return self._rows[active]
+
+    def rows_over_the_run(self) -> Iterator[Rows]:
+        """Yield the rows of each stretch of the run in which other supports or drives act."""
+        for start, _ in self.segments(laws=False):
+            yield self.rows_at((start + 0.5) * self.dt)
+
+    @cached_property
+    def largest_delassus(self) -> tuple[Floats, Floats]:
+        """The largest diagonal entry of S over the run, and the largest sum of absolute values of a row, (P,) each."""
+        rows = list(self.rows_over_the_run())
+        return np.max([one.delassus for one in rows], axis=0), np.max([one.sums for one in rows], axis=0)
+
+    @cached_property
+    def stiffness_limits(self) -> Callable[[float], Floats]:
+        """The function that gives `ContactPoints.stiffness_limit` for a time step, (P,) [force/length]."""
+        return stiffness_limits(self.bodies, self.contact_points, self.rows_over_the_run())

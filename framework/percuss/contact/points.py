@@ -1,16 +1,130 @@
-"""The records of contacts and their points that a step reads and writes, and the rows of N.
+"""The contact points of a model as arrays, and the records of contacts and points that a step reads and writes.
 
-A row has entries over the boundary degrees of freedom (`percuss.step.records`), as many as it needs: one or two at the
-ends of bars, more where a point lies on a facet of several nodes.
+A row of N has entries over the boundary degrees of freedom (`percuss.step.records`), as many as it needs: one or two at
+the ends of bars, more where a point lies on a facet of several nodes.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import dataclasses
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.jsonable import Entries
 from percuss.record_arrays import Records
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import ContactLaw, Floats, Integers
+
+
+TOUCHING = 1e-9  # fraction of an element length; a smaller initial gap or overlap is set to zero
+
+
+@dataclass(frozen=True, eq=False)
+class PointArrays:
+    """The contact points of a model: one value a point, contact after contact in the order of the case.
+
+    Stiffness, frequency, mass, `equal_sides` and weight are as `percuss.methods.interfaces.ContactPoints` defines them.
+
+    Attributes
+    ----------
+    names, laws
+        Name of the contact of each point, and its law.
+    contact : (P,) array
+        Number of its contact in the case.
+    count : (P,) array
+        Number of nodes that its gap depends on: its entries follow one another in `node` and `value`.
+    node : (E,) array
+        Node of each entry.
+    value : (E, dim) array
+        Derivative of the gap by the displacement of that node.
+    normal : (P, dim) array
+        Unit vector from the first side to the second, or to the wall.
+    at_wall : (P,) bool array
+    gap : (P,) array
+        Gap at the start.
+    stiffness, frequency, mass, equal_sides, weight : (P,) arrays
+    facet : (P,) array
+        Size of the facet that the point met at the start, at a wall of its own; infinite at the end of a bar [length].
+    """
+
+    names: tuple[str, ...]
+    laws: tuple[ContactLaw, ...]
+    contact: Integers
+    count: Integers
+    node: Integers
+    value: Floats
+    normal: Floats
+    at_wall: Any
+    gap: Floats
+    stiffness: Floats
+    frequency: Floats
+    mass: Floats
+    equal_sides: Any
+    weight: Floats
+    facet: Floats
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def start(self) -> Integers:
+        """First entry of each point, and the number of all entries, (P + 1,)."""
+        return np.concatenate([[0], np.cumsum(self.count)])
+
+    @cached_property
+    def point(self) -> Integers:
+        """Point of each entry, (E,)."""
+        return np.repeat(np.arange(len(self)), self.count)
+
+    @cached_property
+    def share(self) -> Floats:
+        """Component of each entry along the normal of its point, (E,): what its node has in the motion of the gap."""
+        share: Floats = np.vecdot(self.value, self.normal[self.point])
+        return share
+
+    def nodes_of(self, point: int) -> list[int]:
+        """Return the nodes that the gap of a point depends on."""
+        nodes: list[int] = self.node[self.start[point] : self.start[point + 1]].tolist()
+        return nodes
+
+    @property
+    def gradients(self) -> list[list[tuple[int, Floats]]]:
+        """The entries of each point, as node and derivative."""
+        entries = list(zip(self.node.tolist(), self.value, strict=True))
+        return [entries[start:stop] for start, stop in itertools.pairwise(self.start.tolist())]
+
+    def matrix(self, nodes: int) -> Any:
+        """Return N as a sparse array, (nodes * dim, P)."""
+        from scipy.sparse import csr_array
+
+        dim = self.value.shape[1]
+        dof = self.node[:, None] * dim + np.arange(dim)
+        place = dof.ravel(), np.repeat(self.point, dim)
+        return csr_array((self.value.ravel(), place), shape=(nodes * dim, len(self)))
+
+
+def joined(parts: Sequence[PointArrays]) -> PointArrays:
+    """Return the points of several contacts one after the other."""
+    values = {field.name: [getattr(part, field.name) for part in parts] for field in dataclasses.fields(PointArrays)}
+    whole: Entries = {name: tuple(itertools.chain(*values.pop(name))) for name in ("names", "laws")}
+    whole |= {name: np.concatenate(arrays) for name, arrays in values.items()}
+    return PointArrays(**whole)
+
+
+def no_points(dim: int) -> PointArrays:
+    """Return the points of no contact."""
+    whole, flags, real, vectors = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=bool), np.zeros(0), np.zeros((0, dim))
+    return PointArrays(
+        names=(), laws=(), contact=whole, count=whole, node=whole, value=vectors, normal=vectors, at_wall=flags,
+        gap=real, stiffness=real, frequency=real, mass=real, equal_sides=flags, weight=real, facet=real,
+    )  # fmt: skip
+
 
 # How a closed contact stores energy at half steps. BY_END: the force follows from the gap at the end of the step, and
 # the contact is a spring whose energy is the mean of those at both ends of the step. BY_CURRENT: the force follows from

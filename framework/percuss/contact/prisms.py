@@ -99,7 +99,7 @@ def _problem(model: ModelArrays) -> ContactProblem:
 
 def _axis(model: ModelArrays) -> Floats:
     """Return the direction in which the case moves: of its contacts, its velocities or its loads."""
-    normals = [point.normal for point in model.contact_points]
+    normals = list(model.contact_points.normal)
     velocities = [body.velocity for body in model.bodies.values() if body.velocity.any()]
     forces = [force.force for force in model.loads.on_nodes] + [force.acceleration for force in model.loads.body_forces]
     drives = [constraint.direction for constraint in model.loads.constraints if constraint.load is not None]
@@ -196,8 +196,8 @@ def _stress_along(body: Body, axis: Floats) -> tuple[Floats, Floats]:
 
 def _contacts(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Iterator[ProblemContact]:
     """Yield the contacts of faces that cover each other, and of faces with walls across the axis."""
-    for name, spec in model.case.contacts.items():
-        gaps = [point.gap for point in model.contact_points if point.name == name]
+    for number, (name, spec) in enumerate(model.case.contacts.items()):
+        gaps = model.contact_points.gap[model.contact_points.contact == number]
         ends = [BodyEnd(side.body, prisms[side.body].at_start(side.region, "in contact")) for side in spec.sides]
         if np.ptp(gaps) > ROUND_OFF * min(prisms[end.body].length for end in ends):
             raise NotARowOfPrisms(f"the gap of contact '{name}' differs from place to place")
@@ -208,7 +208,7 @@ def _contacts(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Ite
         ):
             raise NotARowOfPrisms(f"the faces of contact '{name}' do not cover each other")
         normal = -axis if ends[0].at_start else axis
-        yield ProblemContact(name, tuple(ends), read_only(normal), gaps[0])
+        yield ProblemContact(name, tuple(ends), read_only(normal), float(gaps[0]))
 
 
 def _cover(bodies: Sequence[Body], regions: Sequence[str], axis: Floats) -> bool:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contact.contact_rows import carry_over, point_records
 from percuss.contact.points import NEVER
+from percuss.contact.rows import carry_over, point_records
 from percuss.contact.state_variables import StateVariables
 from percuss.march.features import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
@@ -25,6 +25,8 @@ from percuss.step.records import BOUNDARY_DOF, CONSTRAINT, NODAL_FORCE, NOW, SHA
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
+    from percuss.contact.points import Points
+    from percuss.contact.rows import Rows
     from percuss.march.model import Model
     from percuss.methods.interfaces import Array, Floats
 
@@ -95,7 +97,7 @@ class Arrays:
         loads = Loads(
             nothing, nothing, nothing, np.zeros(0), amplitudes, amplitudes[2 * self.columns :], momentum, momenta
         )
-        points = point_records(self.law_records[:0], [], [], [], self.place)
+        points = self._points(0.5 * model.dt)[1]
         self.step = Step(boundary, points, loads, empty_records(1, TOTAL), now, None)
         self.parts = ()
         self._stretch(0.5 * model.dt, first=True)
@@ -112,24 +114,16 @@ class Arrays:
             if model.multistage or constraint.active(midpoint)
         ]
         self.active_constraints = [index for index, _ in constraints]
-        of_points = model.rows.at(midpoint).sides
-        sides = [of_points[point] for point in self.order]
-        laws = self.law_records
-        if inactive := model.inactive_points(midpoint):
-            laws = laws.copy()
-            laws["always"][np.isin(self.order, inactive)] = NEVER
-        gaps = [model.contact_points[point].gap for point in self.order]
-        of_contact = [model.contact_points[point].contact for point in self.order]
-        points = point_records(laws, of_contact, gaps, sides, self.place)
+        rows, points = self._points(midpoint)
         if not first:
             carry_over(self.step.points, points)
-        self.step = self.step._replace(points=points, loads=self._loads(constraints, sides, midpoint))
+        self.step = self.step._replace(points=points, loads=self._loads(constraints, rows, midpoint))
         setting = Setting(
             model,
             midpoint,
             self.place,
             self.order,
-            sides,
+            rows,
             self.step,
             self.record,
             self.variables,
@@ -140,7 +134,16 @@ class Arrays:
         self.parts = [part for part in made if part is not None]
         self.actions = list(self._actions())
 
-    def _loads(self, constraints: Sequence[tuple[int, Any]], sides: Any, midpoint: float) -> Loads:
+    def _points(self, midpoint: float) -> tuple[Rows, Points]:
+        """Return the rows and the records of the contact points in the order of the loop."""
+        rows = self.model.rows_at(midpoint).permuted(self.order)
+        laws = self.law_records
+        if inactive := self.model.inactive_points(midpoint):
+            laws = laws.copy()
+            laws["always"][np.isin(self.order, inactive)] = NEVER
+        return rows, point_records(laws, self.model.contact_points, self.order, rows, self.place)
+
+    def _loads(self, constraints: Sequence[tuple[int, Any]], rows: Rows, midpoint: float) -> Loads:
         """Return supports and loads with the constraints of a stretch, whose reactions start at zero."""
         model, dim = self.model, self.model.dim
         first = 0 if model.multistage else self.columns  # column of the first prescribed velocity
@@ -148,12 +151,12 @@ class Arrays:
             (self.place[support.node], i * dim, model.bodies.mass_held(support.node), first + support.column, 0.0)
             for i, (_, support) in enumerate(constraints)
         ]
+        touched, point = set(rows.node.tolist()), rows.point
         shares = [
-            (i, point, float(constraint.direction @ side.normal))
+            (i, int(point[k]), float(constraint.direction @ rows.normal[k]))
             for i, (_, constraint) in enumerate(constraints)
-            for point, point_sides in enumerate(sides)
-            for side in point_sides
-            if side.node == constraint.node and constraint.active(midpoint)
+            if constraint.node in touched and constraint.active(midpoint)
+            for k in np.flatnonzero(rows.node == constraint.node)
         ]
         forces = [
             (self.place[force.node], i * dim, model.bodies.mobility(force.node), force.column)
@@ -246,7 +249,7 @@ class Arrays:
 
 def _places(model: Model) -> dict[int, int]:
     """Return the boundary nodes, each with the index of its first boundary degree of freedom."""
-    contact_nodes = [node for contact_point in model.contact_points for node in contact_point.nodes]
+    contact_nodes = model.contact_points.node.tolist()
     acted_nodes = model.loads.acted_nodes
     beside = [
         node

@@ -526,7 +526,6 @@ class March:
             failure = diagnosis.missing_multiplier(self, amplitudes, step)
         if failure is None:
             return None
-        (contact_point,) = (
-            contact_point for contact_point in self.model.contact_points if contact_point.name == failure.contact
-        )
-        return Stop(step, contact_point.nodes[0], "kernel", failure.description, failure.cause)
+        points = self.model.contact_points
+        node = points.nodes_of(points.names.index(failure.contact))[0]
+        return Stop(step, node, "kernel", failure.description, failure.cause)

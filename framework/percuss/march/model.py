@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.case.options import PER_AREA, options_of
-from percuss.contact.binding import Binding
 from percuss.contact.bound_law import BoundLaw
-from percuss.contact.contact_points import contact_points_of
 from percuss.contact.contact_problem import contact_problem
-from percuss.contact.contact_rows import law_records
+from percuss.contact.laws import bind_laws
 from percuss.contact.model_arrays import ModelArrays
+from percuss.contact.pairs import points_of
 from percuss.contact.points import LAW, NOTHING
+from percuss.contact.rows import law_records
 from percuss.errors import Problem, refuse_if_any
 from percuss.march.features import features_of
 from percuss.march.number_of_steps import check_step, step_count
@@ -85,15 +84,10 @@ class Model(ModelArrays):
         problems: list[Problem] = []
         of_loads: list[Problem] = []
         loads = supports_and_loads(case, bodies, of_loads)
-        held = Held(loads.constraints)
-        points = [
-            point
-            for number, spec in enumerate(case.contacts.values())
-            for point in contact_points_of(case, number, spec, bodies, held, problems)
-        ]
+        points = points_of(case, bodies, Held(loads.constraints), problems)
         problems += [*of_loads, *spots.outside(case, bodies)]
         refuse_if_any(problems)
-        self._set(contact_points=tuple(points), loads=loads)
+        self._set(contact_points=points, loads=loads)
         self._bind()
 
     # -- construction and derived models -----------------------------------------------------------------
@@ -118,7 +112,7 @@ class Model(ModelArrays):
         stages, tables = scheme(self.case.method.integrator, self.dt)
         self._set(stages=stages, tables=tables)
         refuse(self, BEFORE_LAWS)
-        self._set(laws=self.binding.laws(self.dt))
+        self._set(laws=bind_laws(self, self.dt))
         refuse(self, WITH_LAWS)
 
     def with_step(self, dt: float) -> Model:
@@ -136,12 +130,8 @@ class Model(ModelArrays):
         replaced
             The new law for each law that is replaced.
         """
-        model = self._derived(
-            contact_points=tuple(
-                dataclasses.replace(contact_point, law=replaced.get(contact_point.law, contact_point.law))
-                for contact_point in self.contact_points
-            )
-        )
+        laws = tuple(replaced.get(law, law) for law in self.contact_points.laws)
+        model = self._derived(contact_points=dataclasses.replace(self.contact_points, laws=laws))
         model._bind()
         return model
 
@@ -230,18 +220,13 @@ class Model(ModelArrays):
         tied = {p for bound_law in self.laws if bound_law.ties and bound_law.during is None for p in bound_law.where}
         return tuple(sorted(p for p in tied.difference(self._never_active) if not self.balanced[p]))
 
-    @cached_property
-    def binding(self) -> Binding:
-        """What laws receive of their points over the whole run, and the laws bound to them."""
-        return Binding(self) if self.whole is self else self.whole.binding
-
     def laws_at(self, dt: float) -> tuple[BoundLaw, ...]:
         """Return the laws bound for a time step `dt`, in the order of `laws`."""
-        return self.whole.laws if dt == self.whole.dt else self.binding.laws(dt)
+        return self.whole.laws if dt == self.whole.dt else bind_laws(self.whole, dt)
 
     def law_records(self, table: LeapFrog | None = None) -> tuple[list[int], Any]:
         """Return the order of the contact points in the loop, and their law records in that order, (P,) `LAW`."""
-        table, delassus = table or self.tables[-1], self.rows.at(0.5 * self.dt).diagonal
+        table, delassus = table or self.tables[-1], self.rows_at(0.5 * self.dt).delassus
         order = [point for bound_law in self.laws for point in bound_law.where]
         parts = [self.records_of(bound_law, table, delassus[list(bound_law.where)]) for bound_law in self.laws]
         records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
@@ -253,75 +238,3 @@ class Model(ModelArrays):
         """Return the records of a law at its points, where S has the diagonal `delassus`, (P,) `LAW`."""
         records = law_records(bound_law, table, delassus)
         return self.facts.records(bound_law, records, delassus) if self.facts.records else records
-
-    def unlike_sides(self) -> list[str]:
-        """Return a note on each contact of two plane bodies that differ in thickness or plane."""
-        notes = []
-        for name, spec in self.case.contacts.items():
-            sides = [self.bodies[side.body] for side in spec.sides]
-            planes = [body.view.plane for body in sides]
-            if len(sides) < 2 or not {"strain", "stress"}.issuperset(planes):
-                continue
-            sections = [f"{body.spec.section:.6g}" for body in sides]
-            for what, (one, other), why in (
-                (
-                    "thickness",
-                    sections,
-                    "its area is that of the first, and no body in the plane has an edge across it",
-                ),
-                ("plane", planes, "one widens across the plane and the other does not"),
-            ):
-                if one != other:
-                    pair = f"{one} of '{sides[0].name}' and {other} of '{sides[1].name}'"
-                    notes.append(f"contact '{name}' is between bodies of unequal {what}, {pair}: {why}")
-        return notes
-
-    def ignored_couplings(self) -> list[str]:
-        """Return one sentence for contacts at each end, or coupled by the mass, if the kernel of a law ignores that."""
-        at_node: dict[int, list[int]] = {}
-        for p, contact_point in enumerate(self.contact_points):
-            for node in contact_point.nodes:
-                at_node.setdefault(node, []).append(p)
-        coupled = {tuple(contacts): "share an end" for contacts in at_node.values() if len(contacts) > 1}
-        for p, near in enumerate(self.binding.neighbours):
-            apart = (q for q in near if p < q and not {*self.contact_points[p].nodes} & {*self.contact_points[q].nodes})
-            coupled |= dict.fromkeys(((p, q) for q in apart), "are coupled by the mass of a body")
-        sentences = []
-        for bound_law in self.laws:
-            law = bound_law.law
-            if bound_law.linear is not None or law.uses_coupling:
-                continue
-            for contacts, how in coupled.items():
-                if set(bound_law.where).isdisjoint(contacts):
-                    continue
-                named = list(dict.fromkeys(f"'{self.contact_points[p].name}'" for p in contacts))
-                where = "at that end " if how == "share an end" else ""
-                which, each = f"contacts {', '.join(named)} {how}", "contacts"
-                if len(named) == 1:
-                    which, each = f"points of the contact {named[0]} share nodes", "points"
-                sentences.append(
-                    f"{which}, and the kernel of law {law.name} sees each of its {each} by itself: it "
-                    f"ignores what the others {where}press in the same step (it does not declare `uses_coupling`)"
-                )
-        return list(dict.fromkeys(sentences))
-
-    def parameters(self) -> dict[str, dict[str, float]]:
-        """Return, for each contact, the name of its law and its resolved parameters, those of its first point.
-
-        Where an option of a law is per area, as in a case with bodies that are no bars, so is its parameter. What the
-        law calls a total is summed over the points.
-        """
-        parameters: dict[str, dict[str, Any]] = {
-            contact_point.name: {"law": contact_point.law.name} for contact_point in self.contact_points
-        }
-        for bound_law in self.laws:
-            where, options = bound_law.where, options_of(type(bound_law.law))
-            for name, value in bound_law.resolved.items():
-                per_area = name in options and options[name].unit in PER_AREA
-                for point, number in zip(where, np.broadcast_to(value, (len(where),)), strict=True):
-                    area = self.contact_points[point].weight if per_area else 1.0
-                    of_contact = parameters[self.contact_points[point].name]
-                    if name in bound_law.law.totals:
-                        of_contact[name] = of_contact.get(name, 0.0) + float(number)
-                    of_contact.setdefault(name, float(number) / area)
-        return parameters

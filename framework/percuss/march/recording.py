@@ -68,7 +68,7 @@ def record_shapes(model: Model) -> Shapes:
     motion = len(probe_nodes(model)) * model.dim
     columns = {
         **dict.fromkeys(OF_CONTACTS, len(model.case.contacts)),
-        "contact_state": sum(contact_point.law.state for contact_point in model.contact_points),
+        "contact_state": sum(law.state for law in model.contact_points.laws),
         **dict.fromkeys(OF_PROBES, motion),
         "energy": len(ENERGIES.names or ()),
     }

@@ -20,7 +20,7 @@ Rule = Callable[["ModelArrays"], Iterator[Problem | RefusedPair]]
 def pairs_refused(model: ModelArrays) -> Iterator[RefusedPair]:
     """Yield each pair of the integrator and a law of which one refuses the other."""
     integrator = model.case.method.integrator
-    for law in dict.fromkeys(contact_point.law for contact_point in model.contact_points):
+    for law in dict.fromkeys(model.contact_points.laws):
         for reason, refusing in (
             (integrator.refuses(law), integrator.name),
             (law.refuses(integrator), law.name),
@@ -31,19 +31,20 @@ def pairs_refused(model: ModelArrays) -> Iterator[RefusedPair]:
 
 def not_movable(model: ModelArrays) -> Iterator[Problem]:
     """Yield each contact whose sides are all fixed or driven at some time: its force is unknown."""
-    told = set()
+    told, points = set(), model.contact_points
+    lightest = np.full(len(points), np.inf)
+    np.minimum.at(lightest, points.point, model.bodies.mass[points.node])
     for start, stop in model.segments(laws=False):
-        diagonal = model.rows.at((start + 0.5) * model.dt).diagonal
-        for contact_point, delassus in zip(model.contact_points, diagonal, strict=True):
-            lightest = min(model.bodies.mass[node] for node in contact_point.nodes)
-            if lightest > 0.0 and delassus * lightest < 1e-12 and contact_point.name not in told:
+        delassus = model.rows_at((start + 0.5) * model.dt).delassus
+        for p in np.flatnonzero((lightest > 0.0) & (delassus * lightest < 1e-12)):
+            if (name := points.names[p]) not in told:
                 message = "expected a contact that can move, found every side fixed or driven"
                 advice = "Free one of the ends, or drop the contact."
                 if start > 0 or stop < model.steps:
                     message += f" from {start * model.dt:.6g} to {min(stop, model.steps) * model.dt:.6g}"
                     advice = "Drive one of its ends at a time: without a free end its force is unknown."
-                told.add(contact_point.name)
-                yield model.case.problem(("contacts", contact_point.name), message, advice)
+                told.add(name)
+                yield model.case.problem(("contacts", name), message, advice)
 
 
 def _is_rigid_early(bound_law: BoundLaw) -> bool:
@@ -80,7 +81,7 @@ def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
             advice = f"{reason[0].upper()}{reason[1:]}, which works for bars only."
             yield case.problem(("method", "contact"), message, advice)
         rigid = bound_law.linear is not None and not np.all(bound_law.linear.sigma)
-        for name in dict.fromkeys(model.contact_points[p].name for p in bound_law.where) if rigid else ():
+        for name in dict.fromkeys(bound_law.points.names) if rigid else ():
             pairing = case.contacts[name].pairing
             if pairing is not None and pairing.more_points_than_nodes:
                 message = f"expected a law with a compliance on {pairing.name}, found {bound_law.law.name}"
@@ -124,7 +125,8 @@ def _problems(model: ModelArrays, refusal: Problem | RefusedPair) -> list[Proble
     """Return the problems of a refusal; of an integrator and a law the places of both."""
     if isinstance(refusal, Problem):
         return [refusal]
-    contact = next((point.name for point in model.contact_points if point.law.name == refusal.contact), "")
+    points = zip(model.contact_points.names, model.contact_points.laws, strict=True)
+    contact = next((name for name, law in points if law.name == refusal.contact), "")
     own, origin = ("contacts", contact, "method"), model.case.origin
     paths = (("method", "integrator"), own if origin.get(own) is not None else ("method", "contact"))
     messages = (refusal.sentence, f"{refusal.contact}, the contact law of that pair")

@@ -56,7 +56,8 @@ def not_started(model: Model, worst: Collection[str], cause: str) -> Stop:
     cause
         Why the step is unstable, and the cure.
     """
-    nodes = [contact_point.nodes[0] for contact_point in model.contact_points if contact_point.name in worst]
+    points = model.contact_points
+    nodes = [points.nodes_of(p)[0] for p, name in enumerate(points.names) if name in worst]
     body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
     node = nodes[0] if nodes else int(body.element_nodes(np.argmax(body.frequency, keepdims=True))[0, 0])
     return Stop(0, node, "not started", NOT_STARTED, cause)

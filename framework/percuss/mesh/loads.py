@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
     from percuss.errors import Problem
     from percuss.mesh.body import Body
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Floats, Integers
 
 
 # Relative difference of two numbers that are equal but for round-off. A number changes its last digits with the units:
@@ -73,14 +73,23 @@ class Held:
         )
         self._directions = directions_at_nodes(always)
 
-    def along(self, nodes: Iterable[int], direction: Floats) -> bool:
-        """Return whether each of some nodes is held along a direction, so that no force along it moves them."""
-        return all(node in self._directions and self._holds(node, direction) for node in nodes)
+    def along(self, nodes: Integers, directions: Floats) -> Any:
+        """Return whether all nodes of a row are held along its direction, so that no force along it moves them, (n,).
 
-    def _holds(self, node: int, direction: Floats) -> bool:
-        held = np.array(self._directions[node])
-        rest = direction - held.T @ np.linalg.lstsq(held.T, direction)[0]
-        return bool(np.linalg.norm(rest) < DIRECTION_TOLERANCE)
+        Parameters
+        ----------
+        nodes : (n, k) array
+        directions : (n, dim) array
+        """
+        most = max(map(len, self._directions.values()), default=0)
+        some, place = np.unique(nodes, return_inverse=True)
+        held = np.zeros((some.size, most, directions.shape[1]))
+        for own, node in zip(held, some.tolist(), strict=True):
+            for k, direction in enumerate(self._directions.get(node, ())):
+                own[k] = direction
+        free = np.eye(directions.shape[1]) - np.linalg.pinv(held) @ held
+        rest = np.einsum("nkij,nj->nki", free[place.reshape(nodes.shape)], directions)
+        return (np.linalg.norm(rest, axis=2) < DIRECTION_TOLERANCE).all(axis=1)
 
 
 @dataclass(frozen=True)

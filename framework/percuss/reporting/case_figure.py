@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contact.paired_surfaces import walls_of
+from percuss.contact.pairs import walls_of
 from percuss.errors import InputError, Problem
 from percuss.jsonable import Entries
 from percuss.mesh.cells import cells_of

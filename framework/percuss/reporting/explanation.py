@@ -12,6 +12,8 @@ from percuss.case.options import PER_AREA, options_of
 from percuss.case.quantities import in_unit
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
+from percuss.contact.laws import parameters, points_of_law
+from percuss.contact.pairs import unlike_sides
 from percuss.jsonable import Data, Entries
 from percuss.march.estimate import bytes_of_run, seconds_of_steps
 from percuss.march.recording import recordable
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
     from percuss.certificate.criteria import RunCriterion
     from percuss.certificate.verdict import Certificate
-    from percuss.contact.contact_point import ContactPoint
     from percuss.march.model import Model
     from percuss.mesh.body import Body
 
@@ -82,15 +83,14 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     heading = f"Bodies ({model.bodies.n_nodes} nodes in {dimensions})"
     yield _group("bodies", heading, (_body(body, model.steps * model.dt) for body in model.bodies.values()))
     explained: set[str] = set()
-    first = {point.name: p for p, point in reversed(list(enumerate(model.contact_points)))}
-    contacts = [_contact(model, p, model.contact_points[p], explained) for p in sorted(first.values())]
+    contacts = [_contact(model, name, explained) for name in dict.fromkeys(model.contact_points.names)]
     yield _group("contacts", "Contacts" if contacts else "No contact", contacts)
     yield _group("loads", "Loads" if case.loads else "", (_load(spec) for spec in case.loads.values()))
     yield _step(model, verdict)
     seconds, size = seconds_of_steps(model), bytes_of_run(model)
     time = "less than 1 s" if seconds < 1.0 else f"about {duration(seconds)}"
     takes = f"the steps take {time} once they are compiled"
-    if any(model.rows.at(0.5 * model.dt).others):
+    if model.rows_at(0.5 * model.dt).other.size:
         takes += ", more if many coupled contact points press"  # the number of sweeps over them is not known
     takes += f", and the run about {bytes_in_words(size)} of memory, estimated"
     yield Fact("estimate", {"seconds": seconds, "bytes": size}, [], [takes])
@@ -103,7 +103,7 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     yield Fact("exact", {"name": name, "why": why_not_exact})
     used = _components(model) + ([engine] if engine else [])
     yield _group("methods", "Methods", (_method(model, component) for component in used))
-    notes = [*case.notes, *model.unlike_sides(), *verdict["ignores"], *expected_meetings(model)]
+    notes = [*case.notes, *unlike_sides(case, model.bodies), *verdict["ignores"], *expected_meetings(model)]
     yield Fact("notes", notes, [f"note: {note}" for note in notes])
 
 
@@ -246,28 +246,28 @@ def _measured_energy(model: Model, energy: str) -> dict[str, str]:
 # -------------------------------------------------------------------------------------------------- contacts
 
 
-def _contact(model: Model, number: int, contact_point: ContactPoint, explained: set[str]) -> Fact:
+def _contact(model: Model, name: str, explained: set[str]) -> Fact:
     """Return a contact: its sides, gap and law, the numbers given to the law, and its linear law if there is one.
 
     The formula of a law is told once; `explained` has the names of those that were.
     """
-    spec, law = model.case.contacts[contact_point.name], contact_point.law
-    stiffness, mass, frequency = names = _names_at_end(model, contact_point)
-    at_end = contact_point.stiffness, contact_point.mass, contact_point.frequency
-    points = [point for point in model.contact_points if point.name == contact_point.name]
+    points, number = model.contact_points, model.contact_points.names.index(name)
+    spec, law, own = model.case.contacts[name], points.laws[number], points.contact == points.contact[number]
+    stiffness, mass, frequency = names = _names_at_end(model, number)
+    at_end = [float(values[number]) for values in (points.stiffness, points.mass, points.frequency)]
     s_formula = model.why("delassus") if model.balanced[number] else "N^T M^-1 N"
     value: Entries = {
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
-        "gap": min(point.gap for point in points),
+        "gap": float(points.gap[own].min()),
         "law": law.name,
         "given": _options(law, with_defaults=False),
-        "resolved": {key: one for key, one in model.parameters()[contact_point.name].items() if key != "law"},
-        "chosen": dict(law.chosen(model.binding.points([number], model.dt), model.dt)),
-        "point": dict(zip(names, at_end, strict=True)) | {"s": float(model.rows.at(0.5 * model.dt).diagonal[number])},
+        "resolved": {key: one for key, one in parameters(model)[name].items() if key != "law"},
+        "chosen": dict(law.chosen(points_of_law(model, [number], model.dt), model.dt)),
+        "point": dict(zip(names, at_end, strict=True)) | {"s": float(model.rows_at(0.5 * model.dt).delassus[number])},
     }
     value["row"] = _linear_law_data(model, number, value["point"]["s"])
     gap = "touching" if value["gap"] == 0 else f"gap {value['gap']:.9g}"
-    words = f"{contact_point.name}: {' and '.join(value['sides'])}, {gap}; {law.name}: {law.summary}"
+    words = f"{name}: {' and '.join(value['sides'])}, {gap}; {law.name}: {law.summary}"
     details = [] if law.name in explained else docs(type(law)).formula.splitlines()
     explained.add(law.name)
     details.append(f"given: {_assignments(_per_area(model, law, value['given'])) or 'nothing, all by default'}")
@@ -280,11 +280,11 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
     )
     if frequency == "omega":
         details.append("m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2")
-    if len(points) > 1:
-        area, covered = model.bodies[spec.sides[0].body].area_of(spec.sides[0].region), sum(p.weight for p in points)
-        gaps = f"gaps from {value['gap']:.6g} to {max(p.gap for p in points):.6g}"
-        details.append(f"{len(points)} points on {covered:.6g} of the area {area:.6g} of {spec.sides[0]}, {gaps}")
-        value |= {"points": len(points), "area": area, "covered": covered}
+    if (count := int(own.sum())) > 1:
+        area, covered = model.bodies[spec.sides[0].body].area_of(spec.sides[0].region), sum(points.weight[own].tolist())
+        gaps = f"gaps from {value['gap']:.6g} to {points.gap[own].max():.6g}"
+        details.append(f"{count} points on {covered:.6g} of the area {area:.6g} of {spec.sides[0]}, {gaps}")
+        value |= {"points": count, "area": area, "covered": covered}
     details += filter(None, [_assignments(_per_area(model, law, _numbers_as_text(value["resolved"])))])
     if value["row"] is None:
         details.append(f"{law.name} is no row of the contact equation: its own kernel gives the force")
@@ -292,7 +292,7 @@ def _contact(model: Model, number: int, contact_point: ContactPoint, explained: 
         details += _linear_law_lines(value["row"])
         if value["row"]["acceleration"] and not value["row"]["sees_acceleration"]:
             details.append(f"g'' counts as 0: {law.needs_only_response_of['acceleration']}")
-    return Fact(contact_point.name, value, [words], details)
+    return Fact(name, value, [words], details)
 
 
 def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
@@ -315,11 +315,11 @@ def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
     }
 
 
-def _names_at_end(model: Model, contact_point: ContactPoint) -> tuple[str, str, str]:
+def _names_at_end(model: Model, number: int) -> tuple[str, str, str]:
     """Return the names of stiffness, mass and frequency of the sides of a contact (`ContactPoints`)."""
     if not model.bodies.of_lines:
         return "M w/h", "rho w h / 2", "2c/h"
-    if any(model.bodies.at(node).of_cells for node in contact_point.nodes):
+    if any(model.bodies.at(node).of_cells for node in model.contact_points.nodes_of(number)):
         return "m omega^2 / 2", "m", "omega"
     return "EA/h", "rho A h / 2", "2c/h"
 
@@ -383,7 +383,7 @@ def _load(spec: LoadSpec) -> Fact:
 def _components(model: Model) -> list[Component]:
     """Return one instance of each component that the run uses, without the exact solution."""
     case = model.case
-    components: list[Component] = [case.method.integrator, *(point.law for point in model.contact_points)]
+    components: list[Component] = [case.method.integrator, *model.contact_points.laws]
     components += [load.load for load in case.loads.values()]
     components += [part for body in case.bodies.values() for part in (body.shape, body.material, body.element)]
     components += filter(None, (case.method.mass, *(contact.pairing for contact in case.contacts.values())))

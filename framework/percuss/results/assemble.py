@@ -10,6 +10,8 @@ import numpy as np
 
 from percuss.case.quantities import percent
 from percuss.certificate.verdict import Certificate
+from percuss.contact.laws import ignored_couplings
+from percuss.contact.pairs import unlike_sides
 from percuss.interrupt import interruptible
 from percuss.jit import Stopwatch
 from percuss.jsonable import Entries, plain
@@ -98,7 +100,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         growth["kept"] = None
     notes = [
         *model.case.notes,
-        *model.unlike_sides(),
+        *unlike_sides(model.case, model.bodies),
         *_warnings(march, outcome, certificate, accounts["energy"]),
         *encounters(march, outcome, arrays),
         *ledger.growth_notes(march, outcome, growth),
@@ -130,7 +132,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     provenance = provenance_of(model, components, resolved=resolved_methods(model))
     coordinates = {"contact": list(model.case.contacts), "probe": probe_names}
     if "contact_state" in arrays and not model.bodies.of_lines:
-        coordinates["point"] = [contact_point.name for contact_point in model.contact_points]
+        coordinates["point"] = list(model.contact_points.names)
     return Result(arrays, coordinates, fields_of(march, outcome), plain(summary), provenance, solution)
 
 
@@ -151,7 +153,7 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     moved = outcome.final_displacement.reshape(-1, march.dim)
     for body in filter(lambda body: body.of_small_strains, bodies):
         warnings += filter(None, [why_it_must_not_turn(body, turned_by(body, moved[body.start : body.stop]))])
-    warnings += march.model.ignored_couplings()
+    warnings += ignored_couplings(march.model)
     name = march.model.case.method.integrator.name
     if march.arrays.record.every > 1 and march.model.contact_points:
         warnings.append("true errors of the contact force need `record.every: 1`")

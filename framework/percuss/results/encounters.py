@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from percuss.contact.contact_point import TOUCHING
+from percuss.contact.points import TOUCHING
 from percuss.jsonable import Entries
 from percuss.march.march import March, Outcome
 from percuss.march.model import Model
@@ -53,7 +53,7 @@ def undeclared_pairs(model: Model) -> list[tuple[End, End, float]]:
 
     Ends that both have a contact with another partner are left out: several experiments may lie on one line.
     """
-    in_contact = {node for contact_point in model.contact_points for node in contact_point.nodes}
+    in_contact = set(model.contact_points.node.tolist())
     lines: dict[tuple[float, ...], tuple[list[End], list[End]]] = {}
     for end in _ends(model):
         forward = next(part for part in end.outward.tolist() if abs(part) > 1e-9) > 0.0
@@ -117,18 +117,18 @@ def encounters(march: March, outcome: Outcome, arrays: Entries) -> list[str]:
         depth = -float((gap + _relative(march, outcome, arrays, end.node, other.node) @ end.outward).min())
         if depth > _touching(end):
             notes.append(f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}")
-    for number, contact_point in enumerate(model.contact_points):
-        if model.dim == 1 or contact_point.at_wall:
-            continue
-        relative = _relative(march, outcome, arrays, *contact_point.nodes)
-        beside = np.linalg.norm(relative - np.outer(relative @ contact_point.normal, contact_point.normal), axis=1)
-        pressing = arrays["contact_force"][-beside.size :, number] != 0.0
+    points = model.contact_points
+    for p in np.flatnonzero(~points.at_wall).tolist() if model.dim > 1 else ():
+        normal, nodes = points.normal[p], points.nodes_of(p)
+        relative = _relative(march, outcome, arrays, *nodes)
+        beside = np.linalg.norm(relative - np.outer(relative @ normal, normal), axis=1)
+        pressing = arrays["contact_force"][-beside.size :, p] != 0.0
         # The faces are taken as squares: they have no point in common beyond half the sum of their sides.
-        width = 0.5 * sum(model.bodies.at(node).spec.section ** 0.5 for node in contact_point.nodes)
+        width = 0.5 * sum(model.bodies.at(node).spec.section ** 0.5 for node in nodes)
         if (off := np.flatnonzero(pressing & (beside > width))).size:
             since = arrays["time"][-beside.size :][off[0]]
             notes.append(
-                f"contact '{contact_point.name}' presses from time {since:.6g} on although its ends have slid off each "
+                f"contact '{points.names[p]}' presses from time {since:.6g} on although its ends have slid off each "
                 f"other: they are {beside[off].max():.3g} apart sideways, and {width:.3g} wide; a contact of two ends "
                 "knows only their distance along its normal"
             )

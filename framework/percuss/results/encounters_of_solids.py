@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.contact.paired_surfaces import walls_of
+from percuss.contact.pairs import walls_of
 from percuss.mesh.surfaces import whole_surface
 from percuss.methods.interfaces import Surface
 from percuss.methods.interfaces.nearest import EVEN, nearest_places, places_on
@@ -65,16 +65,11 @@ class Solids:
 
         self.model, self.sights = model, sights
         points = model.contact_points
-        self.facet = np.array([point.facet for point in points])
-        self.contact = np.array([point.contact for point in points], dtype=np.int64)
-        normal = np.array([point.normal for point in points]).reshape(-1, model.dim)
-        entries = [(p, node, by @ point.normal) for p, point in enumerate(points) for node, by in point.gradient]
-        row, column, share = np.array(entries, dtype=float).reshape(-1, 3).T
+        self.facet, self.contact = points.facet, points.contact
         shape = len(points), model.bodies.n_nodes
-        self.shares: Any = csr_array((share, (row.astype(np.int64), column.astype(np.int64))), shape=shape)
+        self.shares: Any = csr_array((points.share, (points.point, points.node)), shape=shape)
         relative = [np.asarray(self.shares @ sight.displacement) for sight in sights]
-        at_start = np.array([point.gap for point in points])
-        self.gaps = [at_start + (each * normal).sum(axis=1) for each in relative]
+        self.gaps = [points.gap + (each * points.normal).sum(axis=1) for each in relative]
 
     @cached_property
     def seen(self) -> Any:
@@ -303,7 +298,7 @@ def _sights(march: March, outcome: Outcome) -> Iterator[Sight]:
     model, record = march.model, outcome.record
     shape, pressures = model.bodies.nodes.shape, outcome.histories.get("field_pressure", np.zeros((0, 0)))
     if pressures.size:
-        weight = np.array([point.weight for point in model.contact_points])
+        weight = model.contact_points.weight
         for n in range(-(-outcome.done // record.field_every)):
             moved = record.field[n].reshape(shape)
             yield Sight(n * record.field_every * model.dt, moved, pressures[n] * weight)
@@ -342,12 +337,11 @@ def _why_not_seen(solids: Solids, body: str, contact: str | None) -> str:
 def foreseen_of_solids(model: Model) -> list[str]:
     """Return one sentence for each thing that contact points will not see, if bodies keep their first velocities."""
     velocity = np.concatenate([body.nodal_velocity for body in model.bodies.values()])
-    gap = np.array([point.gap for point in model.contact_points])
-    rate = [sum(by @ velocity[node] for node, by in point.gradient) for point in model.contact_points]
-    closing, of = -np.array(rate), np.array([point.contact for point in model.contact_points])
-    meets = np.divide(gap, closing, out=np.full(len(gap), np.inf), where=closing > 0.0)
+    points = model.contact_points
+    closing = -np.bincount(points.point, np.vecdot(points.value, velocity[points.node]), len(points))
+    meets = np.divide(points.gap, closing, out=np.full(len(points), np.inf), where=closing > 0.0)
     end = model.steps * model.dt
-    first = [float(meets[of == k].min(initial=end)) for k in range(len(model.case.contacts))]
+    first = [float(meets[points.contact == k].min(initial=end)) for k in range(len(model.case.contacts))]
     last = min([end, *first])  # later a contact may have changed the velocities
     sentences = []
     if last > 0.0 and np.any(velocity):
@@ -360,7 +354,7 @@ def foreseen_of_solids(model: Model) -> list[str]:
         ]
     for k, (name, spec) in enumerate(model.case.contacts.items()):
         if len(spec.sides) == 2 and first[k] < end:
-            touching = (of == k) & (meets <= first[k])
+            touching = (points.contact == k) & (meets <= first[k])
             found = Solids(model, [Sight(first[k], first[k] * velocity, touching.astype(float))]).apart(k)
             if found is not None:
                 sentences.append(

@@ -105,7 +105,7 @@ def _bond_in(model: Model, engine: Solution, problem: ContactProblem, end: float
     It judges those that are tied while the exact contact is closed, where the law makes no difference.
     """
     for bound_law in filter(lambda bound_law: bound_law.bonds, model.laws):
-        for name in dict.fromkeys(model.contact_points[p].name for p in bound_law.where):
+        for name in dict.fromkeys(bound_law.points.names):
             said = f"contact '{name}' ({bound_law.law.name}) holds its bodies together"
             if bound_law.during is None:
                 return f"{said}, and the solution is that of bodies that may part"

@@ -98,20 +98,21 @@ def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:
 
 def _of_points(model: Model, displacement: Floats, pressure: Floats) -> Entries:
     """Return contact, area, normal, position and pressure of the contact points; empty if none are asked for."""
-    points = model.contact_points if model.case.record.pressure else ()
-    if not points:
+    points = model.contact_points
+    if not points or not model.case.record.pressure:
         return {}
-    places = np.zeros((len(points), len(displacement), model.dim))
-    for p, point in enumerate(points):
-        first = model.bodies[model.case.contacts[point.name].sides[0].body]
-        own = [(node, -float(by @ point.normal)) for node, by in point.gradient if first.start <= node < first.stop]
-        for node, share in own:
-            places[p] += share * (model.bodies.nodes[node] + displacement[:, node])
-        places[p] /= sum(share for _, share in own)
+    firsts = [model.bodies[model.case.contacts[name].sides[0].body] for name in points.names]
+    start, stop = np.array([(first.start, first.stop) for first in firsts])[points.point].T
+    places, sums = np.zeros((len(points), len(displacement), model.dim)), np.zeros(len(points))
+    for k in np.flatnonzero((start <= points.node) & (points.node < stop)):
+        node, p = points.node[k], points.point[k]
+        places[p] -= points.share[k] * (model.bodies.nodes[node] + displacement[:, node])
+        sums[p] -= points.share[k]
+    places /= sums[:, None, None]
     return {
-        "point_contact": [point.name for point in points],
-        "point_area": np.array([point.weight for point in points]),
-        "point_normal": np.array([point.normal for point in points]),
+        "point_contact": list(points.names),
+        "point_area": points.weight,
+        "point_normal": points.normal,
         "point_position": places.transpose(1, 0, 2),
         "contact_pressure": pressure,
     }

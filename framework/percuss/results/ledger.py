@@ -207,9 +207,8 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
     for constraint, reaction in zip(model.loads.constraints, outcome.reactions, strict=True):
         supports += model.dt * reaction * constraint.direction
     walls = np.zeros(dim)
-    for contact_point, impulse in zip(model.contact_points, outcome.sums.impulse, strict=True):
-        if contact_point.at_wall:
-            walls -= impulse * contact_point.normal
+    for p in np.flatnonzero(model.contact_points.at_wall):
+        walls -= outcome.sums.impulse[p] * model.contact_points.normal[p]
     loads = outcome.load_impulse[:dim]
     closure = after - before - loads - supports - walls
     if model.bodies.about_axis:  # across the axis the momentum of a ring is 0, and its hoop forces balance
@@ -253,11 +252,10 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
         at = bodies.nodes[[constraint.node for constraint in model.loads.constraints]]
         directions = np.array([constraint.direction for constraint in model.loads.constraints])
         held = bodies.with_moment(at, model.dt * outcome.reactions[:, None] * directions)[:, dim:]
-    if model.contact_points:
-        pressed = np.array([
-            sum(bodies.with_moment(bodies.nodes[node], impulse * normal)[dim:] for node, normal in point.gradient)
-            for point, impulse in zip(model.contact_points, outcome.sums.impulse, strict=True)
-        ])  # fmt: skip
+    if points := model.contact_points:
+        impulses = outcome.sums.impulse[points.point][:, None] * points.value
+        moments = bodies.with_moment(bodies.nodes[points.node], impulses)[:, dim:]
+        pressed = np.stack([np.bincount(points.point, column, len(points)) for column in moments.T], axis=1)
     before, after, supports, contacts = (moments.sum(axis=0) for moments in (*momenta, held, pressed))
     loads = outcome.load_impulse[dim:]
     inertia = float(bodies.mass @ ((bodies.nodes - bodies.centre) ** 2).sum(axis=1))
@@ -331,7 +329,7 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
     """Return impulse, peak force, times of closing and opening, and penetration of each contact."""
     model, dt = march.model, march.model.dt
     summaries: dict[str, ContactSummary] = {}
-    of_contact = np.array([point.contact for point in model.contact_points], dtype=np.int64)
+    of_contact = model.contact_points.contact
     forces = outcome.record.contact_force[: outcome.records]
     at_end = outcome.time[: outcome.records][-1:] == outcome.done * dt  # whether there is a record at t_N
     for number, (name, contact) in enumerate(zip(model.case.contacts, outcome.contacts, strict=True)):
@@ -408,7 +406,7 @@ def growth_notes(march: March, outcome: Outcome, growth: GrowthSummary) -> list[
     """Return a note on energy growth beyond the guarantee, or an empty list if there is none."""
     if growth["kept"] is not False:
         return []
-    laws = " and ".join(dict.fromkeys(contact_point.law.name for contact_point in march.model.contact_points))
+    laws = " and ".join(dict.fromkeys(law.name for law in march.model.contact_points.laws))
     pair = f"{march.model.case.method.integrator.name} with {laws}"
     if growth["guarantee"] == NEVER_GROWS:
         return [

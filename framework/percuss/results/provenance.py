@@ -18,7 +18,8 @@ from typing import Any
 
 from percuss.case.case import Case, load
 from percuss.case.source import Source
-from percuss.contact.paired_surfaces import walls_of
+from percuss.contact.laws import parameters
+from percuss.contact.pairs import walls_of
 from percuss.digest import numeric_settings, own_digest
 from percuss.errors import PluginError, Problem, refuse_if_any, wrong_input
 from percuss.jsonable import Data, Entries, as_lists, plain
@@ -83,13 +84,13 @@ def machine() -> Entries:
 
 def resolved_methods(model: Model) -> Data:
     """Return the methods of a model with their resolved parameters and the time step, for the provenance."""
-    method = model.case.method
+    method, points = model.case.method, model.contact_points
     return {
         "integrator": method.integrator.name,
         "contact": method.contact.name,
         "mass": method.mass.name,
-        "contacts": model.parameters(),
-        "headline": {point.name: list(point.law.headline) for point in model.contact_points},
+        "contacts": parameters(model),
+        "headline": {name: list(law.headline) for name, law in zip(points.names, points.laws, strict=True)},
         "dt": model.dt,
         "steps": model.steps,
         "courant": model.courant,

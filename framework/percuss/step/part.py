@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, Self, TypeVar
 
 if TYPE_CHECKING:
-    from percuss.contact.contact_rows import Side
     from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.rows import Rows
     from percuss.contact.state_variables import StateVariables
     from percuss.methods.interfaces import Array, Floats, Integers
     from percuss.step.actions import Action
@@ -32,8 +32,8 @@ class Setting:
         Map from each boundary node to the index of its first boundary degree of freedom.
     order
         Numbers of the contact points in the order of the loop.
-    sides
-        The sides of each point in this order.
+    rows
+        The rows of the points in this order.
     step
         The records of the step.
     record
@@ -48,7 +48,7 @@ class Setting:
     midpoint: float
     place: Mapping[int, int]
     order: Sequence[int]
-    sides: Sequence[Sequence[Side]]
+    rows: Rows
     step: Step
     record: Record
     variables: StateVariables

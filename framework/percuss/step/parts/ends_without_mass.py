@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from percuss.contact.contact_rows import law_records
 from percuss.contact.features import ELASTIC, EVERY_STEP, Feature
 from percuss.contact.points import BY_CURRENT, BY_END, FROM_PART, NOTHING, Points
+from percuss.contact.rows import law_records
 from percuss.errors import Problem, RefusedPair
 from percuss.mesh.masses import BALANCE
 from percuss.methods.interfaces import ContactState, LeapFrog
@@ -59,19 +59,17 @@ class EndsWithoutMass(Part[Balance]):
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
         """Return the part, None where all ends in contact have mass."""
-        step = setting.step
-        rows = [
-            (point, setting.place[side.node] + d, side.beside * side.normal.size + d, response)
-            for point, sides in enumerate(setting.sides)
-            for side in sides
-            if side.beside is not None
-            for d, response in enumerate(side.response)
+        step, rows, point = setting.step, setting.rows, setting.rows.point
+        ends = [
+            (point[k], setting.place[int(rows.node[k])] + d, rows.beside[k] * setting.model.dim + d, response)
+            for k in np.flatnonzero(rows.beside >= 0)
+            for d, response in enumerate(rows.response[k])
         ]
-        if not rows:
+        if not ends:
             return None
-        coming = np.zeros(len(setting.sides)) if before is None else before.data.coming
+        coming = np.zeros(len(setting.order)) if before is None else before.data.coming
         return cls(
-            Balance(record_array(rows, END_WITHOUT_MASS), coming, step.points, step.boundary, step.totals, step.now)
+            Balance(record_array(ends, END_WITHOUT_MASS), coming, step.points, step.boundary, step.totals, step.now)
         )
 
     def actions(self) -> Iterator[Action]:
@@ -165,8 +163,8 @@ def add_round_off(data: Balance, n: int, u: Floats, v: Floats, a: Floats) -> Non
 
 def feature(model: ModelArrays) -> Feature | None:
     """Return what is to know of ends without mass; None where all ends in contact have mass."""
-    points = enumerate(model.contact_points)
-    massless = frozenset(p for p, point in points if model.bodies.mass[list(point.nodes)].min() == 0.0)
+    points = model.contact_points
+    massless = frozenset(points.point[model.bodies.mass[points.node] == 0.0].tolist())
     if not massless:
         return None
     mass = model.case.method.mass.name

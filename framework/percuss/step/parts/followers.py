@@ -166,7 +166,7 @@ def _why_beyond_linear_laws(model: ModelArrays) -> str:
     Under a leap-frog scheme the velocity of such a load is centred in the step: its dashpot takes energy at any step,
     and its spring adds to the stiffness of the end.
     """
-    touched = {node for contact_point in model.contact_points for node in contact_point.nodes}
+    touched = set(model.contact_points.node.tolist())
     for follower in model.loads.followers:
         name = f"load '{follower.load.name}' follows the motion of an end"
         found = _stiffness_and_damping(follower, model.steps * model.dt)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from percuss.contact.points import Points
+from percuss.contact.rows import in_order
 from percuss.record_arrays import Records
 from percuss.step.actions import BEFORE_ACCOUNT, RECORD, SNAPSHOT, Action
 from percuss.step.part import Part, Setting
@@ -70,7 +71,7 @@ class SurfacesRecorded(Part[Surfaces]):
             slides = before.slides._replace(points=step.points, now=step.now)
             return cls(before.data._replace(points=step.points, now=step.now), slides)
         number = np.array(setting.order, dtype=np.int64)
-        weight = np.array([model.contact_points[point].weight for point in setting.order], dtype=float)
+        weight = model.contact_points.weight[number]
         snapshots, dofs = record.field.shape
         pressed = weight.size if model.case.record.pressure else 0
         shapes = record.gap.shape, (snapshots, pressed), (snapshots, dofs)
@@ -104,16 +105,15 @@ class SurfacesRecorded(Part[Surfaces]):
 
 
 def _slides(setting: Setting, contacts: int) -> Slides:
-    points = [setting.model.contact_points[point] for point in setting.order]
-    entries = [(node, by @ point.normal) for point in points for node, by in point.gradient]
-    normal = np.array([point.normal for point in points], dtype=float).reshape(len(points), setting.model.dim)
+    points, order = setting.model.contact_points, np.array(setting.order, dtype=np.int64)
+    start, entry = in_order(points.start, order)
     return Slides(
         points=setting.step.points,
-        start=np.cumsum([0, *(len(point.gradient) for point in points)], dtype=np.int64),
-        node=np.array([node for node, _ in entries], dtype=np.int64),
-        share=np.array([share for _, share in entries], dtype=float),
-        normal=normal,
-        facet=np.array([np.inf if point.at_wall else point.facet for point in points], dtype=float),
+        start=start,
+        node=points.node[entry],
+        share=points.share[entry],
+        normal=points.normal[order],
+        facet=np.where(points.at_wall, np.inf, points.facet)[order],
         slid=np.tile([0.0, np.nan], (contacts, 1)),
         now=setting.step.now,
     )

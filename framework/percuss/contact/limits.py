@@ -1,0 +1,188 @@
+"""The largest contact stiffness for which central difference is stable, for any set of closed contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.mesh.eigenvalues import as_bands, highest_ritz_value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from percuss.contact.points import PointArrays
+    from percuss.contact.rows import Rows
+    from percuss.mesh.bodies import Bodies
+    from percuss.mesh.body import Body
+    from percuss.methods.interfaces import Floats, Integers
+
+# Limits are computed for at most this Courant number of a body: above it central difference leaves
+# almost no stiffness for a penalty without mass.
+LARGEST_COURANT = 0.99
+
+
+def stiffness_limits(bodies: Bodies, points: PointArrays, over_the_run: Iterable[Rows]) -> Callable[[float], Floats]:
+    """Return the function that gives `ContactPoints.stiffness_limit` of all points for a time step, (P,).
+
+    Parameters
+    ----------
+    bodies, points
+        Those of a model.
+    over_the_run
+        The rows of the points while each set of supports and drives of the run acts. A node that no force moves at any
+        time is fixed or driven.
+    """
+    moved = []
+    for rows in over_the_run:
+        # Round-off may be left of the direction of a drive that is oblique to the axes.
+        moves = (rows.beside >= 0) | (np.vecdot(rows.normal, rows.response) * bodies.mass[rows.node] > 1e-12)
+        moved.append(np.stack([rows.point[moves], rows.node[moves]]))
+    point, node = np.unique(np.concatenate(moved, axis=1), axis=1)
+    if bodies.of_lines:
+        return partial(_limits_of_ends, list(bodies.bars.values()), points, point, node)
+    return _SurfaceLimits(bodies, points, node).at
+
+
+# ------------------------------------------------------------------------------------------------------- ends of bars
+
+
+def _limits_of_ends(bodies: Iterable[Body], points: PointArrays, point: Integers, node: Integers, dt: float) -> Floats:
+    """Return the limits of the ends of bars for a time step `dt`, (P,) [force/length].
+
+    With B = (4/dt^2) M - K of a body and its end displacements u_a and u_b, ``u^T B u`` is at least
+    ``r_a u_a^2 + r_b u_b^2``; both r follow from the inverse of B at the end nodes (`end_reserves`). A closed
+    contact of stiffness eps_s subtracts ``eps_s (u_a - u_b)^2``, which is not larger than that if
+    ``eps_s (1/r_a + 1/r_b) <= 1``. Contacts that share an end share its r equally. The nodes `node` of the points
+    `point` are those that move.
+    """
+    uses = np.bincount(points.node)
+    reserve = np.full(uses.size, np.nan)
+    of_alike: dict[Any, list[float]] = {}  # bodies of the same mass and stiffness are looked at once
+    for body in bodies:
+        ends = [end for end in (body.start, body.stop - 1) if end < uses.size and uses[end] > 0]
+        if ends:
+            step = min(dt, LARGEST_COURANT * 2.0 / body.highest_frequency)
+            stiffness = body.stiffness if not body.of_cells else body.axial_stiffness.data
+            inverse = body.mass if body.inverse is None else body.inverse.data
+            arrays = [array.tobytes() for array in (body.mass, inverse, stiffness)]
+            alike = (step, *(end - body.start for end in ends), *arrays)
+            if alike not in of_alike:
+                of_alike[alike] = list(end_reserves(body, step, ends).values())
+            reserve[ends] = of_alike[alike]
+    with np.errstate(divide="ignore"):
+        limits: Floats = 1.0 / np.bincount(point, uses[node] / reserve[node], len(points))
+    return limits
+
+
+def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]:
+    """Return the largest contact stiffness r at each end for which central difference is stable [force/length].
+
+    For every displacement u of the body ``u^T ((4/dt^2) M - K) u >= sum of r u_end^2`` over the given ends. Where the
+    step is unstable for the body by itself, r is 0. At an end without mass r is infinite: behind its end element a
+    contact is never stiffer than that, and the reserve of the other end allows for a rigid one.
+
+    Parameters
+    ----------
+    body
+        The body without its supports, which makes r smaller and thus safe.
+    dt
+        Time step.
+    ends
+        The end nodes in contact, one or both.
+    """
+    if (inverse := body.inverse) is not None:
+        matrix = as_bands(4.0 / dt**2 * inverse - inverse @ body.axial_stiffness @ inverse)
+        return _reserves(matrix, [node - body.start for node in ends], ends, lower=True, coupling=inverse)
+    banded = np.zeros((2, body.mass.size))
+    if body.of_cells:
+        banded = -as_bands(body.axial_stiffness)
+        banded[0] += 4.0 / dt**2 * body.mass
+    else:
+        banded[0, 1:] = body.stiffness
+        banded[1] = 4.0 / dt**2 * body.mass
+        banded[1, :-1] -= body.stiffness
+        banded[1, 1:] -= body.stiffness
+    lower = body.of_cells
+    # Only ends of two-node elements are without mass, and carried by the node beside them.
+    first, last = (int(body.carrier(node) != node) for node in (body.start, body.stop - 1))
+    reserves = dict.fromkeys(ends, np.inf)
+    if rest := [node for node in ends if body.carrier(node) == node]:
+        places = [node - body.start - first for node in rest]
+        reserves |= _reserves(banded[:, first : banded.shape[1] - last], places, rest, lower=lower)
+    return reserves
+
+
+def _reserves(
+    banded: Floats, places: Sequence[int], ends: Sequence[int], *, lower: bool, coupling: Any = None
+) -> dict[int, float]:
+    """Return `end_reserves` at the nodes `ends`, which are the rows `places` of a banded matrix.
+
+    Where the mass couples nodes, that matrix is ``C ((4/dt^2) M - K) C`` with C = M^-1, which is `coupling`.
+    """
+    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+
+    try:
+        factor = cholesky_banded(banded, lower=lower, check_finite=False)
+    except LinAlgError:  # with nodal masses other than lumped ones the free body may be unstable at this step
+        return dict.fromkeys(ends, 0.0)
+    unit = np.zeros((banded.shape[1], len(ends)))
+    unit[places, np.arange(len(ends))] = 1.0
+    if coupling is not None:
+        compliance = coupling @ cho_solve_banded((factor, lower), coupling @ unit)
+    else:
+        compliance = cho_solve_banded((factor, lower), unit)
+    stiffness = np.linalg.inv(compliance[list(places)])
+    diagonal = np.diag(stiffness)
+    if len(ends) == 2:
+        # The matrix [[a, c], [c, b]] minus (1 - |c| / sqrt(a b)) times its diagonal is positive semi-definite, so
+        # that this fraction of the diagonal is a safe lower bound.
+        diagonal = diagonal * (1.0 - abs(stiffness[0, 1]) / np.sqrt(stiffness[0, 0] * stiffness[1, 1]))
+    return {node: float(r) for node, r in zip(ends, diagonal, strict=True)}
+
+
+# ----------------------------------------------------------------------------------------------- surfaces of solids
+
+
+class _SurfaceLimits:
+    """The `ContactPoints.stiffness_limit` of all contact points of bodies that are no bars, for any time step.
+
+    With B = (4/dt^2) M - K of all bodies without supports, closed contacts of the stiffness D are stable where
+    ``B - N D N^T`` is positive semi-definite: where the largest eigenvalue of ``D^1/2 N^T B^-1 N D^1/2`` is at most 1.
+    The limits are in proportion to the stiffness of the points, ``M w/h``, so that they hold for all sets of points.
+
+    Parameters
+    ----------
+    bodies, points
+        Bodies and contact points of a model.
+    moved
+        Nodes that the force of a point moves at some time of the run; the others are fixed or driven.
+    """
+
+    def __init__(self, bodies: Bodies, points: PointArrays, moved: Integers) -> None:
+        from scipy.sparse import block_diag, csc_array, diags_array
+
+        self._stiffness = csc_array(block_diag([body.stiffness_matrix() for body in bodies.values()]))
+        self._mass = diags_array(bodies.mass_of_dofs)
+        highest = highest_ritz_value(self._stiffness, self._mass)
+        self._longest_step = LARGEST_COURANT * 2.0 / np.sqrt(highest)
+        moves = np.isin(np.arange(self._stiffness.shape[0]) // bodies.dim, moved)
+        self._rows = diags_array(moves.astype(float)) @ points.matrix(bodies.n_nodes)
+        self._scale = points.stiffness
+
+    def at(self, dt: float) -> Floats:
+        """Return the limits for a time step `dt`, (P,) [force/length]."""
+        from scipy.linalg import eigh
+        from scipy.sparse import csc_array
+        from scipy.sparse.linalg import splu
+
+        step = min(dt, self._longest_step)
+        matrix = csc_array(4.0 / step**2 * self._mass - self._stiffness)
+        compliance = self._rows.T @ splu(matrix).solve(self._rows.toarray())
+        weighted = np.sqrt(self._scale)[:, None] * compliance * np.sqrt(self._scale)
+        last = len(self._scale) - 1
+        largest = float(eigh(0.5 * (weighted + weighted.T), eigvals_only=True, subset_by_index=(last, last))[0])
+        limits: Floats = self._scale / largest
+        return limits
