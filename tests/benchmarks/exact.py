@@ -16,7 +16,8 @@ import numpy as np
 
 import percuss
 from percuss.contact.contact_problem import contact_problem
-from percuss.march.model import Model
+from percuss.contact.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
@@ -71,10 +72,10 @@ def main() -> None:
     parser.add_argument("--most", type=int, default=2_000_000, help="fronts after which the engine stops")
     options = parser.parse_args()
     print(f"{'':30} {'reached':>8} {'fronts':>10} {'closings':>9} {'seconds':>10} {'us/front':>10} {'energy':>10}")
-    timed("hunek", Model(percuss.load(CASES / "hunek.yaml")), 0.8, options.most)
-    timed("doyen-bounce, 100 bounces", Model(percuss.load(CASES / "doyen-bounce.yaml")), 50 * 16 / 3, options.most)
+    timed("hunek", model_of(percuss.load(CASES / "hunek.yaml")), 0.8, options.most)
+    timed("doyen-bounce, 100 bounces", model_of(percuss.load(CASES / "doyen-bounce.yaml")), 50 * 16 / 3, options.most)
     for count in range(2, 7):
-        model = Model(percuss.load(row(count, np.random.default_rng(options.seed))))
+        model = model_of(percuss.load(row(count, np.random.default_rng(options.seed))))
         slowest = max(2.0 / float(body.frequency.min()) for body in model.bodies.values())  # of its one element
         for transits in (5, 10, 20):
             timed(f"{count} bars, {transits} transits", model, transits * slowest, options.most)

@@ -16,7 +16,7 @@ import numpy as np
 
 import percuss
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.march.starting_state import initial_velocity
 from percuss.results import ledger
 
@@ -99,7 +99,7 @@ def gain(case: dict[str, Any], law: dict[str, Any]) -> tuple[float, int]:
     transits = 4
     while True:
         case["time"] = {**case["time"], "end": transits * slowest}
-        march = March(Model(percuss.load(case)))
+        march = March(model_of(percuss.load(case)))
         outcome = march.run(None)
         found = ledger.energies(march, outcome)
         energy = found["kinetic_energy"] + found["elastic_energy"]

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import strategies as st
 
 import percuss
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 from percuss.results.runner import examined_run
 
@@ -138,7 +138,7 @@ def is_refused(integrator, law):
     case = {"percuss": 1, "bodies": {"a": body}, "contacts": {"w": {"body": "a.right", "wall": 1}}}
     case |= {"method": {"integrator": integrator, "contact": law}, "time": {"steps": 1, "courant": 0.5}}
     try:
-        Model(percuss.load(case))
+        model_of(percuss.load(case))
     except percuss.RefusedPair:
         return True
     return False
@@ -296,7 +296,7 @@ def refuses_unlike_bars(law):
     # Central difference shows a law all that any law weighs.
     case |= {"method": {"integrator": "central-difference", "contact": law}, "time": {"steps": 1, "courant": 0.5}}
     try:
-        Model(percuss.load(case))  # the law is bound to its points; a run would compile the loop too
+        model_of(percuss.load(case))  # the law is bound to its points; a run would compile the loop too
     except percuss.InputError as error:
         return "method.contact" in str(error)
     return False

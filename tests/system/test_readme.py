@@ -20,7 +20,7 @@ import pages
 import percuss
 import places
 from command_line import percuss_command
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 
 ROOT = places.ROOT
@@ -269,7 +269,7 @@ def test_the_measure_shown_counts_closings(folder: Path) -> None:
 def test_the_shape_shown_has_finer_elements_on_its_right(folder: Path) -> None:
     case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "finer_half.py"])
     shaped = {"finer-half": {"length": 10, "elements": 4}, "material": {"young": 100, "density": 0.01}, "area": 1}
-    mesh = Model(case.with_overrides({"bodies.short": shaped})).bodies["short"].mesh
+    mesh = model_of(case.with_overrides({"bodies.short": shaped})).bodies["short"].mesh
     assert mesh.lengths == pytest.approx([1.25] * 4 + [0.625] * 8)
 
 
@@ -357,7 +357,7 @@ def test_the_lines_of_the_laws_are_those_that_the_page_shows() -> None:
     lines = re.findall(r"^\| `([\w-]+)` \| (.*) \| (.*) \| (.*) \| (.*) \| (.*) \|$", section, re.MULTILINE)
     assert [line[0] for line in lines] == ["penalty", "bipenalty", "lagrange", "tied"]
     for name, evaluated, sigma, weights, active, sign in lines:
-        (law,) = Model(percuss.load(places.CASES / "hunek.yaml", {"method.contact": name})).laws
+        (law,) = model_of(percuss.load(places.CASES / "hunek.yaml", {"method.contact": name})).laws
         linear = law.linear
         assert linear is not None
         assert linear.at == ("explicit" if evaluated == "explicitly" else "end"), name

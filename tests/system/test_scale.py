@@ -15,7 +15,7 @@ import pages
 import percuss
 from percuss.certificate.black_box import MOST_ALONE
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.march.recording import recordable
 from percuss.mesh.size_limits import (
     BYTES_OF_RUN,
@@ -98,7 +98,7 @@ def estimated_over_taken(name, changes):
     percuss.run(case)  # compiles
     times = []
     for _ in range(3):
-        march = March(recordable(Model(case)))
+        march = March(recordable(model_of(case)))
         before = time.process_time()
         march.run()
         times.append(time.process_time() - before)

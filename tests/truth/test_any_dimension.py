@@ -12,7 +12,7 @@ import pytest
 
 import percuss
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.step.actions import BULK, Action
 
 PLUGIN = Path(__file__).parents[1] / "support" / "solids" / "squares.py"
@@ -169,7 +169,7 @@ def test_rows_that_turn_and_move_in_every_step_leave_the_ledger_closed(integrato
         "method": {"integrator": integrator, "contact": {"name": law, **LAWS[law]}, "pairing": "straight"},
         "time": {"step": 0.02, "steps": 80, "on_unstable": "warn"},
     }
-    march = March(Model(percuss.load(case, plugins=[PLUGIN])), compiled=compiled)
+    march = March(model_of(percuss.load(case, plugins=[PLUGIN])), compiled=compiled)
     step = march.arrays.step
     mass = step.boundary["mass"][step.points.entries["place"]]
     turning = Action(BULK, turn, Turning(step.points.law, step.points.entries, mass, 0.2), order=-1)

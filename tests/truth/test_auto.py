@@ -11,7 +11,7 @@ import percuss
 import places
 from percuss.certificate.verdict import certificate
 from percuss.contact.laws import parameters, points_of_law
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 from percuss.reporting.explanation import explanation
 from strategies import hunek, run
@@ -60,7 +60,7 @@ def test_auto_keeps_its_promise_on_every_case(path, pair, courant):
     assert energy[0] - energy[-1] <= lost * scale
     if result.summary["exact"] is None:
         return  # nothing to hold the force against
-    points = Model(case).contact_points
+    points = model_of(case).contact_points
     for k, name in enumerate(points.names):
         errors = result.summary["exact"]["contacts"][name]
         highest = np.nanmax(arrays["contact_force_exact"][:, k])
@@ -85,7 +85,7 @@ def test_the_promise_is_that_of_the_docstrings():
 @pytest.mark.parametrize("pair", PAIRS, ids="+".join)
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_the_certificate_says_yes_to_auto(path, pair, courant):
-    found = certificate(Model(changed(path, *pair, courant)))
+    found = certificate(model_of(changed(path, *pair, courant)))
     assert found["stable"] == "yes", found["why"]
     assert found["theta"] is None or found["theta"] <= 0.8 * (1 + 1e-12)
 
@@ -98,7 +98,7 @@ def test_auto_keeps_the_step_of_rows_of_unlike_bars(pair, courant):
         case = row(np.random.default_rng([7, k]))
         method = {"integrator": pair[0], "contact": pair[1]}
         case |= {"method": method, "time": {"steps": 1, "courant": courant}}
-        found = certificate(Model(percuss.load(case)))
+        found = certificate(model_of(percuss.load(case)))
         assert found["stable"] == "yes", (k, found["why"])
 
 
@@ -130,9 +130,9 @@ def test_the_rule(courant, sides, beta_s):
         del case["bodies"]["long"]
         case["contacts"] = {"tip": {"body": "short.right", "wall": 10.0}}
         case["record"] = {"probes": []}
-    assert parameters(Model(percuss.load(case)))["tip"]["beta_s"] == pytest.approx(beta_s, rel=1e-12)
+    assert parameters(model_of(percuss.load(case)))["tip"]["beta_s"] == pytest.approx(beta_s, rel=1e-12)
     case["method"]["contact"] = {"name": "bipenalty"}  # matched: nothing lowers it
-    assert parameters(Model(percuss.load(case)))["tip"]["beta_s"] == 0.5
+    assert parameters(model_of(percuss.load(case)))["tip"]["beta_s"] == 0.5
 
 
 @pytest.mark.parametrize(
@@ -151,8 +151,8 @@ def test_the_rule(courant, sides, beta_s):
 )
 def test_the_rule_counts_the_penalty_mass(mass, beta_s):
     case = hunek(10, 0.9, contact={"name": "bipenalty", **mass})
-    found = certificate(Model(percuss.load(case)))
-    assert parameters(Model(percuss.load(case)))["tip"]["beta_s"] == pytest.approx(beta_s, rel=1e-12)
+    found = certificate(model_of(percuss.load(case)))
+    assert parameters(model_of(percuss.load(case)))["tip"]["beta_s"] == pytest.approx(beta_s, rel=1e-12)
     assert found["theta"] == pytest.approx(0.8, rel=1e-9) or beta_s == 0.5
     assert found["stable"] == "yes"
 
@@ -167,28 +167,28 @@ def test_auto_may_be_written_and_is_the_default(name):
 
 
 def test_a_check_tells_what_was_chosen_and_what_was_measured():
-    told = explanation(Model(percuss.load(hunek(10, 0.9, CD, {"name": "penalty"}))))
+    told = explanation(model_of(percuss.load(hunek(10, 0.9, CD, {"name": "penalty"}))))
     assert "beta_s auto: 0.247, so that theta <= 0.8" in told.text
     assert told.data["contacts"]["tip"]["chosen"] == {"beta_s": "auto: 0.247, so that theta <= 0.8"}
     assert told.data["measured"] == {"penalty": law_of("penalty").measured[CD]}
     assert f"measured, penalty: {law_of('penalty').measured[CD]}" in told.text
-    told = explanation(Model(percuss.load(hunek(10, 0.97, CD, {"name": "penalty"}))))
+    told = explanation(model_of(percuss.load(hunek(10, 0.97, CD, {"name": "penalty"}))))
     assert "so that central difference keeps its step" in told.text
-    told = explanation(Model(percuss.load(hunek(10, 0.3, WU, {"name": "penalty"}))))
+    told = explanation(model_of(percuss.load(hunek(10, 0.3, WU, {"name": "penalty"}))))
     assert "the most that auto gives" in told.text
     assert told.data["measured"] == {}
     assert "measured" not in told.text
-    told = explanation(Model(percuss.load(hunek(10, 0.3, WU, {"name": "penalty", "beta_s": 0.2}))))
+    told = explanation(model_of(percuss.load(hunek(10, 0.3, WU, {"name": "penalty", "beta_s": 0.2}))))
     assert told.data["contacts"]["tip"]["chosen"] == {}
-    told = explanation(Model(percuss.load(hunek(10, 0.3, WU, {"name": "penalty", "stiffness": "from-step"}))))
+    told = explanation(model_of(percuss.load(hunek(10, 0.3, WU, {"name": "penalty", "stiffness": "from-step"}))))
     assert "stiffness from-step: 0.1 / (s dt^2)" in told.text
 
 
 def test_nothing_measured_is_told_where_energy_never_grows(monkeypatch):
     monkeypatch.setattr(law_of("penalty"), "measured", {WU: "much"})
-    assert explanation(Model(percuss.load(hunek(10, 0.5, WU, {"name": "penalty"})))).data["measured"] == {}
+    assert explanation(model_of(percuss.load(hunek(10, 0.5, WU, {"name": "penalty"})))).data["measured"] == {}
     unstable = percuss.load(hunek(10, 0.9, WU, {"name": "penalty", "beta_s": 1.0}))
-    assert explanation(Model(unstable)).data["measured"] == {"penalty": "much"}
+    assert explanation(model_of(unstable)).data["measured"] == {"penalty": "much"}
 
 
 # --------------------------------------------------------------------------------------- stiffness from the step
@@ -214,7 +214,7 @@ def unlike(contact, courant=0.8, length=1.0, time=1.0, mass=1.0):
 @pytest.mark.parametrize("scale", [None, 0.05, 0.7])
 def test_theta_is_the_scale_of_a_stiffness_from_the_step(scale, courant):
     law = {"name": "penalty", "stiffness": "from-step"} | ({} if scale is None else {"scale": scale})
-    found = certificate(Model(percuss.load(unlike(law, courant))))
+    found = certificate(model_of(percuss.load(unlike(law, courant))))
     assert found["theta"] == pytest.approx(scale or 0.1, rel=1e-12)
     assert found["stable"] == "yes"
 
@@ -291,7 +291,7 @@ def test_an_end_that_is_driven_all_the_time_is_as_stiff_to_contact_as_a_wall():
     """One that a drive lets go is not: contact may then move its whole body."""
     moving, still = (percuss.load(places.CASES / f"{name}.yaml") for name in ("moving-wall", "doyen-impact"))
     cases = (moving, still, moving.with_overrides({"loads.motion.until": 0.5}))
-    limits = [float(points_of_law(Model(case), [0], 3e-3).stiffness_limit[0]) for case in cases]
+    limits = [float(points_of_law(model_of(case), [0], 3e-3).stiffness_limit[0]) for case in cases]
     assert limits[0] == pytest.approx(limits[1], rel=1e-12)
     assert limits[2] < 0.9 * limits[1]
 
@@ -324,7 +324,7 @@ def test_a_side_that_is_driven_or_held_throughout_is_rigid(bars, held):
     wall = {**case, "bodies": {"work": case["bodies"]["work"]}, "loads": {}, "contacts": {"c": still}}
 
     def numbers(one, **changes):
-        model = Model(percuss.load(one, changes))
+        model = model_of(percuss.load(one, changes))
         points, epsilon = model.contact_points, np.full(len(model.contact_points), parameters(model)["c"]["epsilon_s"])
         return np.stack([points.stiffness, points.frequency, points.mass, points.equal_sides, epsilon], axis=1)
 

@@ -22,7 +22,7 @@ from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.operator import Operator
 from percuss.certificate.verdict import certificate
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.interfaces import Trial
 from percuss.results.runner import timed_run
 from percuss.step import build
@@ -36,13 +36,13 @@ WU, CD = "wu-predictor-corrector", "central-difference"
 LONG = 36  # 2**36 steps
 
 
-def model_of(case):
-    return Model(percuss.load(case))
+def made(case):
+    return model_of(percuss.load(case))
 
 
 def is_covered(law):
     """Whether the linear laws tell of the closed contact of a law with central difference."""
-    model = model_of(hunek(1, integrator=CD, contact=law))
+    model = made(hunek(1, integrator=CD, contact=law))
     return not closed_laws(model, model.dt).doubts
 
 
@@ -54,7 +54,7 @@ ROW_PAIRS = [pair for pair in PAIRS if pair[1] in ROW_LAWS and (pair[0] in INVIS
 
 def drawn_model(case, pair):
     try:
-        return model_of(with_pair(case, pair))
+        return made(with_pair(case, pair))
     except (percuss.InputError, percuss.RefusedPair) as error:  # an end between two walls, a refused pair
         event(type(error).__name__)
     assume(False)
@@ -85,7 +85,7 @@ def after(matrix, squarings=LONG):
 
 @pytest.mark.parametrize(("ratio", "beta", "critical"), ROWS)
 def test_the_published_critical_courant_numbers(ratio, beta, critical):
-    motions = Motions(model_of(wall(beta, ratio)))
+    motions = Motions(made(wall(beta, ratio)))
     below = critical - (1e-9 if critical == 1 else 0.5e-4)
     assert examine(motions, below / 60, [0]).stable
     assert not examine(motions, (critical + 0.5e-4) / 60, [0]).stable
@@ -98,7 +98,7 @@ def test_long_bars_have_the_published_critical_courant_numbers(ratio, beta, crit
 
 def test_the_closed_form_of_the_penalty_method():
     for beta in (0.1, 1.0, 30.0):
-        found = linear_laws(model_of(wall(beta, math.inf))).critical_step * 60
+        found = linear_laws(made(wall(beta, math.inf))).critical_step * 60
         expected = math.sqrt(2 / (1 + math.sqrt(1 + beta**2)))
         assert long_bars.critical_step([(1.0, 1.0)], beta) == pytest.approx(expected, rel=1e-9)
         assert found == pytest.approx(expected, rel=1e-3 if beta < 1.0 else 1e-9)  # 60 elements are not quite endless
@@ -114,7 +114,7 @@ def test_unlike_bars_have_a_closed_form_too(integrator):
     sides = [(3.0 * 2.0 * 80, math.sqrt(2.0 / 3.0) / 80), (60.0, 1.0 / 60)]  # EA/h and h/c
     stiffness, frequency = 3.0 * 60.0, 2.0 / max(h_over_c for _, h_over_c in sides)
     inertia = stiffness / (2.0 * frequency**2)
-    found = linear_laws(model_of(case)).critical_step
+    found = linear_laws(made(case)).critical_step
     expected = long_bars.critical_step(sides, stiffness, inertia, predicted=integrator == WU)
     assert found == pytest.approx(expected, rel=1e-6)
 
@@ -146,7 +146,7 @@ def three_bars(integrator, direction):
 
 @pytest.mark.parametrize("direction", [[5.0], [3.0, 4.0], [0.0, -3.0, 4.0]])
 def test_theta_of_several_contacts_is_that_of_the_determinant(direction):
-    model = model_of(three_bars(WU, direction))
+    model = made(three_bars(WU, direction))
     motions = Motions(model)
     closed_step, free = (ClosedStep(motions, model.dt, c) for c in ([0, 1, 2], []))
     said = closed_laws(model, model.dt)
@@ -163,7 +163,7 @@ def test_theta_of_several_contacts_is_that_of_the_determinant(direction):
 
 @pytest.mark.parametrize("direction", [[5.0], [3.0, 4.0], [0.0, -3.0, 4.0]])
 def test_central_difference_keeps_the_volume(direction):
-    model = model_of(three_bars(CD, direction))
+    model = made(three_bars(CD, direction))
     for contacts in combinations(3):
         step = ClosedStep(Motions(model), model.dt, contacts)
         assert np.linalg.det(step.matrix()) == pytest.approx(1, abs=1e-10)
@@ -203,7 +203,7 @@ def test_the_limit_is_tight(pair, case):
 def test_the_critical_step_is_found_by_examining_few(integrator, monkeypatch):
     case = wall(3.0, 2.0, integrator)
     case["bodies"]["b"]["bar"]["elements"] = 4
-    criterion, examined = BlackBox(model_of(case)), []
+    criterion, examined = BlackBox(made(case)), []
 
     def counted(motions, dt, closed, **options):
         examined.append(dt)
@@ -225,7 +225,7 @@ def test_a_step_may_be_stable_though_theta_is_above_one_at_every_step(scale):
     case = wall(1.0, 1.0, WU)
     case["bodies"] = {"b": bar | {"fixed": ["right"]}}
     case["method"]["contact"] = {"name": "penalty", "stiffness": "from-step", "scale": scale}
-    found = certificate(model_of(case))
+    found = certificate(made(case))
     assert found["theta"] == pytest.approx(scale)
     assert found["stable"] == "yes"
     assert found["dt_critical"] == pytest.approx(found["dt_critical_free"])
@@ -259,7 +259,7 @@ def test_a_tie_holds_whatever_else_is_closed(during):
     tie = {"name": "tied"} if during is None else {"name": "tied", "during": during}
     ends = ["b.right", "other.left"] if at else ["other.right", "b.left"]
     case["contacts"] = {"wall": contact | {"method": "lagrange"}, "tie": {"between": ends, "method": tie}}
-    model = model_of(case)
+    model = made(case)
     motions = Motions(model)
     for closed in combinations(2):
         step = ClosedStep(motions, model.dt, closed)
@@ -274,10 +274,10 @@ def test_closing_a_contact_may_raise_the_limit():
     case = wall(1.0, 1.0, WU)
     case["bodies"]["b"]["bar"]["elements"] = 5
     case["method"]["contact"] = law
-    motions = Motions(model_of(case))
+    motions = Motions(made(case))
     assert examine(motions, 1.009 / 5, [0]).stable
     assert not examine(motions, 1.009 / 5, []).stable
-    found = certificate(Model(percuss.load(case, {"time.courant": 1.009})))
+    found = certificate(model_of(percuss.load(case, {"time.courant": 1.009})))
     assert found["stable"] == "no"
     assert found["worst"] == []
 
@@ -287,7 +287,7 @@ def test_the_verdict_turns_where_theta_is_one(theta):
     """The radius leaves 1 by less than 1e-11 there: only theta tells."""
     courant = 0.1
     beta = theta / (2 * courant**2)
-    model = model_of(wall(beta, math.inf, WU, courant))
+    model = made(wall(beta, math.inf, WU, courant))
     found = examine(Motions(model), model.dt, [0])
     assert abs(found.radius - 1) < 1e-6
     assert found.theta == pytest.approx(theta, abs=1e-10)
@@ -298,9 +298,9 @@ def test_the_verdict_turns_where_theta_is_one(theta):
 @pytest.mark.deep
 def test_a_large_model_is_judged_by_a_krylov_iteration():
     for law in ({"name": "penalty", "beta_s": 10.0}, {"name": "bipenalty", "beta_s": 10.0, "ratio": 5.0}):
-        model = model_of(hunek(n=200, integrator=CD, contact=law))
+        model = made(hunek(n=200, integrator=CD, contact=law))
         assert BlackBox(model).critical_step == pytest.approx(linear_laws(model).critical_step, rel=1e-4)
-    found = certificate(model_of(hunek(n=200, integrator="noh-bathe", contact={"name": "lagrange"})))
+    found = certificate(made(hunek(n=200, integrator="noh-bathe", contact={"name": "lagrange"})))
     assert "Krylov" in found["why"]
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)  # what was not found may be there
 
@@ -308,7 +308,7 @@ def test_a_large_model_is_judged_by_a_krylov_iteration():
 @pytest.mark.deep
 def test_a_krylov_iteration_gives_the_same_number_again():
     """SciPy draws vectors of its own; without a seed the sixth digit of the critical step is left to chance."""
-    model = model_of(hunek(n=100, integrator=CD, contact={"name": "walton-braun", "beta_s": 30.0}))
+    model = made(hunek(n=100, integrator=CD, contact={"name": "walton-braun", "beta_s": 30.0}))
     first, again = (BlackBox(model).critical_step for _ in range(2))
     assert first == again
 
@@ -331,7 +331,7 @@ def test_of_many_contacts_none_and_all_are_closed(monkeypatch):
         "method": {"integrator": "noh-bathe", "contact": "lagrange"},
         "time": {"courant": 0.5, "steps": 2},
     }
-    found = certificate(model_of(case))
+    found = certificate(made(case))
     assert found["stable"] == "unknown"
     assert "growth with no contact and all of its contacts closed was looked for" in found["why"]
     assert set(examined) == {tuple(range(count))}  # without contact the scheme is judged by its kernel
@@ -378,7 +378,7 @@ def law_file(folder, body):
 
 @pytest.mark.slow
 def test_a_law_that_is_not_linear_is_unknown_and_says_so(tmp_path):
-    found = certificate(Model(law_file(tmp_path, "bound.stiffness[p] * overlap * overlap ** 0.5")))
+    found = certificate(model_of(law_file(tmp_path, "bound.stiffness[p] * overlap * overlap ** 0.5")))
     assert found["stable"] == "unknown"
     assert "not linear" in found["why"]
     assert percuss.run(law_file(tmp_path, "bound.stiffness[p] * overlap * overlap ** 0.5")).status == "done"
@@ -387,8 +387,8 @@ def test_a_law_that_is_not_linear_is_unknown_and_says_so(tmp_path):
 @pytest.mark.deep
 def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty(tmp_path):
     case = law_file(tmp_path, "3.0 * bound.stiffness[p] * overlap")
-    expected = linear_laws(model_of(wall(3.0, math.inf))).critical_step
-    assert certificate(Model(case))["dt_critical"] == pytest.approx(expected, rel=2e-6)
+    expected = linear_laws(made(wall(3.0, math.inf))).critical_step
+    assert certificate(model_of(case))["dt_critical"] == pytest.approx(expected, rel=2e-6)
 
 
 @pytest.mark.deep
@@ -396,10 +396,10 @@ def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty(tmp_path):
 def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step(time, tmp_path):
     """Soft at first and far too stiff from half of the run on; compiled code reads the time where nobody sees it."""
     soft = "0.1 * bound.stiffness[p] * overlap"
-    assert certificate(Model(law_file(tmp_path, soft)))["stable"] == "yes"
+    assert certificate(model_of(law_file(tmp_path, soft)))["stable"] == "yes"
     case = law_file(tmp_path, f"{soft} * (1.0 if {time} < 0.5 else 1e4)")
     case = case.with_overrides({"time": {"end": 1.0, "courant": 0.5}})
-    found = certificate(Model(case))
+    found = certificate(model_of(case))
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)
     assert "mine changes with time" in found["why"]
 
@@ -421,7 +421,7 @@ def loop_anew():
 
 
 def limit_of(case, judge_class=linear_laws):
-    return check_the_limit_is_tight(model_of(case), judge_class)
+    return check_the_limit_is_tight(made(case), judge_class)
 
 
 def unlike_pair(integrator):
@@ -529,7 +529,7 @@ def test_a_lumped_mass_penalty_in_the_march_is_seen(monkeypatch):
 @each_pair([pair for pair in ROW_PAIRS if pair[0] in LEAPFROG])
 def test_courant_number_one_runs_where_the_law_allows_it(pair):
     case = hunek(n=20, courant=1.0, integrator=pair[0], contact=pair[1])
-    found = certificate(model_of(case))
+    found = certificate(made(case))
     above = found["dt_critical"] < found["dt_critical_free"] * (1 - 1e-9)
     assert found["stable"] == ("no" if above else "marginal")
     if not above:
@@ -561,7 +561,7 @@ class Nothing(NamedTuple):
 def test_a_step_that_is_linear_here_and_not_there_is_unknown_and_not_forbidden():
     subject = Subject.of(OnVelocity, REGISTRY)
     case = subject.placed(impact((0.7, 30.0, 0.5, 1)), {}, "noh-bathe")
-    known = certificate(Model(subject.load(case)))
+    known = certificate(model_of(subject.load(case)))
     assert known["stable"] == "unknown"
     assert "the closed step is not linear at longer steps" in known["why"]
     assert subject.run(case).status == "done"
@@ -612,7 +612,7 @@ def test_what_is_said_of_a_law_that_yields_hangs_neither_on_the_step_nor_on_the_
     def said(beta_s):
         method = {"integrator": CD, "contact": {"name": "crushing", "beta_s": beta_s}}
         registry = Subject.of(Crushing).registry
-        return certificate(Model(percuss.load({**case, "method": method}, registry=registry)))["stable"]
+        return certificate(model_of(percuss.load({**case, "method": method}, registry=registry)))["stable"]
 
     assert said(0.25) == "unknown"
     critical = math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + 50.0**2)))  # of a spring that does not yield, on a long bar
@@ -622,10 +622,10 @@ def test_what_is_said_of_a_law_that_yields_hangs_neither_on_the_step_nor_on_the_
 @pytest.mark.parametrize("e", [0.9, 0.5])
 def test_a_spring_that_is_stiffer_while_unloading_is_unstable_above_the_critical_step_of_that(e):
     def said(law, courant):
-        return certificate(model_of(hunek(10, courant, CD, law)))["stable"]
+        return certificate(made(hunek(10, courant, CD, law)))["stable"]
 
     stiffest = {"name": "penalty", "beta_s": 4.0 / e**2}
-    critical = certificate(model_of(hunek(10, 0.1, CD, stiffest)))["courant_critical"]
+    critical = certificate(made(hunek(10, 0.1, CD, stiffest)))["courant_critical"]
     law = {"name": "walton-braun", "beta_s": 4.0, "restitution": e}
     assert critical < 0.9
     assert said(law, 1.001 * critical) == "no"
@@ -634,12 +634,12 @@ def test_a_spring_that_is_stiffer_while_unloading_is_unstable_above_the_critical
 
 @pytest.mark.parametrize("law", [{"name": "damped-penalty"}, {"name": "energy-conserving-penalty"}, {"name": "uzawa"}])
 def test_a_kernel_of_one_line_is_certain(law):
-    assert certificate(model_of(hunek(10, 0.5, CD, law)))["stable"] == "yes"
+    assert certificate(made(hunek(10, 0.5, CD, law)))["stable"] == "yes"
 
 
 def test_the_steps_that_are_examined_are_signs_of_life():
     before = heartbeat._BEATS[0]
-    assert certificate(model_of(hunek(4, 0.5, CD, {"name": "damped-penalty"})))["by"] == "black-box"
+    assert certificate(made(hunek(4, 0.5, CD, {"name": "damped-penalty"})))["by"] == "black-box"
     assert heartbeat._BEATS[0] > before + 10
 
 

@@ -16,7 +16,7 @@ from percuss.certificate import maps, verdict
 from percuss.certificate.waves import waves
 from percuss.cli import scaffold
 from percuss.errors import InputError, PercussError, RefusedPair
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.reporting.explanation import explanation
 from percuss.testing import Subject, checks
 from percuss.testing.draws import bar_chains
@@ -103,7 +103,7 @@ def test_a_body_that_is_not_linear_is_not_judged_as_if_it_were(not_linear):
 @pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
 @pytest.mark.parametrize("contact", ["lagrange", "tied", "penalty"])
 def test_that_holds_with_any_pair_of_methods(integrator, contact):
-    model = Model(percuss.load(green(integrator=integrator, contact={"name": contact})))
+    model = model_of(percuss.load(green(integrator=integrator, contact={"name": contact})))
     known = verdict.certificate(model)
     assert known["stable"] == "unknown"
     assert known["energy"] in {"not guaranteed", "unknown"}
@@ -111,7 +111,7 @@ def test_that_holds_with_any_pair_of_methods(integrator, contact):
 
 def test_check_says_so_in_words(not_linear):
     case, plugins, name = not_linear
-    told = explanation(Model(percuss.load(case, plugins=plugins))).text
+    told = explanation(model_of(percuss.load(case, plugins=plugins))).text
     assert f"{name} does not declare `linear = True`" in told
     assert "whatever its strain" in told
     assert "the worst combination of closed contacts" not in told
@@ -135,7 +135,7 @@ def test_maps_waves_and_tied_twins_say_that_it_is_not_known(not_linear, tmp_path
         assert row["courant_critical"] is None
         assert name in row["reason"]
     with pytest.raises(PercussError, match=name):
-        waves(Model(loaded))
+        waves(model_of(loaded))
     twin = compared(case | {"plugins": plugins}, tmp_path, "--tied")[-1]
     assert (twin["status"], twin["contact"]) == ("refused", "tied")
     assert name in twin["reason"]
@@ -143,7 +143,7 @@ def test_maps_waves_and_tied_twins_say_that_it_is_not_known(not_linear, tmp_path
 
 def test_a_step_that_is_unstable_for_small_motions_about_rest_is_refused_and_does_blow_up():
     case = percuss.load(green(courant=1.05, end=2.0))
-    known = verdict.certificate(Model(case))
+    known = verdict.certificate(model_of(case))
     assert known["stable"] == "no"
     assert "small motions about rest" in known["why"]
     assert known["cure"].startswith("lower the step below")
@@ -154,7 +154,7 @@ def test_a_step_that_is_unstable_for_small_motions_about_rest_is_refused_and_doe
 
 
 def test_of_a_material_with_two_moduli_no_step_is_known_to_be_unstable(softer):
-    known = verdict.certificate(Model(percuss.load(soft(courant=1.05), plugins=[softer])))
+    known = verdict.certificate(model_of(percuss.load(soft(courant=1.05), plugins=[softer])))
     assert known["stable"] == "unknown"
 
 
@@ -315,16 +315,16 @@ def test_a_weight_that_acts_on_nothing_is_refused_and_no_other(integrator, accel
     unseen = acceleration != 0.0 and not at_end and integrator in {"wu-predictor-corrector", "blind"}
     if unseen:
         with pytest.raises(RefusedPair):
-            Model(case)
+            model_of(case)
     else:
-        Model(case)
+        model_of(case)
 
 
 def test_a_penalty_mass_needs_what_its_own_force_brings_and_is_refused_where_that_is_nothing():
-    Model(percuss.load(hunek(2)))
+    model_of(percuss.load(hunek(2)))
     with pytest.raises(RefusedPair, match="would do nothing"):
-        Model(percuss.load(hunek(2, integrator="blind"), plugins=[LAWS]))
-    told = explanation(Model(percuss.load(hunek(2)))).text
+        model_of(percuss.load(hunek(2, integrator="blind"), plugins=[LAWS]))
+    told = explanation(model_of(percuss.load(hunek(2)))).text
     assert "resists the acceleration that the contact force itself brings" in told
 
 
@@ -333,7 +333,7 @@ def test_a_penalty_mass_needs_what_its_own_force_brings_and_is_refused_where_tha
 
 def test_an_integrator_that_is_unstable_by_itself_is_no_fault_of_the_law():
     case = hunek(4, integrator="forward-euler", contact=LAGRANGE)
-    known = verdict.certificate(Model(percuss.load(case, plugins=[LAWS])))
+    known = verdict.certificate(model_of(percuss.load(case, plugins=[LAWS])))
     assert known["stable"] == "no"
     assert "take another integrator: forward-euler is unstable at any step" in known["cure"]
     assert "take another law" not in known["cure"]
@@ -372,7 +372,7 @@ def test_a_mass_that_underflows_is_a_matter_of_units():
     ],
 )
 def test_why_nothing_is_known_of_a_law_is_said_truly(contact, reason):
-    model = Model(percuss.load(hunek(4, integrator="central-difference", contact=contact), plugins=[LAWS]))
+    model = model_of(percuss.load(hunek(4, integrator="central-difference", contact=contact), plugins=[LAWS]))
     known = verdict.certificate(model)
     assert known["energy"] == "unknown"
     assert reason in known["energy_why"]

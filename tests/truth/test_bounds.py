@@ -10,7 +10,7 @@ from percuss.certificate.criteria import RunCriterion
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.verdict import certificate, settled
 from percuss.errors import InputError, RefusedPair
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 from solid_figures import CENTRAL, GAUSS, MORTAR, NODES, WU
 
@@ -45,7 +45,7 @@ def test_a_step_below_the_bound_is_stable_and_the_bound_is_near(integrator, pair
     tried = 0
     for contact in LAWS:
         try:
-            model = Model(boxes(contact, integrator, pairing, dim))
+            model = model_of(boxes(contact, integrator, pairing, dim))
         except (InputError, RefusedPair):
             continue
         bounds, exact = RunCriterion(model, Bounds), RunCriterion(model, linear_laws)
@@ -63,17 +63,17 @@ def test_a_step_below_the_bound_is_stable_and_the_bound_is_near(integrator, pair
 
 
 def test_contacts_that_differ_in_inertia_are_not_proved_stable():
-    model = Model(boxes(STIFF, own={"name": "bipenalty", "beta_s": 0.5, "ratio": 0.1}))
+    model = model_of(boxes(STIFF, own={"name": "bipenalty", "beta_s": 0.5, "ratio": 0.1}))
     assert "differ in eps_m / eps_s" in RunCriterion(model, Bounds).assess_step(1e-3 * model.dt).doubt
-    same = Model(boxes(STIFF, own=SOFT))
+    same = model_of(boxes(STIFF, own=SOFT))
     assert RunCriterion(same, Bounds).assess_step(1e-3 * same.dt).answer == "stable"
 
 
 @pytest.mark.parametrize("contact", ["lagrange", "regularised-lagrange", SOFT])
 def test_a_large_body_has_the_verdict_and_the_energy_of_a_small_one(monkeypatch, contact):
-    small = certificate(Model(boxes(contact, dim=3)))
+    small = certificate(model_of(boxes(contact, dim=3)))
     monkeypatch.setattr("percuss.certificate.criteria.MOST_FACTORED", 20)
-    large = certificate(Model(boxes(contact, dim=3)))
+    large = certificate(model_of(boxes(contact, dim=3)))
     assert (large["stable"], large["energy"], large["by"]) == ("yes", small["energy"], "bounds")
     assert small["by"] == "linear-laws"
     assert large["dt_critical"] is large["dt_critical_free"] is None
@@ -84,14 +84,14 @@ def test_a_large_body_has_the_verdict_and_the_energy_of_a_small_one(monkeypatch,
 
 def test_of_a_large_body_no_step_is_called_unstable_and_what_is_known_is_said(monkeypatch):
     monkeypatch.setattr("percuss.certificate.criteria.MOST_FACTORED", 20)
-    above = certificate(Model(boxes(STIFF, CENTRAL, dim=3, courant=0.97)))
+    above = certificate(model_of(boxes(STIFF, CENTRAL, dim=3, courant=0.97)))
     assert above["stable"] == "unknown"
     assert "so that the bodies alone are stable" in above["why"]
     assert np.isfinite(float(above["why"].split("not below ")[1].split(",")[0]))
-    beyond = certificate(Model(boxes(STIFF, CENTRAL, dim=3, courant=1.3)))
+    beyond = certificate(model_of(boxes(STIFF, CENTRAL, dim=3, courant=1.3)))
     assert beyond["stable"] == "unknown"
     assert "alone" not in beyond["why"]
-    with_kernel = certificate(Model(boxes("hunt-crossley", dim=3)))
+    with_kernel = certificate(model_of(boxes("hunt-crossley", dim=3)))
     assert with_kernel["stable"] == "unknown"
     assert "hunt-crossley has a kernel of its own" in with_kernel["why"]
     with pytest.raises(InputError, match=r"(?s)of which some step is known to be stable.*Give a step"):

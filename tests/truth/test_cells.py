@@ -14,7 +14,7 @@ from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
 from percuss.contact.laws import points_of_law
 from percuss.errors import PercussError
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.mesh.stresses import stress_field
 from percuss.reporting.component import component_data
 from strategies import CORE, CORE_LAWS, FIRST, LEAPFROG, REGISTRY, hunek, is_refused, largest, pair_id, run
@@ -53,13 +53,13 @@ def bar(element, elements=4, length=2.0, **more):
     }
 
 
-def model_of(case):
-    return Model(percuss.load(case))
+def made(case):
+    return model_of(percuss.load(case))
 
 
 def frequencies(case):
     """Return omega h / c squared of all modes, from the matrices of the certificate."""
-    operator = operator_of(model_of(case))
+    operator = operator_of(made(case))
     stiffness, root = operator.stiffness.toarray(), np.sqrt(operator.mass.diagonal())
     h = case["bodies"]["a"]["bar"]["length"] / case["bodies"]["a"]["bar"]["elements"]
     return np.linalg.eigvalsh(stiffness / root[:, None] / root) * (h / 100.0) ** 2
@@ -96,13 +96,13 @@ def exact_matrices(order, lengths, gauss_lobatto=True):
 def test_nodes_masses_and_stiffness_are_those_of_exact_integrals(element):
     case = bar(element, elements=5)
     case["bodies"]["a"]["bar"]["grading"] = 3.0
-    body = model_of(case).bodies["a"]
+    body = made(case).bodies["a"]
     order = order_of(element)
     stiffness, mass, place = exact_matrices(order, body.mesh.lengths)
     assert body.mesh.lengths.size == 5
     np.testing.assert_allclose(body.mesh.nodes[:, 0], place, rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(body.mass, 0.01 * mass, rtol=1e-12)
-    found = operator_of(model_of(case)).stiffness.toarray()
+    found = operator_of(made(case)).stiffness.toarray()
     np.testing.assert_allclose(found, 100.0 * stiffness, rtol=1e-10, atol=1e-10 * 100.0 * stiffness.max())
     (kind, cells), *others = body.mesh.cells.items()
     assert not others
@@ -139,7 +139,7 @@ def test_the_highest_frequencies_are_those_in_closed_form():
 @pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)
 def test_courant_number_one_is_the_critical_step_of_the_exact_matrices(element):
     case = bar(element, 6)
-    model = model_of(case)
+    model = made(case)
     stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
     highest = np.sqrt(np.linalg.eigvals(1e4 * stiffness / mass[:, None]).real.max())
     assert model.dt == pytest.approx(2.0 / highest, rel=1e-10)
@@ -154,7 +154,7 @@ def test_a_run_stays_bounded_at_the_critical_step_and_grows_beyond_it(element):
     case["loads"] = {"push": {"constant": 1.0, "on": "a.right"}}
     for courant, stable in ((0.999, True), (1.01, False)):
         changed = {**case, "time": {"steps": 3000, "courant": courant}}
-        verdict = certificate(model_of(changed))
+        verdict = certificate(made(changed))
         assert verdict["stable"] == ("yes" if stable else "no")
         try:
             energy = run(changed).arrays["elastic_energy"]
@@ -211,7 +211,7 @@ def test_a_run_is_that_of_dense_matrices(element, integrator):
     case["loads"] = {"push": {"constant": 1.5, "on": "a.right"}}
     case["method"]["integrator"] = integrator
     case["time"] = {"steps": 50, "courant": 0.9}
-    model, result = model_of(case), run(case)
+    model, result = made(case), run(case)
     stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
     force = np.zeros(mass.size)
     force[-1] = 1.5
@@ -235,7 +235,7 @@ def test_a_viscous_run_is_that_of_dense_matrices(element):
     case["loads"] = {"push": {"constant": 1.5, "on": "a.right"}}
     case["method"]["integrator"] = {"name": "viscous-central-difference", "viscosity": 0.3}
     case["time"] = {"steps": 50, "courant": 0.7}
-    model, result = model_of(case), run(case)
+    model, result = made(case), run(case)
     stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
     force = np.zeros(mass.size)
     force[-1] = 1.5
@@ -324,7 +324,7 @@ def test_the_impulse_converges_to_the_exact_one():
     "law", [{"name": "penalty", "beta_s": 2.0}, {"name": "bipenalty", "beta_s": 2.0, "ratio": 2.0}]
 )
 def test_linear_laws_and_black_box_agree_on_the_critical_step(element, law, integrator):
-    model = model_of(impact(element, law, integrator, n=3))
+    model = made(impact(element, law, integrator, n=3))
     rows, step = linear_laws(model).critical_step, BlackBox(model).critical_step
     assert rows == pytest.approx(step, rel=1e-5)
     assert rows < 2.0 / model.bodies.omega
@@ -333,7 +333,7 @@ def test_linear_laws_and_black_box_agree_on_the_critical_step(element, law, inte
 def test_a_ratio_of_one_keeps_the_free_step():
     # as of two-node bars: the contact is measured by m omega^2 / 2 of the end
     for element in ELEMENTS:
-        model = model_of(impact(element, {"name": "bipenalty", "beta_s": 50.0, "ratio": 1.0}))
+        model = made(impact(element, {"name": "bipenalty", "beta_s": 50.0, "ratio": 1.0}))
         assert linear_laws(model).critical_step == pytest.approx(2.0 / model.bodies.omega, rel=1e-8)
 
 
@@ -344,7 +344,7 @@ def test_theta_is_twice_the_penalty_at_courant_number_one():
         case["contacts"] = {"w": {"body": "a.right", "wall": 2.0}}
         case["method"] = {"integrator": "wu-predictor-corrector", "contact": {"name": "penalty", "beta_s": 0.3}}
         case["time"]["courant"] = 0.8
-        assert certificate(model_of(case))["theta"] == pytest.approx(2 * 0.8**2 * 0.3, rel=1e-12)
+        assert certificate(made(case))["theta"] == pytest.approx(2 * 0.8**2 * 0.3, rel=1e-12)
 
 
 @pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)
@@ -352,7 +352,7 @@ def test_the_stiffest_contact_that_a_step_allows_is_that_of_exact_matrices(eleme
     case = bar(element, 4)
     case["contacts"] = {"w": {"body": "a.right", "wall": 2.0}}
     case["time"]["courant"] = 0.9
-    model = model_of(case)
+    model = made(case)
     stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
     reserve = np.diag(4.0 / model.dt**2 * 0.01 * mass) - 100.0 * stiffness
     limit = 1.0 / np.linalg.inv(reserve)[-1, -1]
@@ -387,7 +387,7 @@ def test_stress_of_a_stretched_bar_is_uniform(element):
 @pytest.mark.parametrize("element", ELEMENTS, ids=element_id)
 def test_the_stress_of_an_element_is_the_mean_over_its_length(element):
     # which is E times the mean strain, the difference of the ends over the length, whatever happens between them
-    model = model_of(bar(element, 3))
+    model = made(bar(element, 3))
     body = model.bodies["a"]
     snapshots = np.cos(np.arange(5.0 * body.mesh.nodes.size) ** 2).reshape(5, -1)
     nodes = body.element_nodes(np.arange(3))
@@ -430,7 +430,7 @@ def test_materials_remember_at_every_quadrature_point(element):
 
 def test_waves_at_an_interface_are_refused():
     with pytest.raises(PercussError, match="body 'short' are of the kind line3: harmonics at an interface"):
-        waves(model_of(impact("quadratic-bar", {"name": "penalty"})))
+        waves(made(impact("quadratic-bar", {"name": "penalty"})))
 
 
 @pytest.mark.parametrize("order", [0, 11, 2.5, "high"])
@@ -592,4 +592,4 @@ def test_cells_of_a_shape_are_refused(tmp_path):
     case = bar("quadratic-bar")
     case["bodies"]["a"] = {"curve": {}, "material": STEEL, "area": 1.0}
     with pytest.raises(PercussError, match="mesh returned as `nodes` numbers of shape"):
-        Model(percuss.load(case, plugins=[tmp_path / "curve.py"]))
+        model_of(percuss.load(case, plugins=[tmp_path / "curve.py"]))

@@ -11,7 +11,7 @@ import percuss
 from amplification import CD, NOH_BATHE, WU, Bodies, largest_radius, radius
 from percuss.certificate.black_box import SEARCH_TOLERANCE
 from percuss.certificate.verdict import certificate
-from percuss.march.model import Model
+from percuss.march.model import model_of
 
 GROWS = 1e-6  # a defective eigenvalue at 1 (a rigid motion) is computed to some 1e-7
 
@@ -73,7 +73,7 @@ def joints(draw):
 
 def loaded(case):
     try:
-        return Model(percuss.load(case))
+        return model_of(percuss.load(case))
     except (percuss.InputError, percuss.RefusedPair) as error:
         assume("no step is stable" not in str(error))
         assume(not any(words in str(error) for words in ("can move", "makes no sense", "free along")))

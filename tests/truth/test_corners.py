@@ -12,7 +12,7 @@ import corners
 import percuss
 from corners import GAP, ORDERS, SPEED, STEEL, falling
 from pages import shown
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.reporting.explanation import explanation
 from percuss_methods.pairings.mortar import Mortar
 from percuss_methods.pairings.node_to_segment import NodeToSegment
@@ -23,7 +23,7 @@ CORNER_FIRST, FACE_FIRST = ORDERS["corner"], ORDERS["face"]
 
 def times_of_touch(case):
     """Return when each contact point closes if the bodies keep their first velocities."""
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     velocity = np.concatenate([body.nodal_velocity for body in model.bodies.values()])
     rate = velocity.ravel() @ model.contact_points.matrix(model.bodies.n_nodes)
     return (model.contact_points.gap / -rate).tolist()
@@ -182,7 +182,7 @@ def notes_of(case):
 
 
 def foreseen(case):
-    return explanation(Model(percuss.load(case))).data["notes"]
+    return explanation(model_of(percuss.load(case))).data["notes"]
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -297,5 +297,5 @@ LARGE = ("ball-on-wall", "ball-on-wall-3d", "box-impact", "disk-on-wall", "two-s
 def test_no_shipped_case_has_a_note_of_this_kind(name):
     case = percuss.load(CASES / f"{name}.yaml", {"record.fields": 30})
     kinds = ("lies", "presses", "will be", "will press")
-    told = [*percuss.run(case).summary["notes"], *explanation(Model(case)).data["notes"]]
+    told = [*percuss.run(case).summary["notes"], *explanation(model_of(case)).data["notes"]]
     assert [note for note in told if any(f" {kind} " in note for kind in kinds)] == []

@@ -13,7 +13,7 @@ from percuss.certificate import verdict
 from percuss.contact.laws import ignored_couplings
 from percuss.jit import jit_disabled
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.reporting.explanation import explanation
 
 LAWS = '''
@@ -190,7 +190,7 @@ SHARED = {
 
 def marched(case, *, compiled=False):
     """Return forces and gaps of a march without its certificate, (steps + 1, contacts)."""
-    made = March(Model(case), compiled=compiled)
+    made = March(model_of(case), compiled=compiled)
     outcome = made.run()
     assert outcome.kernels.compiled is compiled or jit_disabled()
     return outcome.record.contact_force, outcome.record.gap
@@ -207,7 +207,7 @@ def test_two_contacts_at_one_end_press_as_a_dense_solution_has_it(file, compiled
                         plugins=[file])  # fmt: skip
     force, _ = marched(case, compiled=compiled)
     assert force.max() == pytest.approx(expected.max(), rel=1e-12)
-    assert ignored_couplings(Model(case)) == []
+    assert ignored_couplings(model_of(case)) == []
 
 
 @st.composite
@@ -250,11 +250,11 @@ def test_contacts_at_one_end_are_solved_together(file, case):
     loaded = percuss.load({**case, "method": {"integrator": "central-difference"}}, {"time.on_unstable": "warn"},
                           plugins=[file])  # fmt: skip
     laws = [one["method"] for one in case["contacts"].values()]
-    expected = march(case, 40, Model(loaded).dt, laws)
+    expected = march(case, 40, model_of(loaded).dt, laws)
     force, gap = marched(loaded)
     assert np.abs(force - expected[0]).max() <= 1e-9 * max(np.abs(expected[0]).max(), 1e-12)
     assert np.abs(gap - expected[1]).max() <= 1e-11
-    assert ignored_couplings(Model(loaded)) == []
+    assert ignored_couplings(model_of(loaded)) == []
 
 
 WEDGED = {
@@ -315,7 +315,7 @@ def test_uzawas_iteration_is_one_for_all_contacts_of_an_end_in_any_order(order, 
 def test_the_certificate_of_contacts_at_one_end_is_that_of_the_documented_iteration():
     """The closed step has an amplification matrix of the formula: it begins to grow at the critical step, not above."""
     case = percuss.load({**WEDGED, "time": {"step": 0.012, "steps": 10}})
-    found = verdict.certificate(Model(case))
+    found = verdict.certificate(model_of(case))
     bars, inverse = wedged()
     N, _ = normals(WEDGED, bars)
     law = WEDGED["method"]["contact"]
@@ -348,7 +348,7 @@ def test_the_certificate_of_contacts_at_one_end_is_that_of_the_documented_iterat
 def test_a_law_that_solves_contacts_together_is_refused_where_one_of_the_end_has_another(file, other, found):
     def model(contacts):
         made = {**SHARED, "contacts": contacts, "method": {"contact": "newton-impact"}}
-        return Model(percuss.load(made, plugins=[file]))
+        return model_of(percuss.load(made, plugins=[file]))
 
     two = {"one": SHARED["contacts"]["one"], "two": {**SHARED["contacts"]["two"], "method": other}}
     with pytest.raises(percuss.InputError) as refused:
@@ -367,7 +367,7 @@ def test_what_a_kernel_ignores_is_said_by_check_and_by_the_run(file):
     method = {"integrator": "central-difference", "contact": "alone"}
     coarse = {f"bodies.{name}.bar.elements": 2 for name in SHARED["bodies"]} | {"time.on_unstable": "warn"}
     case = percuss.load({**SHARED, "method": method}, coarse, plugins=[file])
-    told = explanation(Model(case))
+    told = explanation(model_of(case))
     note = ("contacts 'one', 'two' share an end, and the kernel of law alone sees each of its contacts by itself: it "
             "ignores what the others at that end press in the same step")  # fmt: skip
     assert f"note: {note}" in told.text
@@ -383,7 +383,7 @@ def test_what_a_kernel_ignores_where_the_mass_couples_both_ends_of_a_bar_is_said
     contacts = {"ab": {"between": ["a.right", "b.left"]}, "bc": {"between": ["b.right", "c.left"]}}
     case = {"percuss": 1, "bodies": bodies, "contacts": contacts, "time": {"steps": 1, "courant": 0.5}}
     said = {
-        mass: Model(percuss.load({**case, "method": {"contact": "alone", "mass": mass}}, plugins=[file]))
+        mass: model_of(percuss.load({**case, "method": {"contact": "alone", "mass": mass}}, plugins=[file]))
         for mass in ("lumped", "reciprocal")
     }
     assert ignored_couplings(said["lumped"]) == []
@@ -400,7 +400,7 @@ def test_nothing_is_said_where_no_end_is_shared_or_laws_are_rows(file):
         if law == "lagrange":
             contacts = SHARED["contacts"]
         case = {**SHARED, "bodies": bodies, "contacts": contacts, "method": {"contact": law}}
-        assert ignored_couplings(Model(percuss.load(case, plugins=[file]))) == []
+        assert ignored_couplings(model_of(percuss.load(case, plugins=[file]))) == []
 
 
 def test_a_law_that_ignores_the_others_is_shown_none_of_them(file, tmp_path):

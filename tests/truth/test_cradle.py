@@ -13,7 +13,7 @@ import pytest
 
 import percuss
 from percuss.certificate.verdict import certificate
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from solid_figures import BETA_S, CENTRAL, ENERGIES, FREE_STEP, GAUSS, GROWS, MATCHED, NODES, WU
 
 MODULUS = 0.7 / (1.3 * 0.4)  # of longitudinal waves; beta_s counts Young's modulus in the figures
@@ -39,7 +39,7 @@ def cradle(integrator, law, pairing, beta_s, courant, turn=0.02, gap=0.02, veloc
         "method": {"integrator": integrator, "contact": contact, "pairing": pairing},
         "time": {"courant": 1.0, "on_unstable": "warn", **(more or {"end": 40.0})},
     })  # fmt: skip
-    bodies = Model(case).bodies
+    bodies = model_of(case).bodies
     root = np.sqrt(bodies.mass_of_dofs)
     stiffness = bodies["a"].stiffness_matrix().toarray() / root[:, None] / root
     step = courant * 2.0 / math.sqrt(np.linalg.eigvalsh(stiffness).max())
@@ -94,7 +94,7 @@ def agrees(found, published, certified):
 def test_the_energy_grows_as_in_an_independent_program(integrator, law, courant, pairing, published):
     beta_s, largest = published
     case = cradle(integrator, law, pairing, beta_s, courant)
-    certified = certificate(Model(case))["stable"] == "yes"
+    certified = certificate(model_of(case))["stable"] == "yes"
     assert agrees(growth(case), largest, certified)
 
 
@@ -110,7 +110,7 @@ def test_the_energy_grows_as_in_an_independent_program(integrator, law, courant,
 )
 def test_regularised_lagrange_gains_nothing(courant, pairing, beta_s):
     case = cradle(WU, REGULARISED, pairing, beta_s, courant)
-    assert certificate(Model(case))["energy"] == "never grows"
+    assert certificate(model_of(case))["energy"] == "never grows"
     energy = percuss.run(case).summary["energy"]
     assert energy["max"] <= energy["initial"] * (1.0 + 1e-12)
     low = 0.2 if courant == 0.5 else 0.12  # the published least energy at the end
@@ -139,7 +139,7 @@ def test_bipenalty_gains_energy_where_its_points_share_nodes(pairing, turn, velo
         return cradle(WU, law, points, 1000.0, 0.9, **start, elements=2, steps=400)
 
     assert growth(of(MATCHED, pairing)) > 1.02
-    assert certificate(Model(of(MATCHED, pairing)))["energy"] == "not guaranteed"
+    assert certificate(model_of(of(MATCHED, pairing)))["energy"] == "not guaranteed"
     assert growth(of(REGULARISED, pairing)) <= 1.0 + 1e-12
     assert growth(of(MATCHED, NODES)) <= 1.0 + 1e-12
-    assert certificate(Model(of(MATCHED, NODES)))["energy"] == "never grows"
+    assert certificate(model_of(of(MATCHED, NODES)))["energy"] == "never grows"

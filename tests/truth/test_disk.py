@@ -9,7 +9,7 @@ import pytest
 import percuss
 from hertz import WHOLE, hertz, over_hertz
 from percuss.certificate.verdict import certificate
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.mesh import element_probe
 from percuss.mesh.cell_stiffness import frequencies_of_cells, stiffness_of_cells
 from percuss_methods.shapes.disk import Disk
@@ -58,7 +58,7 @@ def test_a_disk_on_a_wall(speed, elements, grading, near, light):
     """
     time, force, depth, restitution = FALLS[speed]
     case = fall(speed, elements, 1.2 * time, grading=grading)
-    mass = float(Model(case).bodies.mass.sum())
+    mass = float(model_of(case).bodies.mass.sum())
     assert 0.0 < 1.0 - mass / np.pi < light
     if grading > 1.0:
         case, mass = case.with_overrides({"bodies.disk.material.density": np.pi / mass}), np.pi
@@ -134,7 +134,7 @@ def test_rings_look_inward_and_outward(cells):
         "bodies": {"r": {"ring": {"inner": 1.0, "outer": 2.0, "elements": [24, 3], "cells": cells}, "at": [5.0, 1.0],
                          "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}},
     })  # fmt: skip
-    body = Model(case).bodies["r"]
+    body = model_of(case).bodies["r"]
     area = 24 * 0.5 * (4.0 - 1.0) * np.sin(np.pi / 12)
     assert body.mass.sum() == pytest.approx(area, rel=1e-12)
     for region, sign in (("inner", -1.0), ("outer", 1.0)):
@@ -146,16 +146,16 @@ def test_rings_look_inward_and_outward(cells):
 
 def test_a_wall_at_a_point_needs_a_normal_for_a_disk():
     with pytest.raises(percuss.InputError, match=r"expected a wall with a normal, as disk\.skin looks to all sides"):
-        Model(fall(1e-2, 8, 1.0).with_overrides({"contacts.floor.wall": [0.0, 0.0]}))
+        model_of(fall(1e-2, 8, 1.0).with_overrides({"contacts.floor.wall": [0.0, 0.0]}))
     at = {"contacts.floor.wall": -1.5, "bodies.disk.velocity": [-0.01, 0.0]}
-    model = Model(fall(1e-2, 8, 1.0).with_overrides(at))
+    model = model_of(fall(1e-2, 8, 1.0).with_overrides(at))
     assert model.contact_points.normal[0].tolist() == [-1.0, 0.0]
 
 
 @pytest.mark.parametrize("cells", ["quad4", "tri3"])
 def test_compiled_and_plain_kernels_give_cells_the_same_stiffness(cells, monkeypatch):
     """Few cells of unlike shape are asked in plain Python, many of them in compiled code."""
-    body = Model(fall(1e-2, 8, 1.0, cells)).bodies["disk"]
+    body = model_of(fall(1e-2, 8, 1.0, cells)).bodies["disk"]
     parts = body.spec.element, body.spec.material, body.view
     plain, plain_frequencies = stiffness_of_cells(*parts), frequencies_of_cells(*parts)
     monkeypatch.setattr(element_probe, "MANY", 1)
@@ -220,7 +220,7 @@ def test_a_grading_that_makes_cells_larger_than_the_radius_is_told():
 def test_a_ball_on_a_wall_over_the_ball_of_hertz(speed, poisson, time, force, depth, elements, grading):
     """Ratios of two programs written apart to the quasi-static ball: duration, force at the middle, approach."""
     case = ball(speed, elements, 1.1 * hertz(speed, poisson)[0], poisson, grading=grading)
-    mass = float(Model(case).bodies.mass.sum())
+    mass = float(model_of(case).bodies.mass.sum())
     assert mass == pytest.approx(WHOLE, rel=4e-3 if grading > 1.0 else 1e-3)
     if grading > 1.0:
         case, mass = case.with_overrides({"bodies.ball.material.density": WHOLE / mass}), WHOLE
@@ -248,7 +248,7 @@ def test_critical_steps_at_an_axis_are_those_of_an_independent_program(poisson):
         "bodies": {"a": {"block": {"size": [1, 1], "elements": [20, 20]}, "at": [0, 0], "plane": "axisymmetric",
                          "material": {"young": 1.0, "density": 1.0, "poisson": poisson}}},
     })  # fmt: skip
-    model = Model(case)
+    model = model_of(case)
     speed = np.sqrt(model.bodies["a"].modulus)
     found = certificate(model)
     assert 2.0 / model.bodies.omega * speed * 20 == pytest.approx(element, abs=6e-4)
@@ -301,7 +301,7 @@ def test_uniform_pressure_on_a_cylinder_is_hydrostatic():
         "fixed": [{"on": "left", "along": "x"}], "material": {"young": 1.0, "density": 1.0, "poisson": poisson},
     }  # fmt: skip
     load = {"constant": pressure, "on": ["a.right", "a.top", "a.bottom"], "as": "pressure"}
-    model = Model(percuss.load({
+    model = model_of(percuss.load({
         "percuss": 1, "bodies": {"a": body}, "loads": {"p": load}, "time": {"courant": 0.5, "steps": 1},
     }))  # fmt: skip
     force = np.zeros((model.bodies.n_nodes, 2))
@@ -328,7 +328,7 @@ def test_the_axis_of_revolution_moves_with_its_body_and_takes_a_force():
     run = percuss.run(about_the_axis(record={"probes": ["a.left", "a.right"]}))
     fallen = run.arrays["displacement"][-1, :, 1]
     assert np.abs(fallen + run.arrays["time"][-1]).max() < 1e-12
-    model = Model(about_the_axis(loads={"push": {"constant": 1.0, "on": "a.left", "direction": [0.0, 1.0]}}))
+    model = model_of(about_the_axis(loads={"push": {"constant": 1.0, "on": "a.left", "direction": [0.0, 1.0]}}))
     assert sum(one.force for one in model.loads.nodal_forces) == pytest.approx([0.0, 1.0], rel=1e-14)
     assert {model.bodies["a"].mesh.nodes[one.node, 0] for one in model.loads.nodal_forces} == {0.0}
 
@@ -340,7 +340,7 @@ def test_the_height_of_a_ring_is_that_of_its_section(cells, at):
     for side, wall in [("right", {"point": [at + 1.0, 0.0], "normal": [-1, 0]}),
                        ("bottom", {"point": [0.0, 0.0], "normal": [0, 1]}),
                        ("left", {"point": [at, 0.0], "normal": [1, 0]})][: 3 if at else 2]:  # fmt: skip
-        points = Model(about_the_axis(cells, at, contacts={"c": {"body": f"a.{side}", "wall": wall}})).contact_points
+        points = model_of(about_the_axis(cells, at, contacts={"c": {"body": f"a.{side}", "wall": wall}})).contact_points
         assert points.stiffness / points.weight == pytest.approx([4.0] * 5, rel=1e-12)
 
 
@@ -387,7 +387,7 @@ def test_a_region_without_a_node_is_told(more, path, tmp_path):
     bodies = {"a": {**body, **more.get("bodies", {}).get("a", {})}}
     data = {"percuss": 1, "time": {"courant": 0.5, "steps": 1}, **more, "bodies": bodies}
     with pytest.raises(percuss.InputError) as refusal:
-        Model(percuss.load(data, plugins=[tmp_path / "cell.py"]))
+        model_of(percuss.load(data, plugins=[tmp_path / "cell.py"]))
     assert f"{path}: expected a region with nodes, found none in a.nowhere" in str(refusal.value)
 
 
@@ -404,7 +404,7 @@ def test_a_mesh_that_contradicts_its_shape_is_told_there(right, wrong, said, tmp
     body = {"cell": {}, "at": [0.0, 0.0], "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
     data = {"percuss": 1, "time": {"courant": 0.5, "steps": 1}, "bodies": {"a": body}}
     with pytest.raises(percuss.PluginError, match=re.escape(f"shape cell: mesh returned {said}")) as refusal:
-        Model(percuss.load(data, plugins=[tmp_path / "cell.py"]))
+        model_of(percuss.load(data, plugins=[tmp_path / "cell.py"]))
     assert "cell.py" in str(refusal.value)
 
 
@@ -459,8 +459,8 @@ def brittle(limit, folder, material=MATERIAL):
 def test_a_material_without_a_number_is_told_before_the_run(tmp_path):
     """It is asked for the stiffness."""
     with pytest.raises(percuss.PluginError, match=r"brittle\.py:\d+: material brittle: the stress is nan, "):
-        Model(brittle(0.0, tmp_path))
-    body = Model(brittle(1.0, tmp_path)).bodies["a"]
+        model_of(brittle(0.0, tmp_path))
+    body = model_of(brittle(1.0, tmp_path)).bodies["a"]
     worse = dataclasses.replace(body.spec.material, limit=0.0)
     with pytest.raises(
         percuss.PluginError, match=r"brittle\.py:\d+: material brittle: the stress is nan, .* in cell 0"
@@ -503,12 +503,12 @@ AXIS = {
 )
 def test_the_axis_of_revolution_has_no_area_for_contact_or_pressure(keys, said):
     with pytest.raises(percuss.InputError, match=f"expected {said}, found '?a.left'? on the axis of revolution"):
-        Model(about_the_axis(**keys))
+        model_of(about_the_axis(**keys))
 
 
 @pytest.mark.parametrize("name", AXIS)
 def test_what_is_wrong_about_an_axis_is_told(name):
     changes, said = AXIS[name]
     with pytest.raises(percuss.InputError) as refusal:
-        Model(ball(0.01, 8, 1.0).with_overrides({f"bodies.ball.{key}": value for key, value in changes.items()}))
+        model_of(ball(0.01, 8, 1.0).with_overrides({f"bodies.ball.{key}": value for key, value in changes.items()}))
     assert said in str(refusal.value)

@@ -590,12 +590,12 @@ def test_elements_of_more_nodes_are_refused():
 
 def test_waves_at_ends_without_mass_are_not_told():
     from percuss.certificate.waves import waves
-    from percuss.march.model import Model
+    from percuss.march.model import model_of
 
     case = hunek(4, contact="lagrange")
     case["method"]["mass"] = "redistributed"
     with pytest.raises(percuss.PercussError, match="waves are measured of ends with mass"):
-        waves(Model(percuss.load(case)))
+        waves(model_of(percuss.load(case)))
 
 
 @pytest.mark.parametrize("law", ["moreau-jean", "penalty"])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import percuss
 from percuss.certificate import verdict
 from percuss.certificate.closed_laws import closed_laws
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.step import loop as leapfrog_loop
 from strategies import (
     CORE,
@@ -103,7 +103,7 @@ def between_two_walls(law, integrator=WU, steps=10_000, courant=0.5, elements=12
 
 def is_guaranteed(integrator, law):
     """Whether a pair guarantees anything of the energy of a bar that meets walls; without contact others do too."""
-    model = Model(percuss.load(between_two_walls(law, integrator)))
+    model = model_of(percuss.load(between_two_walls(law, integrator)))
     return closed_laws(model, model.dt).energy in {"never grows", "conserved between switchings"}
 
 
@@ -191,7 +191,7 @@ def test_energy_never_grows_over_many_impacts(law):
 
 def at_stable_step(case):
     """Return the case with a step below the critical one, where its own is known to be above that."""
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     if verdict.certificate(model, with_critical_step=False)["stable"] != "no":
         return case
     found = verdict.certificate(model)

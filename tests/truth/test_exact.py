@@ -18,7 +18,7 @@ import characteristics
 import percuss
 import places
 from percuss.contact.contact_problem import contact_problem
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.results import exact_only
 from percuss.results.exact_only import run_exact
 from percuss_methods.solutions import _row
@@ -42,7 +42,7 @@ def solve(case, end=None, overrides=None):
     """Return the exact solution of a covered case, given as a mapping or as the name of a shipped one."""
     if isinstance(case, str):
         case = CASES / f"{case}.yaml"
-    model = Model(percuss.load(case, overrides))
+    model = model_of(percuss.load(case, overrides))
     engine = REGISTRY.get("solutions", "bars-in-a-row")()
     problem = contact_problem(model)
     assert engine.covers(problem) is None
@@ -1412,7 +1412,7 @@ def test_no_period_of_a_load_is_overlooked_and_grazing_does_not_stop_it(frequenc
 
 def test_a_load_with_more_pieces_than_fronts_allowed_stops_it_early():
     case = pushed({"harmonic": {"value": 1.0, "mean": 1.0, "frequency": 50.0}}, 20.0)
-    problem = contact_problem(Model(percuss.load(case)))
+    problem = contact_problem(model_of(percuss.load(case)))
     solution = REGISTRY.get("solutions", "bars-in-a-row")(most_fronts=5000).solve(problem, 20.0)
     assert 1.0 < solution.reached < 20.0
     assert solution.stopped in {
@@ -1513,7 +1513,7 @@ def test_a_sine_is_followed_through_a_row_of_unlike_bars(count, cycles, ratio):
 def test_a_feature_that_no_kink_announces_is_not_overlooked(tmp_path):
     (tmp_path / "bump.py").write_text(BUMP)
     case = long_bars({"bump": {"at": 7.123, "width": 0.02}}, 40.0)
-    problem = contact_problem(Model(percuss.load(case, plugins=[tmp_path / "bump.py"])))
+    problem = contact_problem(model_of(percuss.load(case, plugins=[tmp_path / "bump.py"])))
     solution = REGISTRY.get("solutions", "bars-in-a-row")().solve(problem, 40.0)
     assert solution.reached == 40.0
     assert solution.contacts["ab"].impulse(np.array(40.0)) == pytest.approx(0.02 * math.sqrt(math.pi), rel=1e-10)
@@ -1606,7 +1606,7 @@ def test_past_the_most_fronts_it_stops_and_says_where(most):
     case = hunek(n=1, end=12.0)
     case["bodies"]["long"]["material"] = {"young": 77.0, "density": 0.013}
     case["bodies"]["short"]["fixed"] = ["left"]
-    problem = contact_problem(Model(percuss.load(case)))
+    problem = contact_problem(model_of(percuss.load(case)))
     engine = REGISTRY.get("solutions", "bars-in-a-row")
     whole, short = engine().solve(problem, 12.0), engine(most_fronts=most).solve(problem, 12.0)
     assert whole.reached == 12.0

@@ -10,7 +10,7 @@ import pytest
 import percuss
 from percuss.contact.contact_problem import contact_problem
 from percuss.heartbeat import heard_by
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.reporting.explanation import explanation
 from percuss.reporting.verdict import run_verdict
 from percuss.results import exact, exact_only
@@ -66,7 +66,7 @@ def unlike(**solution):
 @pytest.mark.parametrize("tiny", [1e-7, 1e-9])
 def test_a_tiny_bar_is_refused_before_anything_is_spent(tiny):
     case = pressed(tiny)
-    model, began = Model(case), time.process_time()
+    model, began = model_of(case), time.process_time()
     reason = exact_solution(model, 1.0)[2]
     assert time.process_time() - began < 0.5
     assert reason.startswith("bars-in-a-row: it takes more than 1 GB of memory, at least 3")
@@ -83,11 +83,11 @@ def test_the_run_goes_on_without_the_exact_solution():
     reason = result.summary["exact_reason"]
     assert reason.startswith("bars-in-a-row: it takes more than 0.0001 GB of memory, at least ")
     assert reason in " ".join(run_verdict(result, None, ""))
-    assert reason in explanation(Model(case)).text  # so it is known before the run, too
+    assert reason in explanation(model_of(case)).text  # so it is known before the run, too
 
 
 def test_the_least_memory_is_no_more_than_what_is_spent():
-    model = Model(pressed(1e-5))
+    model = model_of(pressed(1e-5))
     solution, _, reason = exact_solution(model, 1.0)
     assert not reason
     least = _bounds.least_memory(contact_problem(model), 1.0)
@@ -98,16 +98,16 @@ def test_the_least_memory_is_no_more_than_what_is_spent():
 
 
 def test_the_case_raises_and_lowers_the_bounds():
-    model = Model(pressed(1e-4, most_memory=1e-3))
+    model = model_of(pressed(1e-4, most_memory=1e-3))
     assert "at least" in exact_solution(model, 1.0)[2]
-    assert exact_solution(Model(pressed(1e-4, most_memory=0.1)), 1.0)[0].reached == 1.0
+    assert exact_solution(model_of(pressed(1e-4, most_memory=0.1)), 1.0)[0].reached == 1.0
 
 
 def test_fronts_that_multiply_end_the_solution_where_its_memory_does():
     """The part that is known follows from the case alone, so that it is the same on every machine."""
-    whole, _, reason = exact_solution(Model(unlike()), 20.0)
+    whole, _, reason = exact_solution(model_of(unlike()), 20.0)
     assert not reason
-    parts = [exact_solution(Model(unlike(most_memory=2e-3)), 20.0) for _ in range(2)]
+    parts = [exact_solution(model_of(unlike(most_memory=2e-3)), 20.0) for _ in range(2)]
     part, _, reason = parts[0]
     assert 1.0 < part.reached == parts[1][0].reached < 20.0
     assert "it takes more than 0.002 GB of memory" in reason
@@ -129,7 +129,7 @@ def test_too_much_processor_time_leaves_no_solution_and_no_number(monkeypatch):
 
 
 def test_pauses_change_no_bit(monkeypatch):
-    model = Model(unlike(most_fronts=2_000_000))
+    model = model_of(unlike(most_fronts=2_000_000))
     whole = exact_solution(model, 20.0)[0]
     monkeypatch.setattr(_row, "EVENTS", 10)
     exact._kept.clear()
@@ -152,7 +152,7 @@ def test_a_load_faster_than_any_step_is_called_so_at_once(frequency):
 
 
 def test_a_fast_load_that_takes_much_memory_is_known_beforehand():
-    solution, _, reason = exact_solution(Model(pushed({"harmonic": {"value": 1.0, "frequency": 1e5}})), 4.0)
+    solution, _, reason = exact_solution(model_of(pushed({"harmonic": {"value": 1.0, "frequency": 1e5}})), 4.0)
     assert solution is None
     assert ", about" in reason
     assert "GB for load 'push' (harmonic) (method.solution.most_memory)" in reason
@@ -198,7 +198,7 @@ def test_the_progress_of_an_exact_solution_is_told(monkeypatch):
     monkeypatch.setattr(_row, "EVENTS", 500)
     shares = []
     with heard_by(shares.append):
-        exact_solution(Model(unlike(most_memory=0.8)), 20.0)
+        exact_solution(model_of(unlike(most_memory=0.8)), 20.0)
     assert shares[0] == 0.0
     assert shares == sorted(shares)
     assert len(set(shares)) > 3
@@ -207,7 +207,7 @@ def test_the_progress_of_an_exact_solution_is_told(monkeypatch):
 
 def test_a_solution_of_few_fronts_and_many_pieces_is_not_kept():
     exact._kept.clear()
-    solution, _, _ = exact_solution(Model(pressed(1e-5)), 1.0)
+    solution, _, _ = exact_solution(model_of(pressed(1e-5)), 1.0)
     assert solution.fronts < 100
     assert solution.memory > exact.MOST_BYTES
     assert not exact._kept
@@ -218,14 +218,14 @@ def test_that_there_is_no_solution_in_time_is_kept(monkeypatch):
     monkeypatch.setattr(_row, "EVENTS", 1000)
     calls, original = [], exact.answer
     monkeypatch.setattr(exact, "answer", lambda *given: calls.append(given[1]) or original(*given))
-    reasons = [exact_solution(Model(unlike(most_seconds=1e-4)), 20.0)[2] for _ in range(2)]
+    reasons = [exact_solution(model_of(unlike(most_seconds=1e-4)), 20.0)[2] for _ in range(2)]
     assert reasons[0] == reasons[1]
     assert calls.count("solve") == 1
 
 
 def test_many_waves_and_bars_have_fewer_samples():
     """Their energies at 2001 times would take minutes."""
-    model = Model(pressed(1e-3))
+    model = model_of(pressed(1e-3))
     counts = [exact_only._sample_count(model, SimpleNamespace(fronts=fronts)) for fronts in (100, 100_000, 10_000_000)]
     assert counts == [2001, 332, 101]
 

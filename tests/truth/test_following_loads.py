@@ -12,7 +12,7 @@ import places
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.verdict import certificate
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, checks
 from strategies import CORE, INTEGRATORS, INVISCID, each_integrator, number, run
@@ -130,7 +130,7 @@ def percuss_loads():
     assert distance[-1] == pytest.approx(0.02 * 1.0 / (2 * 0.5), rel=2e-3)
     assert np.abs(result.arrays["velocity"][-200:, 0]).max() < 1e-12  # the end with friction rests, to the last
     assert result.summary["energy"]["ledger_error"] < 1e-12
-    found = certificate(Model(percuss.load(case, plugins=[file])))
+    found = certificate(model_of(percuss.load(case, plugins=[file])))
     assert found["stable"] == "unknown"
     assert "no sum of a spring and a dashpot" in found["why"]
     with pytest.raises(percuss.InputError, match="expected loads of which the critical step is known"):
@@ -200,7 +200,7 @@ def percuss_loads():
 def test_the_critical_step_of_velocity_verlet_with_an_absorbing_end():
     """It evaluates the dashpot half a step late: by the dense matrix of the step, and by runs at steps about it."""
     case = bar({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5, elements=8)
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     critical = certificate(model)["courant_critical"]
     mass, identity = model.bodies.mass[:, None], np.eye(9)
     stiffness = 8 * STEEL["young"] / 10.0 * (np.diff(identity, axis=0).T @ np.diff(identity, axis=0))
@@ -225,7 +225,7 @@ def test_the_critical_step_of_velocity_verlet_with_an_absorbing_end():
 def test_linear_laws_and_black_box_agree_on_mounts():
     for stiffness, damping in ((0.0, 3.0), (400.0, 0.0), (150.0, 20.0)):
         case = bar({"mount": mount(stiffness, damping)}, elements=4, courant=0.5)
-        model = Model(percuss.load(case))
+        model = model_of(percuss.load(case))
         by_laws, by_step = (kind(model).critical_step for kind in (linear_laws, BlackBox))
         assert by_step == pytest.approx(by_laws, rel=1e-5)
         assert (by_laws < 2.0 / model.bodies.omega * (1 - 1e-9)) is (stiffness > 0.0)
@@ -233,7 +233,7 @@ def test_linear_laws_and_black_box_agree_on_mounts():
 
 def test_a_dashpot_that_drives_is_unstable():
     case = bar({"drive": mount(damping=0.5)}, elements=4, courant=0.5)
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     driven = model.loads.followers[0].__class__(**{**vars(model.loads.followers[0]), "numbers": (0.0, -0.5)})
     found = certificate(model._derived(loads=model.loads._replace(followers=(driven,))))
     assert found["by"] == "black-box"
@@ -241,7 +241,7 @@ def test_a_dashpot_that_drives_is_unstable():
 
 
 def test_a_load_that_follows_during_a_part_of_the_run_has_no_certificate():
-    found = certificate(Model(percuss.load(bar({"mount": mount(1.0, 1.0, until=0.1)}, courant=0.5))))
+    found = certificate(model_of(percuss.load(bar({"mount": mount(1.0, 1.0, until=0.1)}, courant=0.5))))
     assert found["stable"] == "unknown"
     assert "during only a part of the run" in found["why"]
 
@@ -262,7 +262,7 @@ def test_a_load_that_follows_during_a_part_of_the_run_has_no_certificate():
 )  # fmt: skip
 def test_where_a_load_cannot_follow_it_is_refused(loads, message):
     with pytest.raises(percuss.InputError, match=message):
-        Model(percuss.load(bar(loads)))
+        model_of(percuss.load(bar(loads)))
 
 
 DRAG = '''
@@ -330,5 +330,5 @@ def test_the_kit_finds_a_load_that_keeps_state(tmp_path):
 def test_the_critical_courant_number_of_the_page_is_true():
     page = (places.ROOT / "plugins" / "STABILITY.md").read_text(encoding="utf-8")
     case = bar({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5)
-    critical = certificate(Model(percuss.load(case)))["courant_critical"]
+    critical = certificate(model_of(percuss.load(case)))["courant_critical"]
     assert f"`velocity-verlet` up to a Courant number of {critical:.3f} |" in page

@@ -11,7 +11,7 @@ import percuss
 import places
 from percuss.certificate.verdict import certificate
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, checks
 from strategies import hunek
@@ -67,7 +67,7 @@ def gradient(tmp_path_factory):
 
 def marched(case, files, compiled):
     """March a case, and return the march with its state after the last step."""
-    model = Model(percuss.load(case, plugins=files))
+    model = model_of(percuss.load(case, plugins=files))
     march = March(model)
     if compiled:
         march.compile()
@@ -220,7 +220,7 @@ def test_its_limit_is_the_root_of_twelve(gradient):
     """The trace of the step is 2 - x + x^2/12 - ..., which leaves [-2, 2] at x = (omega dt)^2 = 12."""
     case = two_bars("force-gradient")
     del case["contacts"], case["loads"]
-    judged = certificate(Model(percuss.load(case, plugins=gradient)))
+    judged = certificate(model_of(percuss.load(case, plugins=gradient)))
     assert judged["stable"] == "yes"
     assert judged["courant_critical"] == pytest.approx(math.sqrt(3.0), rel=1e-6)
 
@@ -229,7 +229,7 @@ def test_a_closed_contact_is_no_spring_of_the_mesh(gradient):
     """The linear laws take contact and mesh alike, and here they are not: the black box decides."""
     case = two_bars("force-gradient")
     del case["loads"]
-    judged = certificate(Model(percuss.load(case, plugins=gradient)))
+    judged = certificate(model_of(percuss.load(case, plugins=gradient)))
     assert judged["by"] == "black-box"
     assert 0.0 < judged["courant_critical"] < math.sqrt(3.0)
 

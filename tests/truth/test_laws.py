@@ -18,7 +18,7 @@ from dense import assemble
 from percuss.certificate.verdict import certificate
 from percuss.contact.law_trials import trial_of
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.testing.subject import sample_points
 from strategies import FIRST, REGISTRY, hunek, run
 
@@ -272,7 +272,7 @@ def test_a_pressed_bar_under_nitsche_stays_at_rest_with_the_exact_pressure_and_n
     contacts, loads = {"c": {"body": "a.right", "wall": 1.0}}, {"push": {"constant": pressure, "on": "a.left"}}
     pressed = {**case_with(ROW, {"name": "nitsche"}), "bodies": bodies, "contacts": contacts, "loads": loads}
     pressed["record"] = {"probes": []}
-    bars, march = assemble(pressed), March(Model(percuss.load(pressed)), compiled=False)
+    bars, march = assemble(pressed), March(model_of(percuss.load(pressed)), compiled=False)
     free = np.arange(bars.K.shape[0]) != bars.node("a.right")
     rest, force = np.zeros((2, free.size))
     force[bars.node("a.left")] = pressure
@@ -458,7 +458,7 @@ def test_an_odd_number_of_iterations_halves_the_limit_of_uzawas_method(iteration
         return hunek(4, integrator=CD, contact={"name": "uzawa", "beta_s": beta_s, "iterations": iterations})
 
     for theta in (0.95, 1.05, 1.9):
-        found = certificate(Model(percuss.load(case(theta))))
+        found = certificate(model_of(percuss.load(case(theta))))
         assert found["theta"] == pytest.approx(1.0 - (1.0 - theta) ** iterations, rel=1e-9)
         assert found["stable"] == ("yes" if even or theta < 1.0 else "no")
     if even:
@@ -502,7 +502,7 @@ def particle(law, young=1e-30, *, certified=False, **time):
     case |= {"method": {"integrator": CD, "contact": law}, "record": {"probes": ["a.right"]}}
     case["time"] = {"step": 0.01, "steps": 40, **time}
     if certified:
-        return certificate(Model(percuss.load(case)))
+        return certificate(model_of(percuss.load(case)))
     result = run(case)
     return result, -np.diff(result.arrays["gap"][:, 0]) / result.summary["dt"]  # speeds towards the wall
 
@@ -641,7 +641,7 @@ def test_nitsche_adds_energy_in_an_impact_and_less_stiffness_adds_much_more():
 )
 def test_what_is_said_to_keep_the_free_step_does(law, courant):
     uniform = {**ROW, "bodies": {**ROW["bodies"], "a": {**ROW["bodies"]["a"], "bar": {"length": 1.0, "elements": 5}}}}
-    found = certificate(Model(percuss.load(case_with(uniform, law, courant=courant, steps=20))))
+    found = certificate(model_of(percuss.load(case_with(uniform, law, courant=courant, steps=20))))
     assert found["dt_critical"] == pytest.approx(found["dt_critical_free"], rel=1e-6)
     assert found["stable"] == "yes"
 

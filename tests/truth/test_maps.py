@@ -16,7 +16,7 @@ import places
 from command_line import percuss_command
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate, settled
 from percuss.certificate.waves import waves
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.reporting.stability_figure import stability_figure
 from strategies import CORE_PAIRS, INVISCID, hunek, pair_id, rows, with_pair
 
@@ -170,7 +170,7 @@ def by_wu(frequency, beta, ratio, courant):
 @pytest.mark.parametrize("integrator", [CD, WU])
 def test_transmission_is_that_of_the_formula(integrator, beta, ratio):
     law = {"name": "bipenalty", "beta_s": beta, "ratio": ratio}
-    found = waves(Model(percuss.load(hunek(n=8, courant=0.3, integrator=integrator, contact=law))))
+    found = waves(model_of(percuss.load(hunek(n=8, courant=0.3, integrator=integrator, contact=law))))
     expected = transmission(found.frequency, beta, ratio)
     if integrator == WU:
         expected = by_wu(found.frequency, beta, ratio, 0.3)
@@ -195,7 +195,7 @@ def test_a_wave_packet_gets_through_as_the_interface_says():
     }
     from percuss.certificate.closed_step import ClosedStep, Motions
 
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     step = ClosedStep(Motions(model), model.dt, [0])
     x, omega = np.arange(2 * n + 2) - np.r_[np.zeros(n + 1), np.ones(n + 1)], 0.9
     k = 2 * np.arcsin(omega / 2)
@@ -219,7 +219,7 @@ def test_a_wave_packet_gets_through_as_the_interface_says():
 
 
 def test_a_wall_throws_everything_back():
-    found = waves(Model(percuss.load(wall(1.0, 2.0))))
+    found = waves(model_of(percuss.load(wall(1.0, 2.0))))
     assert np.abs(np.abs(found.reflected) - 1).max() < 1e-9
     assert np.abs(found.transmitted).max() == 0
     assert "identical bars" in found.reason
@@ -228,14 +228,14 @@ def test_a_wall_throws_everything_back():
 @pytest.mark.parametrize("integrator", INVISCID)
 @pytest.mark.parametrize("law", ["lagrange", "tied"])
 def test_bars_kept_together_are_one_bar(integrator, law):
-    found = waves(Model(percuss.load(hunek(n=6, integrator=integrator, contact={"name": law}))))
+    found = waves(model_of(percuss.load(hunek(n=6, integrator=integrator, contact={"name": law}))))
     assert np.abs(found.transmitted - 1).max() < 1e-9
     assert np.abs(found.reflected).max() < 1e-9
 
 
 def test_waves_that_fade_are_no_harmonics():
     with pytest.raises(percuss.PercussError, match="is viscous: harmonics at an interface"):
-        waves(Model(percuss.load(hunek(n=6, integrator="viscous-central-difference", contact={"name": "lagrange"}))))
+        waves(model_of(percuss.load(hunek(n=6, integrator="viscous-central-difference", contact={"name": "lagrange"}))))
 
 
 def test_unlike_bars_keep_the_energy_of_waves():
@@ -244,7 +244,7 @@ def test_unlike_bars_keep_the_energy_of_waves():
         "bar": {"length": 1.0, "elements": 80}, "at": -1.0, "area": 2.0, "material": {"young": 3.0, "density": 2.0},
     }  # fmt: skip
     case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
-    found = waves(Model(percuss.load(case)))
+    found = waves(model_of(percuss.load(case)))
     inside = found.frequency * 80 * math.sqrt(1.5) / 60 < 2.0  # of the other bar
     assert np.abs(found.kept - 1).max() < 1e-9
     assert (np.abs(found.reflected[~inside]) > 1 - 1e-9).all()

@@ -7,7 +7,7 @@ import pytest
 
 import percuss
 from percuss.contact.laws import parameters
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.reporting.component import component_text
 from strategies import REGISTRY, is_refused
 
@@ -213,7 +213,7 @@ def test_the_areas_of_two_contacts_side_by_side_add_up_to_the_face(cells, pairin
 
     bodies = {"a": body([0.0, 0.0], 1.0, 8), "b": body([1.0, 0.0], 0.5, 3), "c": body([1.0, 0.5], 0.5, 4)}
     contacts = {f"a{name}": {"between": ["a.right", f"{name}.left"]} for name in ("b", "c")}
-    model = Model(case(bodies, contacts, pairing=pairing))
+    model = model_of(case(bodies, contacts, pairing=pairing))
     whole = model.bodies["a"].area_of("right")
     for name in contacts:
         area = model.contact_points.weight[np.array(model.contact_points.names) == name].sum()
@@ -223,7 +223,7 @@ def test_the_areas_of_two_contacts_side_by_side_add_up_to_the_face(cells, pairin
 @pytest.mark.parametrize("pairing", [NODES, MORTAR])
 def test_a_node_at_the_end_of_the_other_face_has_the_area_that_lies_over_it(pairing):
     bodies = {"a": block([0.0, 0.0], [0.1, 0.0], (4, 8), (1.0, 0.8)), "b": block([1.0, 0.2], [0.0, 0.0], (4, 4))}
-    model = Model(case(bodies, {"c": {"between": ["a.right", "b.left"]}}, pairing=pairing))
+    model = model_of(case(bodies, {"c": {"between": ["a.right", "b.left"]}}, pairing=pairing))
     assert model.contact_points.weight == pytest.approx([0.05, 0.1, 0.1, 0.1, 0.05], rel=1e-9)
 
 
@@ -268,7 +268,7 @@ def test_the_parameters_of_a_contact_of_surfaces_are_those_of_bars_of_its_area(l
     of_bars = law | {name: area * law[name] for name in per_area}
     bars = case({"a": bar(0.0, 0.1, area), "b": bar(1.0, 0.0, area)}, {"c": {"between": ["a.right", "b.left"]}},
                 CENTRAL, of_bars, None)  # fmt: skip
-    of_blocks, of_bars = (parameters(Model(one))["c"] for one in (blocks, bars))
+    of_blocks, of_bars = (parameters(model_of(one))["c"] for one in (blocks, bars))
     assert of_blocks.keys() == of_bars.keys()
     assert of_blocks.pop("law") == of_bars.pop("law")
     for name, value in of_blocks.items():

@@ -12,7 +12,7 @@ from percuss.certificate.black_box import examine
 from percuss.certificate.closed_step import Motions
 from percuss.certificate.verdict import certificate, settled
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 
 STIFF = {"young": 1e4, "density": 0.01}
 SOFT = {"young": 100.0, "density": 0.01}
@@ -68,7 +68,7 @@ def two_bars(contact="penalty", courant=0.5, soft=40, **time):
 def test_motion_forces_and_energies_are_those_of_full_matrices(contact):
     law = {"name": contact} | ({} if contact == "lagrange" else {"beta_s": 0.3})
     case = three_bars(law, on_unstable="warn")
-    assert Model(percuss.load(case)).leaps == (1, 10, 3)
+    assert model_of(percuss.load(case)).leaps == (1, 10, 3)
     result, reference = run(case), dense.march(case)
     force = result.arrays["contact_force"]
     assert (force != 0.0).any(axis=0).all()  # both contacts close
@@ -88,7 +88,7 @@ def test_displacements_inside_the_bodies_are_recorded_at_the_time_of_the_record(
     """Nodes inside a body are advanced by m steps at a time: snapshots and the last displacement go back to t_n."""
     case = three_bars({"name": "penalty", "beta_s": 0.3}, steps=333)
     reference = dense.march(case)
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     outcome = March(model).run()
     assert np.abs(outcome.final_displacement - reference.u[333]).max() < 1e-12
     case["record"]["fields"] = 111
@@ -117,7 +117,7 @@ def test_in_two_dimensions_and_with_cells_the_same_impact_gives_the_same_force()
 def test_bodies_alike_make_central_difference_to_the_last_bit():
     case = two_bars(steps=300)
     case["bodies"]["stiff"]["material"] = SOFT
-    assert Model(percuss.load(case)).period == 1
+    assert model_of(percuss.load(case)).period == 1
     ours = run(case)
     case["method"]["integrator"] = "central-difference"
     theirs = run(case)
@@ -127,7 +127,7 @@ def test_bodies_alike_make_central_difference_to_the_last_bit():
 
 
 def test_plain_python_agrees():
-    model = Model(percuss.load(three_bars(steps=60)))
+    model = model_of(percuss.load(three_bars(steps=60)))
     plain, compiled = March(model, compiled=False).run(), March(model).run()
     for name in plain.record.energy.dtype.names[:6]:
         assert np.abs(plain.record.energy[name] - compiled.record.energy[name]).max() < 1e-15
@@ -193,7 +193,7 @@ def period_matrix(case, stiffness):
 @pytest.mark.parametrize("beta", [0.5, 20.0, 200.0])
 def test_the_amplification_is_that_of_full_matrices(courant, beta):
     case = two_bars({"name": "penalty", "beta_s": beta}, courant=courant, on_unstable="warn", steps=10)
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     for closed in ((), (0,)):
         radius = np.abs(np.linalg.eigvals(period_matrix(case, len(closed) * beta * 1000.0))).max()
         found = examine(Motions(model), model.dt, closed)
@@ -223,7 +223,7 @@ def test_one_mass_between_two_springs_has_the_resonance_of_the_text():
     courants = np.arange(0.02, 1.0, 0.01)
     for courant in courants:
         case["time"]["courant"] = float(courant)
-        model = Model(percuss.load(case))
+        model = model_of(percuss.load(case))
         assert model.leaps == (1, 4)
         said.append(certificate(model)["stable"])
         h, fast, slow = model.dt, 1600.0 / 0.01, 100.0 / 0.01  # springs over the mass of the joined ends
@@ -243,7 +243,7 @@ def test_one_mass_between_two_springs_has_the_resonance_of_the_text():
 def test_resonance_of_tied_bars_is_found_and_real(courant):
     """Steps of unlike length resonate below the limit of each body; r-RESPA and AVI are known for it."""
     case = two_bars("tied", courant=courant, end=1.0, on_unstable="warn")
-    judged = certificate(Model(percuss.load(case)))
+    judged = certificate(model_of(percuss.load(case)))
     assert judged["stable"] == "no"
     assert "resonate" in judged["cure"]
     result = run(case)
@@ -270,7 +270,7 @@ def test_a_step_that_is_called_stable_does_not_grow(contact, courant):
 
 def test_what_the_certificate_cannot_know_is_unknown_with_the_reason():
     def why(case):
-        judged = certificate(Model(percuss.load(case)))
+        judged = certificate(model_of(percuss.load(case)))
         assert judged["stable"] == "unknown"
         return judged["why"]
 
@@ -301,7 +301,7 @@ def test_refused_combinations():
     massless = two_bars("lagrange")
     massless["method"]["mass"] = "redistributed"
     with pytest.raises(percuss.RefusedPair, match="asynchronous gives no internal forces that act in every step"):
-        Model(percuss.load(massless))
+        model_of(percuss.load(massless))
 
 
 # -------------------------------------------------------------------------------------------------- the cost
@@ -309,7 +309,7 @@ def test_refused_combinations():
 
 def test_internal_forces_of_a_body_that_is_not_due_are_not_evaluated():
     """Its elements are made to give nan between two kicks: nothing shows until the next one."""
-    march = March(Model(percuss.load(two_bars(steps=40))))
+    march = March(model_of(percuss.load(two_bars(steps=40))))
     march.compile()
     march.advance(march.stepper.amplitudes(0, 11), 0, 11)
     ((block, _, _),) = march.arrays.blocks

@@ -8,7 +8,7 @@ import pytest
 
 import percuss
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.interfaces import Surface
 from percuss_methods.pairings.mortar import Mortar
 from solid_figures import FOUR, IN_AN_IMPACT
@@ -33,7 +33,7 @@ def block(at, speed, across):
 def surfaces_at_the_end(integrator, law, pairing, meshes, courant):
     """Return the velocities of the surfaces over that of impact, and the pressures over the exact one, at t = 1."""
     step = courant * min(0.05, 0.2 / np.max(meshes))
-    model = Model(percuss.load({
+    model = model_of(percuss.load({
         "percuss": 1, "bodies": {"left": block(0.0, 0.5, meshes[0]), "right": block(1.0, -0.5, meshes[1])},
         "contacts": {"seam": {"between": ["left.right", "right.left"]}},
         "method": {"integrator": integrator, "contact": law, "pairing": pairing},
@@ -234,7 +234,7 @@ def test_mortar_in_space_sees_the_nearer_of_two_layers():
 
 def test_mortar_in_space_sees_the_near_side_of_a_closed_body_alone():
     ball = {"ball": {"radius": 1.0, "elements": 8}, "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
-    model = Model(percuss.load({
+    model = model_of(percuss.load({
         "percuss": 1, "bodies": {"a": {**ball, "at": [-1, 0, 0]}, "b": {**ball, "at": [1, 0, 0]}},
         "contacts": {"seam": {"between": ["a.skin", "b.skin"], "pairing": "mortar"}},
         "time": {"courant": 0.5, "steps": 1},
@@ -288,6 +288,6 @@ def test_a_pairing_that_returns_wrong_points_is_named(change, said, tmp_path):
         "time": {"courant": 0.5, "steps": 1},
     }  # fmt: skip
     with pytest.raises(percuss.PluginError) as refusal:
-        Model(percuss.load(case, plugins=[tmp_path / "wrong.py"]))
+        model_of(percuss.load(case, plugins=[tmp_path / "wrong.py"]))
     assert said in str(refusal.value)
     assert "wrong.py" in str(refusal.value)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import percuss
 from percuss.case.options import options_of
 from percuss.certificate import verdict
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from strategies import (
     CORE_PAIRS,
     FIRST,
@@ -68,7 +68,7 @@ def never_stopped(case, stopped):
     integrator, contact = case["method"]["integrator"], case["method"]["contact"]["name"]
     if case["time"]["courant"] >= REGISTRY.get("integrators", integrator).critical_courant:
         return  # at the limit the highest frequency of a free bar grows with time, though not exponentially
-    theta = verdict.verdict_alone(Model(percuss.load(case)))["theta"]
+    theta = verdict.verdict_alone(model_of(percuss.load(case)))["theta"]
     assert contact != "lagrange"
     assert not (integrator == "wu-predictor-corrector" and contact == "bipenalty" and theta < 0.5)
 
@@ -425,7 +425,7 @@ def test_of_two_sides_of_the_same_stiffness_none_is_the_softer_one_by_round_off(
             "method": {"integrator": "central-difference", "contact": "penalty"},
             "time": {"end": 1.0, "courant": 0.5},
         }
-        masses.append(Model(percuss.load(case)).contact_points.mass[0] / area)
+        masses.append(model_of(percuss.load(case)).contact_points.mass[0] / area)
     assert np.allclose(masses, masses[0], rtol=1e-12)
 
 

@@ -11,7 +11,7 @@ import pytest
 import percuss
 from command_line import percuss_command
 from percuss.case.options import options_of
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 from percuss.reporting.recommendation_words import bounds_in_words, in_words, recommendation_lines
 from percuss.studies import recommendation
@@ -526,7 +526,7 @@ def test_a_grid_of_all_that_may_be_chosen_has_hardly_anything_cheaper(case, erro
 
 
 def planned(case, candidate):
-    model = Model(case.with_overrides({**recommendation._fixed(case), **candidate.changes}))
+    model = model_of(case.with_overrides({**recommendation._fixed(case), **candidate.changes}))
     return model.steps * len(model.bodies.nodes)
 
 

@@ -9,7 +9,7 @@ from support.places import CASES
 import percuss
 from percuss.case.quantities import by_two, percent
 from percuss.errors import InputError
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.reporting.study_answer import answer
 from percuss.reporting.study_data import columns
 from percuss.reporting.terminal import _error_lines, _ranks, comparison_lines
@@ -73,7 +73,7 @@ def test_one_finer_run_judges_all_methods_steps_and_meshes(monkeypatch):
 
 def test_displacements_between_the_nodes_of_the_finer_mesh_are_those_of_its_cells():
     case = percuss.load(BLOCKS, {"expect": ()})
-    coarse, fine = Model(case), Model(case.with_overrides({"refine": 1.6}))
+    coarse, fine = model_of(case), model_of(case.with_overrides({"refine": 1.6}))
     gradient = np.array([[0.3, -0.2], [0.1, 0.4]])
     for name, body in coarse.bodies.items():
         moved = _at_nodes(body.mesh.nodes, fine.bodies[name], fine.bodies[name].mesh.nodes @ gradient)

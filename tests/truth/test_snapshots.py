@@ -7,7 +7,7 @@ import pytest
 from test_solids import WU, block
 
 import percuss
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.mesh.stresses import stress_field
 from percuss.results.fields import von_mises
 
@@ -22,7 +22,7 @@ def body(**more):
 def stress_of(gradient, plugins=(), **more):
     """Return the stress in the cells of a block whose displacement has a gradient, (cells, 3, 3)."""
     case = {"percuss": 1, "bodies": {"a": body(**more)}, "time": {"courant": 0.5, "steps": 1}}
-    only = Model(percuss.load(case, plugins=plugins)).bodies["a"]
+    only = model_of(percuss.load(case, plugins=plugins)).bodies["a"]
     numbers = np.arange(only.count)
     u = (only.mesh.nodes @ np.transpose(gradient) + [0.7, -0.2])[only.element_nodes(numbers)]
     return stress_field(only, numbers, u[None], np.zeros((1, only.count, only.volumes.shape[1], 0)))[0]

@@ -7,7 +7,7 @@ import percuss
 from percuss.certificate.verdict import certificate
 from percuss.contact.laws import parameters
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.results.exact_only import run_exact
 from percuss.results.ledger import angular_momentum_summary, open_accounts
 from solid_figures import STEPS
@@ -84,7 +84,7 @@ def test_critical_steps_are_those_of_an_independent_program(cells, plane, poisso
     }  # fmt: skip
     method = {"integrator": "central-difference"}
     case = {"percuss": 1, "bodies": {"a": body}, "method": method, "time": {"courant": 0.5, "steps": 1}}
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     speed = np.sqrt(model.bodies["a"].modulus)
     found = certificate(model)
     assert 2.0 / model.bodies.omega * speed * 20 == pytest.approx(element, rel=1e-3)
@@ -169,7 +169,7 @@ def test_a_block_that_is_turned_is_the_block_in_that_direction():
 def test_spin_turns_a_body_about_its_centre_of_mass(cells):
     body = {**block(0.0, 0.0, [20, 4], 0.3, cells), "spin": 0.01, "angle": 30.0, "velocity": [0.2, -0.1]}
     case = {"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 20}}
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     result = percuss.run(percuss.load(case))
     mass, nodes = model.bodies.mass, model.bodies["a"].mesh.nodes
     arm = nodes - mass @ nodes / mass.sum()
@@ -209,7 +209,7 @@ def test_angular_momentum_is_balanced_by_the_moments_of_impulses(integrator):
         },
         "method": {"integrator": integrator, "contact": {"name": "penalty", "beta_s": 0.25}},
     })  # fmt: skip
-    model, march = Model(case), March(Model(case))
+    model, march = model_of(case), March(model_of(case))
     outcome = march.run()
     nodes, mass = model.bodies.nodes - mean_place(model.bodies.nodes, model.bodies.mass), model.bodies.mass[:, None]
     found = percuss.run(case).summary["angular_momentum"]
@@ -303,7 +303,7 @@ def test_a_check_says_how_much_of_a_surface_meets_the_other(pairing, points):
 def test_a_probe_at_a_point_moves_as_its_cell(cells):
     """On a node its motion, elsewhere a mean of those around, at the middle of the edge that of both its nodes."""
     body = {**block(0.0, 0.5, [10, 2], 0.3, cells), "angle": 10.0}
-    model = Model(percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}}))
+    model = model_of(percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}}))
     nodes = model.bodies["a"].mesh.nodes
     spots = [nodes[7], 0.5 * (nodes[7] + nodes[10]), nodes[[7, 8, 11, 10]].mean(axis=0)]
     case = {
@@ -311,7 +311,7 @@ def test_a_probe_at_a_point_moves_as_its_cell(cells):
         "time": {"courant": 0.5, "end": 1.0},
         "record": {"probes": ["a.left", *({"body": "a", "at": spot.tolist()} for spot in spots)]},
     }  # fmt: skip
-    march = March(Model(percuss.load(case)))
+    march = March(model_of(percuss.load(case)))
     outcome = march.run()
     u = outcome.final_displacement.reshape(-1, 2)
     middle = u[[7, 8, 11, 10]].mean(axis=0) if cells == "quad4" else 0.5 * (u[7] + u[11])
@@ -398,7 +398,7 @@ def test_a_wall_has_a_point_and_a_normal():
     assert np.array_equal(*forces)
     wrong = {"contacts": {"w": {"body": "a.right", "wall": {"point": [1.1, 0.0], "normal": [1, 1]}}}}
     with pytest.raises(percuss.InputError, match="expected a wall across the bar, found one of the normal"):
-        Model(percuss.load({**bar, **wrong}))
+        model_of(percuss.load({**bar, **wrong}))
 
 
 def test_methods_that_a_case_leaves_out_are_those_of_solids():
@@ -439,7 +439,7 @@ def test_automatic_stiffness_of_a_strip_is_that_of_its_bar(integrator, pairing):
     for bodies in (pair, ends):
         method = {"integrator": integrator, "contact": {"name": "penalty", "beta_s": "auto"}, "pairing": pairing}
         for step in (0.025, 0.045):
-            model = Model(percuss.load({
+            model = model_of(percuss.load({
                 "percuss": 1, "bodies": bodies, "contacts": {"tip": {"between": ["left.right", "right.left"]}},
                 "method": method, "time": {"step": step, "steps": 1},
             }))  # fmt: skip
@@ -567,5 +567,5 @@ def test_what_is_not_built_is_refused_with_its_reason(name):
         "method": {"contact": {"name": "regularised-lagrange"}, "pairing": "node-to-segment"},
     })  # fmt: skip
     with pytest.raises(percuss.InputError) as refusal:
-        Model(case.with_overrides(changes))
+        model_of(case.with_overrides(changes))
     assert said in str(refusal.value)

@@ -6,7 +6,7 @@ import pytest
 import percuss
 from hertz import WHOLE, over_hertz
 from percuss.certificate.verdict import certificate
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 from solid_figures import STEPS
 from strategies import LAWS_OF_SURFACES as LAWS
@@ -185,7 +185,7 @@ def test_critical_steps_are_those_of_an_independent_program(cells, poisson):
         "method": {"integrator": "central-difference"},
         "time": {"courant": 0.5, "steps": 1},
     }
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     speed, found = np.sqrt(model.bodies["a"].modulus), certificate(model)
     assert 2.0 / model.bodies.omega * speed * 7 == pytest.approx(element, rel=1e-3)
     assert found["dt_critical_free"] * speed * 7 == pytest.approx(assembled, abs=1e-3)
@@ -198,7 +198,7 @@ def test_a_body_turns_about_its_axis(cells):
     spin, size = np.array([0.02, -0.01, 0.03]), np.array([1.0, 0.4, 0.6])
     body = block(0.0, 0.0, [10, 4, 6], 0.3, cells, size, spin=spin.tolist())
     case = {"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}}
-    a = Model(percuss.load(case)).bodies["a"]
+    a = model_of(percuss.load(case)).bodies["a"]
     velocity, arm = a.nodal_velocity, a.mesh.nodes - a.mass @ a.mesh.nodes / a.mass.sum()
     assert velocity == pytest.approx(np.cross(spin, arm), abs=1e-15)
     assert np.abs(a.mass @ velocity).max() < 1e-15
@@ -210,7 +210,7 @@ def test_a_box_is_turned_about_an_axis():
     size = (1.0, 0.2, 0.3)
     body = block(0.0, 0.0, [2, 1, 1], size=size, angle=120.0, axis=[1, 1, 1])
     mesh = (
-        Model(percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}}))
+        model_of(percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}}))
         .bodies["a"]
         .mesh
     )
@@ -236,7 +236,7 @@ def test_balls_have_the_volume_of_their_polyhedron_and_no_slivers(cells):
             "bodies": {"a": ball(elements, [0, 0, 0], 0.0, cells)},
             "time": {"courant": 0.5, "steps": 1},
         }
-        a = Model(percuss.load(case)).bodies["a"]
+        a = model_of(percuss.load(case)).bodies["a"]
         volumes.append(a.volumes_of_cells.sum())
         assert a.volumes.min() > 0.1 * a.volumes.max()
         assert a.mass.sum() == pytest.approx(volumes[-1], rel=1e-12)
@@ -273,7 +273,7 @@ def test_a_ball_on_a_wall_is_within_the_tolerances_of_two_programs(cells, elemen
         "method": {"integrator": "wu-predictor-corrector", "contact": "lagrange", "pairing": "node-to-segment"},
         "time": {"courant": 0.8, "end": 12.0}, "record": {"probes": []},
     })  # fmt: skip
-    mass = float(Model(case).bodies.mass.sum())
+    mass = float(model_of(case).bodies.mass.sum())
     result = percuss.run(case.with_overrides({"bodies.ball.material.density": WHOLE / mass}))
     duration, middle, approach, restitution = over_hertz(result, WHOLE, 0.01, 0.3)
     assert duration == pytest.approx(0.9375, rel=3e-3)

@@ -12,7 +12,7 @@ from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.operator import largest_eigenvalue
 from percuss.certificate.search import largest_step, largest_step_below
 from percuss.certificate.verdict import certificate
-from percuss.march.model import Model
+from percuss.march.model import model_of, stretches
 from strategies import hunek
 
 HUNEK = places.CASES / "hunek.yaml"
@@ -44,7 +44,7 @@ def wall(beta, ratio, integrator="central-difference", courant=0.5):
 
 
 def certified(case):
-    return certificate(Model(percuss.load(case)))
+    return certificate(model_of(percuss.load(case)))
 
 
 @pytest.mark.parametrize(("ratio", "beta", "critical"), ROWS)
@@ -96,7 +96,7 @@ def test_a_case_turned_in_space_has_the_same_certificate():
     ],
 )
 def test_verdicts(changes, stable, energy):
-    found = certificate(Model(percuss.load(HUNEK, changes)))
+    found = certificate(model_of(percuss.load(HUNEK, changes)))
     assert (found["stable"], found["energy"]) == (stable, energy)
     assert found["why"]
     assert found["energy_why"]
@@ -109,7 +109,7 @@ def test_a_cure_cures(integrator, law):
     options = {"name": law, "beta_s": 50.0, **({"ratio": 3.0} if law == "bipenalty" else {})}
     changes = {"method.integrator": integrator, "method.contact": options, "time.courant": 0.9}
     case = percuss.load(HUNEK, changes)
-    found = certificate(Model(case))
+    found = certificate(model_of(case))
     assert found["stable"] == "no"
     assert found["worst"] == ["tip"]
     for cure in found["cure"].split(", or "):
@@ -118,29 +118,29 @@ def test_a_cure_cures(integrator, law):
         else:
             words = cure.split()
             option, value = f"method.contact.{words[1]}", float(words[-1])
-        assert certificate(Model(case.with_overrides({option: value})))["stable"] in {"yes", "marginal"}
+        assert certificate(model_of(case.with_overrides({option: value})))["stable"] in {"yes", "marginal"}
 
 
 def test_what_no_step_cures_is_told():
     law = {"name": "penalty", "stiffness": "from-step", "scale": 3.0}
-    found = certificate(Model(percuss.load(HUNEK, {"method.contact": law})))
+    found = certificate(model_of(percuss.load(HUNEK, {"method.contact": law})))
     assert found["stable"] == "no"
     assert found["cure"].startswith("set scale of penalty to at most 0.9999")
     cured = {**law, "scale": float(found["cure"].split()[-1])}
-    assert certificate(Model(percuss.load(HUNEK, {"method.contact": cured})))["stable"] == "yes"
+    assert certificate(model_of(percuss.load(HUNEK, {"method.contact": cured})))["stable"] == "yes"
 
 
 @pytest.mark.deep
 def test_a_critical_step_that_was_not_searched_is_not_said_to_be_none():
     changes = {"method.integrator": "central-difference", "time.courant": 0.9}
     law = {"name": "walton-braun", "beta_s": 30.0}
-    model = Model(percuss.load(HUNEK, {**changes, "method.contact": law}))
+    model = model_of(percuss.load(HUNEK, {**changes, "method.contact": law}))
     found = certificate(model, with_critical_step=False)
     assert (found["stable"], found["dt_critical"]) == ("no", None)
     assert found["cure"].startswith("lower the step: `percuss check` searches how far")
     (lowered,) = re.findall("^lower the step to ([0-9.e-]+) ", certificate(model)["cure"])
     stiffest = {"name": "penalty", "beta_s": 30.0 / 0.9**2}  # as it unloads
-    limit = certificate(Model(percuss.load(HUNEK, {**changes, "method.contact": stiffest})))["dt_critical"]
+    limit = certificate(model_of(percuss.load(HUNEK, {**changes, "method.contact": stiffest})))["dt_critical"]
     assert float(lowered) == pytest.approx(limit, rel=1e-5)
 
 
@@ -189,8 +189,10 @@ def test_a_search_without_a_limit_says_so():
 
 def test_a_search_takes_few_trials_where_contact_limits_the_step():
     """Bisection would take 38."""
-    model = Model(percuss.load(hunek(40, integrator="central-difference", contact={"name": "penalty", "beta_s": 0.5})))
-    criterion = linear_laws(model.stretches()[0].model)
+    model = model_of(
+        percuss.load(hunek(40, integrator="central-difference", contact={"name": "penalty", "beta_s": 0.5}))
+    )
+    criterion = linear_laws(stretches(model)[0].model)
     trials = []
     excess = criterion.excess
     criterion.excess = lambda dt: trials.append(dt) or excess(dt)
@@ -221,7 +223,7 @@ def test_bars_with_a_single_free_node_have_a_critical_step():
     case = hunek(1, integrator="central-difference", contact={"name": "penalty", "beta_s": 0.5}, end=0.1)
     case["bodies"]["long"]["bar"]["elements"] = 1
     case["bodies"]["short"] |= {"fixed": ["left"], "velocity": 0.0}
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     found = certificate(model)
     # one node on each side: 4/dt^2 M - K - beta_s EA/h [[1, -1], [-1, 1]] is singular at the critical step
     stiffness = [float(body.stiffness[0]) for body in model.bodies.values()]

@@ -17,7 +17,7 @@ from percuss.certificate.maps import stability
 from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 from percuss.reporting.explanation import explanation
 from percuss.results.exact import exact_solution
@@ -285,7 +285,7 @@ def test_verlet_is_central_difference(law, apart, files):
     mean = 0.5 * (force[1:] + force[:-1])
     assert np.abs(one.arrays["contact_force"][:-1] - mean).max() < 1e-10 * np.abs(force).max()
     critical = [
-        certificate(Model(percuss.load({**case, "method": {**case["method"], "integrator": name}}, plugins=files)))
+        certificate(model_of(percuss.load({**case, "method": {**case["method"], "integrator": name}}, plugins=files)))
         for name in (case["method"]["integrator"], "central-difference")
     ]
     assert critical[0]["dt_critical"] == pytest.approx(critical[1]["dt_critical"], rel=1e-6)
@@ -344,7 +344,7 @@ LIMITS = {
 def test_the_free_limit_is_that_of_the_scheme(name, files):
     case = oscillator(name, 0.5)
     case["bodies"]["a"] |= {"bar": {"length": 1.0, "elements": 30}, "fixed": []}
-    found = certificate(Model(percuss.load(case, plugins=files)))
+    found = certificate(model_of(percuss.load(case, plugins=files)))
     assert found["courant_critical"] == pytest.approx(LIMITS[name], rel=2e-3 if name == "noh-bathe" else 1e-6)
 
 
@@ -367,7 +367,7 @@ def on_a_wall(name, law, elements=12):
 )
 def test_the_black_box_has_the_limit_of_the_linear_laws(name, law, files):
     """Growth seen in the step, what is kept between steps included, against oscillators and the linear laws."""
-    model = Model(percuss.load(on_a_wall(name, law), plugins=files))
+    model = model_of(percuss.load(on_a_wall(name, law), plugins=files))
     assert BlackBox(model).critical_step == pytest.approx(linear_laws(model).critical_step, rel=5e-6)
 
 
@@ -424,7 +424,7 @@ def test_a_scheme_of_which_no_step_is_stable_is_told(tmp_path):
     '''
     files = plugin(tmp_path, heun)
     case = hunek(4, integrator="heun", contact={"name": "penalty"})
-    assert certificate(Model(percuss.load(case, plugins=files)))["stable"] == "no"
+    assert certificate(model_of(percuss.load(case, plugins=files)))["stable"] == "no"
     with pytest.raises(percuss.InputError, match="some step is known to be stable"):
         settled(percuss.load({**case, "time": {"end": 0.1, "courant": "auto"}}, plugins=files))
 
@@ -451,7 +451,7 @@ def test_the_works_are_what_the_kinetic_energy_takes_up(files):
         "drive": {"harmonic": {"value": 0.05, "frequency": 4.0}, "on": "long.left", "as": "velocity",
                   "from": 0.1, "until": 0.5},
     }  # fmt: skip
-    model = Model(percuss.load(case, plugins=files))
+    model = model_of(percuss.load(case, plugins=files))
     march_ = March(model)
     march_.compile()
     march_.stepper.start()
@@ -521,7 +521,7 @@ def test_what_the_scheme_takes_is_the_energy_error():
 def test_the_exact_force_is_that_of_the_same_time(name, files):
     case = hunek(40, courant=0.7, integrator=name, contact={"name": "penalty", "beta_s": 0.25})
     result = go(case, files)
-    model = Model(percuss.load(case, plugins=files))
+    model = model_of(percuss.load(case, plugins=files))
     solution = exact_solution(model, 0.8)[0]
     t, dt = result.arrays["time"][:-1], result.summary["dt"]
     expected = solution.contacts["tip"].mean_force(t, t + dt)
@@ -720,7 +720,7 @@ def test_a_scheme_without_a_kernel_is_told(tmp_path):
 
 
 def test_a_case_is_explained():
-    model = Model(percuss.load(hunek(6, integrator="noh-bathe", contact={"name": "lagrange"})))
+    model = model_of(percuss.load(hunek(6, integrator="noh-bathe", contact={"name": "lagrange"})))
     text = explanation(model).text
     assert "no leap-frog scheme: accelerations, contact included, at 0.54, 1 of each step" in text
     assert "u_{n+p} = u_n + p dt v_n" in text
@@ -730,7 +730,7 @@ def test_a_case_is_explained():
 def test_waves_are_refused_with_the_reason():
     case = percuss.load(hunek(6, integrator="noh-bathe", contact={"name": "penalty"}))
     with pytest.raises(percuss.PercussError, match="noh-bathe is no leap-frog scheme"):
-        waves(Model(case))
+        waves(model_of(case))
     told = {row["by"]: row for row in stability(case, by=("linear-laws", "black-box"))}
     critical = [told[way]["dt_critical"] for way in ("linear-laws", "black-box")]
     assert critical[0] == pytest.approx(critical[1], rel=1e-5)

@@ -12,7 +12,7 @@ import percuss
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.errors import PluginError
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.admission import admitted
 from percuss.testing import CheckFailed, Subject, checks
 from strategies import hunek
@@ -107,7 +107,7 @@ def counted(integrator, **changes):
     case = hunek(10)
     case["contacts"]["wall"] = {"body": "short.left", "wall": -1.0}
     case |= {"time": {"steps": 20, "courant": 0.5}, "method": {"integrator": integrator, "contact": "counting"}}
-    march = March(Model(percuss.load(case | changes, registry=COUNTING)), compiled=False)
+    march = March(model_of(percuss.load(case | changes, registry=COUNTING)), compiled=False)
     return march, march.run(None, marginal=False).histories["contact_state"].reshape(-1, 2, 2)
 
 
@@ -127,7 +127,7 @@ def test_state_variables_live_on_where_a_drive_ends():
 
 
 def test_a_march_that_begins_again_begins_with_state_variables_of_zero():
-    model = Model(percuss.load(hunek(10, contact="walton-braun", integrator="central-difference")))
+    model = model_of(percuss.load(hunek(10, contact="walton-braun", integrator="central-difference")))
     march = March(model)
     march.keep_beginning()
     first = march.run(None, marginal=False)
@@ -139,7 +139,7 @@ def test_a_march_that_begins_again_begins_with_state_variables_of_zero():
 
 
 def test_an_examined_step_leaves_state_variables_alone():
-    model = Model(percuss.load(hunek(5, contact="walton-braun", integrator="central-difference")))
+    model = model_of(percuss.load(hunek(5, contact="walton-braun", integrator="central-difference")))
     step = ClosedStep(Motions(model), model.dt, [0])
     assert step.linear()
     assert not step.march.arrays.variables.before.any()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from solid_figures import AT_REST, FOUR, GAUSS, IN_SPACE, NODES
 
 PRESSURE, POISSON = 1e-3, 0.3
@@ -35,7 +35,7 @@ def pressed(law, pairing, cells, across, along=10):
     ]  # fmt: skip
     push = {"constant": PRESSURE, "as": "pressure"}
     integrator = "central-difference" if law is PENALTY else "wu-predictor-corrector"
-    return Model(percuss.load({
+    return model_of(percuss.load({
         "percuss": 1, "bodies": dict(zip(("left", "right"), blocks, strict=True)),
         "contacts": {"seam": {"between": ["left.right", "right.left"]}},
         "loads": {"push": {**push, "on": "left.left"}, "back": {**push, "on": "right.right"}},

@@ -16,7 +16,7 @@ from percuss.certificate.black_box import examine
 from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.certificate.verdict import certificate
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from solid_figures import CENTRAL, FOUR, GAUSS, MORTAR, NODES, RESPONSES, WU
 
 PAIRINGS = (NODES, GAUSS, FOUR, MORTAR)
@@ -36,7 +36,7 @@ def blocks(pairing, across, along=20, width=0.2, length=1.0, poisson=0.0, cells=
     pair = {"between": ["left.right", "right.left"]} if len(across) == 2 else {"body": "left.right", "wall": length}
     step = method.pop("step", None)
     time = {"courant": 0.5} if step is None else {"step": step}
-    return Model(percuss.load({
+    return model_of(percuss.load({
         "percuss": 1, "bodies": bodies, "contacts": {"seam": pair}, "method": {**method, "pairing": pairing},
         "time": {**time, "steps": 1, "on_unstable": "warn"},
     }))  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 
 import percuss
 from percuss.certificate.verdict import certificate
-from percuss.march.model import Model
+from percuss.march.model import model_of
 
 TILT = 0.03  # rad
 PAIRINGS = ["node-to-segment", "gauss-points", {"name": "gauss-points", "points_on_facet": 3}, "mortar"]
@@ -42,7 +42,7 @@ def tilted(integrator, law, pairing, beta_s):
 @pytest.mark.parametrize("pairing", PAIRINGS, ids=str)
 def test_regularised_lagrange_never_gains_energy(pairing, beta_s):
     case = tilted(WU, {"name": "regularised-lagrange"}, pairing, beta_s)
-    found = certificate(Model(case))
+    found = certificate(model_of(case))
     assert found["energy"] == "never grows"
     assert found["dt_critical_free"] == pytest.approx(FREE_STEP, rel=1e-6)
     result = percuss.run(case)
@@ -57,7 +57,7 @@ def test_regularised_lagrange_never_gains_energy(pairing, beta_s):
 def test_no_guarantee_is_given_where_points_of_bipenalty_share_nodes(pairing):
     """With bars a matched bipenalty is regularised Lagrange; a point that its neighbours open may pull."""
     case = tilted(WU, {"name": "bipenalty", "ratio": "matched"}, pairing, 1.0)
-    assert certificate(Model(case))["energy"] == "not guaranteed"
+    assert certificate(model_of(case))["energy"] == "not guaranteed"
 
 
 # The largest energy over that of the start, for beta_s of .25, 1, 2 and 10, by node-to-segment, gauss-points, mortar.
@@ -107,7 +107,7 @@ def test_the_largest_energy_is_that_of_an_independent_program(integrator, law, o
 def test_a_penalty_beyond_its_limit_is_told_and_gains_energy(integrator, pairing):
     """At beta_s 10 the published energies grow to 28 to 2400 times that of the start; percuss says no beforehand."""
     case = tilted(integrator, {"name": "penalty"}, pairing, 10.0)
-    assert certificate(Model(case))["stable"] == "no"
+    assert certificate(model_of(case))["stable"] == "no"
     energy = percuss.run(case).summary["energy"]
     assert energy["max"] > 10.0 * energy["initial"]
 
@@ -115,6 +115,6 @@ def test_a_penalty_beyond_its_limit_is_told_and_gains_energy(integrator, pairing
 def test_a_mean_gap_of_mortar_begins_at_no_less_than_zero():
     """Of the tilted block that touches with its corner a mean by dual functions would be negative."""
     case = tilted(WU, {"name": "regularised-lagrange"}, "mortar", 1.0)
-    gaps = Model(case).contact_points.gap
+    gaps = model_of(case).contact_points.gap
     assert min(gaps) == 0.0
     assert max(gaps) > 0.01

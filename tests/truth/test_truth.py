@@ -8,7 +8,7 @@ from matplotlib.text import Text
 
 import percuss
 import places
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.interfaces import ExactContact
 from percuss.reporting import run_figure
 from percuss.reporting.tables import show
@@ -149,7 +149,7 @@ def test_what_lies_behind_the_time_reached_does_not_count():
 
 def test_the_displacement_error_is_that_of_all_nodes_at_the_end():
     case = percuss.load(hunek(n=10))
-    model = Model(case)
+    model = model_of(case)
     solution = exact_solution(model, 0.8)[0]
     exact = np.concatenate([
         solution.displacement(name, np.linspace(0, length, count), 0.5)
@@ -379,9 +379,9 @@ def test_a_contact_that_is_closed_at_the_end_has_no_opening_error():
 
 
 def test_up_to_where_it_stops_it_is_the_solution(short_of_breath, monkeypatch):
-    short = exact_solution(Model(percuss.load(many_fronts())), 12.0)[0]
+    short = exact_solution(model_of(percuss.load(many_fronts())), 12.0)[0]
     monkeypatch.undo()
-    whole = exact_solution(Model(percuss.load(many_fronts())), 12.0)[0]
+    whole = exact_solution(model_of(percuss.load(many_fronts())), 12.0)[0]
     assert short.reached < 0.6 * whole.reached == 0.6 * 12.0
     t = np.linspace(0.0, short.reached, 1001)
     for name in ("force", "impulse", "gap"):

@@ -14,7 +14,7 @@ import dense
 import percuss
 from percuss.certificate.verdict import certificate
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from strategies import hunek
 
 VISCOSITIES = [0.0, 0.06, 0.3, 2.0]
@@ -70,7 +70,7 @@ def test_low_modes_have_the_damping_ratio_of_the_text():
 def test_the_certificate_has_that_limit(viscosity):
     case = hunek(20, courant=0.4, integrator=viscous(viscosity))
     del case["contacts"]
-    judged = certificate(Model(percuss.load(case)))
+    judged = certificate(model_of(percuss.load(case)))
     assert judged["stable"] == "yes"
     assert judged["courant_critical"] == pytest.approx(1.0 / math.sqrt(1.0 + 2.0 * viscosity), rel=1e-9)
 
@@ -80,7 +80,7 @@ def test_six_per_cent_of_bulk_viscosity_take_six_per_cent_of_the_step():
     courant = math.sqrt(1.0 + 0.06**2) - 0.06
     case = hunek(20, courant=0.4, integrator=viscous(0.06 / courant))
     del case["contacts"]
-    assert certificate(Model(percuss.load(case)))["courant_critical"] == pytest.approx(courant, rel=1e-9)
+    assert certificate(model_of(percuss.load(case)))["courant_critical"] == pytest.approx(courant, rel=1e-9)
     assert courant == pytest.approx(0.9418, abs=1e-5)
 
 
@@ -101,7 +101,7 @@ def test_the_limit_with_a_closed_penalty(beta_s):
     free = np.delete(np.arange(bars.x.size), bars.node("long.right"))
     whole = ((1.0 + 2.0 * viscosity) * bars.K + eps * np.outer(N, N))[np.ix_(free, free)]
     dt = 2.0 / math.sqrt(eigh(whole, bars.M[np.ix_(free, free)], eigvals_only=True)[-1])
-    judged = certificate(Model(percuss.load(case)))
+    judged = certificate(model_of(percuss.load(case)))
     assert judged["by"] == "black-box"
     assert judged["dt_critical"] == pytest.approx(dt, rel=1e-5)
 
@@ -113,7 +113,7 @@ def march_dense(case, viscosity, count):
     """March two bars with a penalty; return the displacements, the velocities and the energy viscosity has taken."""
     bars = dense.assemble(case)
     contact = case["method"]["contact"]
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     dt, M = model.dt, np.diag(bars.M)
     left, right, support = (bars.node(end) for end in ("long.left", "short.right", "long.right"))
     normal = np.zeros(bars.x.size)
@@ -181,7 +181,7 @@ def test_bodies_of_several_blocks_move_as_one(dim):
         "loads": {"push": {"constant": 0.02, "on": "a.right"}},
         "time": {"steps": steps, "courant": 0.5},
     }  # fmt: skip
-    model = Model(percuss.load(case))
+    model = model_of(percuss.load(case))
     march = March(model)
     start = np.random.default_rng(3).standard_normal((2, count + 1)) * 1e-3
     march.u[:] = np.outer(start[0], direction).ravel()

@@ -3,7 +3,7 @@
 import pytest
 
 from percuss import load, run
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.reporting.explanation import explanation
 
 BAR = {"bar": {"length": 1.0, "elements": 4}, "area": 0.04, "material": {"young": 1.0, "density": 1.0}}
@@ -20,7 +20,7 @@ def two(gap=0.1, **more):
 
 
 def foreseen(case):
-    return explanation(Model(load(case))).data["notes"]
+    return explanation(model_of(load(case))).data["notes"]
 
 
 def notes_of(case):

@@ -14,7 +14,8 @@ import places
 from percuss.case.options import options_of
 from percuss.case.source import Source
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, settled
-from percuss.march.model import Model
+from percuss.contact.contact_problem import contact_problem
+from percuss.march.model import model_of
 from percuss.methods.interfaces import FAMILIES, ContactProblem
 from percuss.methods.registry import Registry
 from percuss.reporting.component import component_data, component_text, registry_text
@@ -53,7 +54,7 @@ def test_the_gap_of_a_contact_is_the_smallest_of_its_points(height):
 )
 def test_a_check_names_all_that_a_case_will_do(path):
     case = percuss.load(path)
-    model, found = Model(case), told(path)
+    model, found = model_of(case), told(path)
     text = found.text
     assert case.title in text
     assert case.source in text
@@ -75,7 +76,7 @@ def test_a_check_names_all_that_a_case_will_do(path):
         assert f"  {name}: " in text
     bars = all(body.shape.cell == "line" for body in case.bodies.values())
     assert f"Courant number {case.time.courant:g} of the smallest {'h/c' if bars else '2/omega'}" in text
-    covered = isinstance(model.problem, ContactProblem)
+    covered = isinstance(contact_problem(model), ContactProblem)
     assert ("the exact solution is known (bars-in-a-row)" in text) is covered
     assert covered or not bars
     assert found.data["certificate"]["why"] in text

@@ -12,7 +12,7 @@ from percuss.case.case import load
 from percuss.case.source import Source
 from percuss.cli.main import expect_no_space_in_lists
 from percuss.errors import InputError
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 from percuss.studies.study_table import open_study
 
@@ -125,7 +125,7 @@ def test_a_case_is_no_study_that_was_run(folder, text, kind, advice):
 def test_bars_that_overlap_may_have_swapped_ends(folder, ends, advice):
     Path("case.yaml").write_text(TABLE["base"].replace("at: 10", "at: 9.7" if "0.3" in advice else "at: 10"))
     with pytest.raises(InputError) as caught:
-        Model(load("case.yaml", {"contacts.tip.between": ends}))
+        model_of(load("case.yaml", {"contacts.tip.between": ends}))
     assert advice in str(caught.value)
 
 

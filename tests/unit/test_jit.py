@@ -24,7 +24,7 @@ import percuss_methods
 from percuss import cache, jit
 from percuss.jit import Binder, compiled_function, jit_disabled, plain
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.step import build
 from percuss.step.linked import Block, CannotLink, at
 from strategies import REGISTRY, hunek
@@ -174,7 +174,7 @@ def test_a_law_that_allocates_arrays_is_compiled(tmp_path, says_so):
 @pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
 def test_a_loop_that_is_kept_for_the_next_run_keeps_no_arrays_of_this_one(integrator):
-    model = Model(percuss.load(hunek(6, integrator=integrator, end=0.1)))
+    model = model_of(percuss.load(hunek(6, integrator=integrator, end=0.1)))
     march = March(model)
     march.run()
     references = [

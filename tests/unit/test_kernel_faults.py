@@ -9,7 +9,7 @@ import percuss
 from percuss.cli.main import app
 from percuss.jit import jit_disabled
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, checks
 
@@ -88,7 +88,7 @@ def made(file, mistake, *, compiled, integrator="central-difference"):
     """Return a march that was made, and what it left."""
     law = {"name": "faulty", "mistake": mistake}
     case = percuss.load({**CASE, "method": {"integrator": integrator, "contact": law}}, plugins=[file])
-    march = March(Model(case), compiled=compiled)
+    march = March(model_of(case), compiled=compiled)
     outcome = march.run()
     assert outcome.kernels.compiled is compiled or jit_disabled(), outcome.kernels.reasons
     return march, outcome

@@ -19,7 +19,7 @@ import pytest
 import percuss
 import places
 from percuss.march import march
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.step.bulk import PIECE
 from strategies import CORE, INTEGRATORS, INVISCID, LEAPFROG, REGISTRY, each_integrator, hunek, run
 
@@ -574,7 +574,7 @@ def test_a_march_that_is_repeated_gives_the_same_bits(integrator, times):
     drive = {"constant": 0.2, "on": "a.right", "as": "velocity", **times}
     case = one_bar({"end": 0.05, "courant": 0.5}, {"push": push, "drive": drive})
     case["method"]["integrator"] = integrator
-    made = march.March(Model(percuss.load(case)))
+    made = march.March(model_of(percuss.load(case)))
     made.compile()
     made.keep_beginning()
     first = made.run()

@@ -14,7 +14,7 @@ from percuss.certificate.verdict import certificate, settled
 from percuss.contact.contact_problem import contact_problem
 from percuss.contact.laws import parameters
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of, with_laws, with_step
 from percuss.results import assemble, exact
 from strategies import hunek
 
@@ -26,7 +26,7 @@ def drive(**times):
 
 
 def test_a_model_never_changes():
-    model = Model(percuss.load(hunek(6)))
+    model = model_of(percuss.load(hunek(6)))
     for name in ("laws", "dt", "bodies", "anything"):
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(model, name, None)
@@ -38,9 +38,9 @@ def test_a_model_never_changes():
 
 def test_another_step_gives_another_model_equal_to_that_of_the_case_with_this_step():
     case = hunek(6, integrator="central-difference", contact={"name": "penalty", "stiffness": "from-step"})
-    first = Model(percuss.load(case))
-    again = first.with_step(0.5 * first.dt)
-    whole = Model(percuss.load(case, {"time": {"end": case["time"]["end"], "step": 0.5 * first.dt}}))
+    first = model_of(percuss.load(case))
+    again = with_step(first, 0.5 * first.dt)
+    whole = model_of(percuss.load(case, {"time": {"end": case["time"]["end"], "step": 0.5 * first.dt}}))
     assert again.bodies is first.bodies
     assert (again.dt, again.steps) == (whole.dt, whole.steps)
     assert first.dt == 2.0 * again.dt
@@ -50,14 +50,14 @@ def test_another_step_gives_another_model_equal_to_that_of_the_case_with_this_st
 
 def test_another_law_gives_another_model_and_leaves_the_first_as_it_was():
     case = hunek(6, integrator="central-difference", contact={"name": "penalty", "beta_s": 0.25})
-    first = Model(percuss.load(case))
+    first = model_of(percuss.load(case))
     law = first.laws[0].law
-    stiffer = first.with_laws({law: dataclasses.replace(law, beta_s=0.75)})
+    stiffer = with_laws(first, {law: dataclasses.replace(law, beta_s=0.75)})
     assert stiffer.bodies is first.bodies
     assert parameters(stiffer)["tip"]["beta_s"] == 0.75
     assert parameters(first)["tip"]["beta_s"] == 0.25
     case["method"]["contact"]["beta_s"] = 0.75
-    forces = [March(model).run().record.contact_force for model in (first, stiffer, Model(percuss.load(case)))]
+    forces = [March(model).run().record.contact_force for model in (first, stiffer, model_of(percuss.load(case)))]
     assert np.array_equal(forces[1], forces[2])
     assert not np.array_equal(forces[0], forces[1])
 
@@ -128,7 +128,7 @@ def test_a_refinement_that_is_no_whole_number_is_rounded_to_whole_elements(refin
 
 
 def test_the_problem_of_an_exact_solution_knows_no_mesh_and_cannot_be_changed():
-    problems = [contact_problem(Model(percuss.load(HUNEK, {"refine": refine}))) for refine in (1, 3)]
+    problems = [contact_problem(model_of(percuss.load(HUNEK, {"refine": refine}))) for refine in (1, 3)]
     for problem in problems:
         assert [(contact.name, contact.ends) for contact in problem.contacts] == [
             ("tip", (("short", False), ("long", True)))
@@ -148,7 +148,7 @@ def test_everything_that_does_not_work_together_is_told_at_once():
     case["bodies"]["short"] |= {"element": "green-bar", "fixed": ["right"]}
     case["bodies"]["long"]["fixed"] = ["left"]
     with pytest.raises(percuss.InputError) as refused:
-        Model(percuss.load(case))
+        model_of(percuss.load(case))
     assert [problem.path for problem in refused.value.problems] == ["method.integrator", "contacts.tip"]
 
 
@@ -157,7 +157,7 @@ def test_two_laws_that_an_integrator_refuses_are_both_named():
     case["contacts"]["stop"] = {"body": "long.right", "wall": 30.0, "method": "lagrange"}
     case["bodies"]["long"]["fixed"] = []
     with pytest.raises(percuss.RefusedPair) as refused:
-        Model(percuss.load(case))
+        model_of(percuss.load(case))
     told = str(refused.value)
     assert "uzawa" in told
     assert "lagrange" in told

@@ -15,7 +15,7 @@ from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
 from percuss.case.quantities import TRUE_ERRORS, percent
 from percuss.errors import InputError, PercussError, RunError
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.reporting import animation, case_figure, comparison_figure, deformed, figures, report, run_figure, views
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run
@@ -858,7 +858,7 @@ def test_a_case_is_drawn_with_its_regions_contacts_supports_and_loads():
         "lower": {**BLOCKS["bodies"]["lower"], "fixed": ["bottom", {"on": "left", "along": "x"}]},
     }
     push = {"constant": {"value": 0.1}, "on": "upper.top", "as": "pressure"}
-    model = Model(load({**BLOCKS, "bodies": bodies, "loads": {"push": push}}))
+    model = model_of(load({**BLOCKS, "bodies": bodies, "loads": {"push": push}}))
     figure = case_figure.case_figure(model)
     (axes,) = figure.axes
     thick = [lines for lines in axes.collections if isinstance(lines, LineCollection) and lines.get_linewidth()[0] > 2]
@@ -898,7 +898,7 @@ def test_names_arrows_and_marks_of_a_case_do_not_hide_each_other():
         "contacts": {"seam": {"between": ["disk.skin", "strip.top"]}},
         "method": {"pairing": "node-to-segment"},
     }
-    figure = case_figure.case_figure(Model(load(case)))
+    figure = case_figure.case_figure(model_of(load(case)))
     (axes,) = figure.axes
     figure.draw_without_rendering()
     boxes = {text.get_text(): text.get_window_extent() for text in axes.texts}
@@ -917,7 +917,7 @@ def test_names_arrows_and_marks_of_a_case_do_not_hide_each_other():
 
 
 def test_a_wall_of_a_case_is_drawn_and_bars_are_refused():
-    (axes,) = case_figure.case_figure(Model(load(FALLING))).axes
+    (axes,) = case_figure.case_figure(model_of(load(FALLING))).axes
     assert any(np.allclose(line[:, 1], 0.6) for line in drawn(axes) if len(line))
     with pytest.raises(InputError, match="expected bodies that are no bars to draw"):
-        case_figure.case_figure(Model(load(TWO_BARS)))
+        case_figure.case_figure(model_of(load(TWO_BARS)))

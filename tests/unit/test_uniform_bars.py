@@ -6,7 +6,7 @@ import pytest
 import percuss
 from percuss.march import march
 from percuss.march.march import March
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.record_arrays import empty_records
 from percuss.step import uniform_rows
 from percuss.step.records import TOTAL
@@ -34,7 +34,7 @@ BOUNCE = {
 
 
 def uniform_of(case):
-    made = March(Model(percuss.load(case)))
+    made = March(model_of(percuss.load(case)))
     return made.arrays.uniform
 
 
@@ -155,7 +155,7 @@ def test_an_unstable_run_stops_at_the_same_step_and_node(monkeypatch):
 )
 def test_other_bodies_are_advanced_by_their_kernels(changes):
     assert uniform_of(BOUNCE)
-    assert not March(Model(percuss.load(BOUNCE, changes))).arrays.uniform
+    assert not March(model_of(percuss.load(BOUNCE, changes))).arrays.uniform
 
 
 def test_an_element_of_somebody_else_is_called(monkeypatch):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, Protocol
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
 
 # Number of contacts that a reason names, so that it stays readable.
 MOST_NAMED = 6

@@ -33,7 +33,7 @@ from percuss.methods.blame import described
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
 # Further states about which the step with a kernel law is examined: the unit in shortest elements, and whether contacts
@@ -259,7 +259,7 @@ class BlackBox:
     Parameters
     ----------
     model
-        A stretch of a run, `percuss.march.model.Model.stretches`.
+        A stretch of a run, `percuss.march.model.stretches`.
     """
 
     by: ClassVar[str] = "black-box"

@@ -24,7 +24,7 @@ from percuss.certificate.search import MARGINAL_DISTANCE, largest_step_below, si
 
 if TYPE_CHECKING:
     from percuss.certificate.closed_laws import ClosedLaws
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
 BOUND = "up to which the bounds of cells and closed contacts exclude growth"
@@ -37,7 +37,7 @@ class Bounds:
     Parameters
     ----------
     model
-        A stretch of a run, `percuss.march.model.Model.stretches`.
+        A stretch of a run, `percuss.march.model.stretches`.
     """
 
     by: ClassVar[str] = "bounds"

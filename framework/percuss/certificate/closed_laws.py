@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.assessment import contact_names, quoted
+from percuss.contact.laws import laws_at
 from percuss.step.integrator_check import kernel_of, scheme, uses_internal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import ContactState, Floats, LinearLaw, Stages
 
 
@@ -122,7 +123,7 @@ def closed_laws(model: Model, dt: float) -> ClosedLaws:
     guarantees = _guarantees_without_laws(model, stages)
     alone = stages is not None and uses_internal(kernel_of(integrator))
     by_scheme = model.why("springs") or (f"{integrator.name} {ALONE}" if alone else "")
-    for bound_law in model.laws_at(dt):
+    for bound_law in laws_at(model, dt):
         linear: Any = bound_law.linear
         indices = list(bound_law.where)
         reason = _reason_unknown(linear, bound_law.law.name, multistage=stages is not None) or by_scheme

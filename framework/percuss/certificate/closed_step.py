@@ -31,13 +31,14 @@ from percuss.certificate.matrices import (
 from percuss.contact.points import FROM_LINE, NEVER
 from percuss.heartbeat import beat
 from percuss.march.march import March
+from percuss.march.model import without_loads
 from percuss.mesh.loads import directions_at_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from percuss.certificate.operator import Operator
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
 # Overlap and closing of the base state, relative to a unit perturbation, so that no perturbation opens a contact. The
@@ -205,7 +206,7 @@ class Motions:
         """Return the march of the model with the time step `dt`, ready for single steps, compiled where possible."""
         if self._march is None or self._march.model.dt != dt:
             inactive = self.model.inactive_points(0.5 * self.model.dt)
-            march = March(self.model.without_loads(dt, self.constraints, inactive))
+            march = March(without_loads(self.model, dt, self.constraints, inactive))
             march.compile()
             march.arrays.record = march.arrays.record._replace(every=2**62, last=-1, field_every=0)
             march.arrays.step.totals[0].floor = np.inf

@@ -15,12 +15,13 @@ from percuss.certificate.assessment import Assessment, Criterion, contact_names,
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.bounds import Bounds
 from percuss.certificate.linear_laws import doubts_of, linear_laws
+from percuss.march.model import stretches
 from percuss.mesh.size_limits import MOST_FACTORED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
 
 
 class RunCriterion:
@@ -43,7 +44,7 @@ class RunCriterion:
         self.model = model
         self.names = contact_names(model)
         self.kind = kind
-        self.stretches = model.stretches()
+        self.stretches = stretches(model)
         # What acts in each stretch: the active constraints, and all contact points but the inactive ones.
         self._actions = [(stretch.constraints, stretch.inactive) for stretch in self.stretches]
         same = other_step is not None and other_step.kind is kind and other_step._actions == self._actions

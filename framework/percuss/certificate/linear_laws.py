@@ -33,7 +33,7 @@ from percuss.certificate.search import SMALLEST_NUMBER, largest_step_below, sign
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Integers
 
 NOT_EXCLUDED = "above theta = 1 {} growth is not certain, and not excluded"
@@ -47,7 +47,7 @@ SHORT_BODY_ELEMENTS = 3
 
 
 def linear_laws(model: Model) -> LinearLaws:
-    """Return the criterion of the linear laws of a stretch of a run, `percuss.march.model.Model.stretches`."""
+    """Return the criterion of the linear laws of a stretch of a run, `percuss.march.model.stretches`."""
     # Contact can damp all of a short body, so a step above theta = 1 may be stable: the black box tells.
     short = any(body.count < SHORT_BODY_ELEMENTS for body in model.bodies.values())
     small, alone = 2 * model.dim * model.bodies.mass.size <= LARGEST_DENSE_STATE, bool(model.why("black box"))

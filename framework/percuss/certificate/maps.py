@@ -21,10 +21,10 @@ from percuss.certificate.black_box import BlackBox
 from percuss.certificate.criteria import RunCriterion
 from percuss.certificate.linear_laws import doubts_of, linear_laws
 from percuss.certificate.verdict import settled
+from percuss.contact.model import Model
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
 from percuss.files import replacing
 from percuss.jsonable import Data, Entries
-from percuss.march.model import Model
 
 if TYPE_CHECKING:
     from percuss.case.case import Case

@@ -23,7 +23,7 @@ from percuss.mesh.loads import directions_at_nodes
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.mesh.loads import Constraint
     from percuss.methods.interfaces import Floats
 
@@ -66,7 +66,7 @@ def _stiffness(model: Model) -> Any:
     stiffness = block_diag(
         [body.stiffness_matrix() * float(model.leaps[body.number] ** 2) for body in bodies], format="csr"
     )
-    if springs := model.facts.springs():
+    if springs := model.facts.springs(model):
         axes = [(node, np.sqrt(spring) * model.bodies.at(node).mesh.direction) for node, spring in springs.items()]
         columns = columns_at_nodes(model, axes)
         stiffness = stiffness + columns @ columns.T

@@ -11,7 +11,7 @@ from percuss.methods.interfaces import Integrator, Stages
 from percuss.step.integrator_check import plain_step
 
 if TYPE_CHECKING:
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
 # Growth in a step up to which it counts as round-off.

@@ -21,9 +21,10 @@ from percuss.certificate.linear_laws import doubts_of, linear_laws
 from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
 from percuss.contact.features import Verdict
 from percuss.contact.laws import ignored_couplings
+from percuss.contact.model import Model
 from percuss.errors import InputError, refuse_if_any
 from percuss.jsonable import Entries
-from percuss.march.model import Model
+from percuss.march.model import model_of, with_laws, with_step
 from percuss.mesh.size_limits import MOST_FACTORED
 from percuss.mesh.stresses import tangent_as_declared
 
@@ -144,7 +145,7 @@ def _refuse_after_the_end(case: Case, end: float) -> None:
 
 def _with_step(case: Case) -> SettledRun:
     """Return the model of a case with its step."""
-    model = Model(case)
+    model = model_of(case)
     if case.time.courant != "auto":
         return SettledRun(model, None)
     unknown = "No step is known to be stable: give one."
@@ -171,7 +172,7 @@ def _with_step(case: Case) -> SettledRun:
         if critical >= limit * (1.0 - MARGINAL_DISTANCE):
             return SettledRun(model, criterion)
         limit = critical
-        model = model.with_step(SHARE_OF_CRITICAL_STEP * critical)
+        model = with_step(model, SHARE_OF_CRITICAL_STEP * critical)
 
 
 # ------------------------------------------------------------------------------------------------------- certificate
@@ -449,7 +450,7 @@ def largest_stable_value(criterion: RunCriterion, law: Any, option: str, value: 
     model = criterion.model
 
     def excess(candidate: float) -> float:
-        changed = model.with_laws({law: dataclasses.replace(law, **{option: candidate})})
+        changed = with_laws(model, {law: dataclasses.replace(law, **{option: candidate})})
         return -1.0 if RunCriterion(changed, linear_laws).assess_step(model.dt).stable else 1.0
 
     if excess(value * 1e-9) > 0.0:

@@ -21,7 +21,7 @@ from percuss.jsonable import Entries
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
 

@@ -25,8 +25,8 @@ def check(
         loaded = load_to_write(case, set_, plugin, plot)
         told = verbs.check(loaded)
         if plot is not None:
-            from percuss.march.model import Model
+            from percuss.march.model import model_of
             from percuss.reporting.case_figure import case_figure
 
-            answer.draw(plot, case_figure, Model(loaded))
+            answer.draw(plot, case_figure, model_of(loaded))
         answer.show(told.data, [Unbroken(told.text)])

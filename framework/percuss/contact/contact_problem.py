@@ -11,12 +11,12 @@ from percuss.methods.plugin_calls import read_only
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
 
 
-def contact_problem(model: ModelArrays) -> ContactProblem | str:
+def contact_problem(model: Model) -> ContactProblem | str:
     """Return the mechanical problem of a case, without its mesh, its step and its methods; or why it is none of bars.
 
     Bodies that are no bars are in it where they are prisms that move along their axis.
@@ -84,6 +84,6 @@ def _load(spec: LoadSpec, vector: Floats, place: BodyEnd | str) -> ProblemLoad:
     )
 
 
-def _end_of(model: ModelArrays, node: int) -> BodyEnd:
+def _end_of(model: Model, node: int) -> BodyEnd:
     body = model.bodies.at(node)
     return BodyEnd(body.name, node == body.start)

@@ -34,7 +34,12 @@ Question = Literal[
     "delassus",  # what stands in S, at ends in static balance, instead of N^T M^-1 N
     "step",  # what is special about the step of the integrator
 ]
-Reason = str | Callable[[], str]
+Reason = str | Callable[[Any], str]  # a function is given the model
+
+
+def no_springs(model: object) -> Mapping[int, float]:  # noqa: ARG001
+    """Return no stiffness."""
+    return {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +63,7 @@ class Feature:
     forces
         Forces on nodes that depend on the motion of these, and change the step of bodies without contact, too.
     springs
-        Returns what such forces add to the stiffness of the ends of bars, by node.
+        Returns what such forces add to the stiffness of the ends of bars of a model, by node.
     no_row_kernel
         Whether the kernel for bars of equal elements, which knows nothing but these, cannot advance them.
     built_for_bars
@@ -69,7 +74,7 @@ class Feature:
     of_all_laws
         Whether its answer about energy holds with any contact law, even one of which nothing is known.
     reasons
-        Its answers, in words, to what other rooms ask; `percuss.contact.model_arrays.ModelArrays.why` returns them.
+        Its answers, in words, to what other rooms ask; `percuss.contact.model.Model.why` returns them.
     """
 
     name: str
@@ -79,7 +84,7 @@ class Feature:
     leaps: tuple[int, ...] = ()
     limit_ratio: float = 1.0
     forces: tuple[NodalForce, ...] = ()
-    springs: Callable[[], Mapping[int, float]] = dict
+    springs: Callable[[Any], Mapping[int, float]] = no_springs
     no_row_kernel: bool = False
     built_for_bars: bool = False
     sums_internal_work: bool = False
@@ -87,10 +92,10 @@ class Feature:
     of_all_laws: bool = False
     reasons: Mapping[Question, Reason] = field(default_factory=dict)
 
-    def why(self, question: Question) -> str:
-        """Return its answer to a question, in words; empty if it has none."""
+    def why(self, question: Question, model: Any) -> str:
+        """Return its answer to a question about a model, in words; empty if it has none."""
         reason = self.reasons.get(question, "")
-        return reason() if callable(reason) else reason
+        return reason(model) if callable(reason) else reason
 
 
 def together(features: Iterable[Feature]) -> Feature:

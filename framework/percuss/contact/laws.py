@@ -14,10 +14,10 @@ from percuss.methods.blame import said_by
 from percuss.methods.interfaces import ContactLaw, ContactPoints
 
 if TYPE_CHECKING:
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
 
 
-def points_of_law(model: ModelArrays, where: Sequence[int], dt: float) -> ContactPoints:
+def points_of_law(model: Model, where: Sequence[int], dt: float) -> ContactPoints:
     """Return the properties of the contact points `where` that a law receives for a time step `dt`."""
     points, at = model.contact_points, list(where)
     delassus, sums = model.largest_delassus
@@ -40,7 +40,7 @@ def points_of_law(model: ModelArrays, where: Sequence[int], dt: float) -> Contac
     )
 
 
-def bind_laws(model: ModelArrays, dt: float) -> tuple[BoundLaw, ...]:
+def bind_laws(model: Model, dt: float) -> tuple[BoundLaw, ...]:
     """Return the laws of a run bound for a time step: linear laws before laws with a kernel, in the order of points.
 
     Raises
@@ -64,7 +64,12 @@ def bind_laws(model: ModelArrays, dt: float) -> tuple[BoundLaw, ...]:
     return tuple(sorted(laws, key=lambda bound_law: (bound_law.linear is None, bound_law.where)))
 
 
-def _shared_with_others(model: ModelArrays, bound_law: BoundLaw) -> Iterator[Problem]:
+def laws_at(model: Model, dt: float) -> tuple[BoundLaw, ...]:
+    """Return the laws of the whole run bound for a time step, in the order of `Model.laws`."""
+    return model.whole.laws if dt == model.whole.dt else bind_laws(model.whole, dt)
+
+
+def _shared_with_others(model: Model, bound_law: BoundLaw) -> Iterator[Problem]:
     """Yield each contact that shares an end with one of a law, whose kernel solves them together, and has another.
 
     The kernel would not know its force.
@@ -81,10 +86,10 @@ def _shared_with_others(model: ModelArrays, bound_law: BoundLaw) -> Iterator[Pro
         yield model.case.problem(("contacts", points.names[q]), message, advice, any_inside=True)
 
 
-def coupled_points(model: ModelArrays) -> list[tuple[int, int]]:
+def coupled_points(model: Model) -> list[tuple[int, int]]:
     """Return the pairs of contact points that are coupled at some time of the run, each both ways, in order."""
     pairs: set[tuple[int, int]] = set()
-    for rows in model.rows_over_the_run():
+    for rows in model.rows.values():
         one = np.repeat(np.arange(rows.delassus.size), np.diff(rows.other_start))
         pairs.update(zip(one.tolist(), rows.other.tolist(), strict=True))
     return sorted(pairs)
@@ -93,7 +98,7 @@ def coupled_points(model: ModelArrays) -> list[tuple[int, int]]:
 # ------------------------------------------------------------------------------------------------ what is told of laws
 
 
-def parameters(model: ModelArrays) -> dict[str, dict[str, float]]:
+def parameters(model: Model) -> dict[str, dict[str, float]]:
     """Return, for each contact, the name of its law and its resolved parameters, those of its first point.
 
     Where an option of a law is per area, as in a case with bodies that are no bars, so is its parameter. What the law
@@ -116,7 +121,7 @@ def parameters(model: ModelArrays) -> dict[str, dict[str, float]]:
     return found
 
 
-def ignored_couplings(model: ModelArrays) -> list[str]:
+def ignored_couplings(model: Model) -> list[str]:
     """Return one sentence for contacts at each end, or coupled by the mass, if the kernel of a law ignores that."""
     ignoring = [one for one in model.laws if one.linear is None and not one.law.uses_coupling]
     if not ignoring:

@@ -22,7 +22,7 @@ from percuss.methods.plugin_calls import answer, read_only
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats, Integers, Surface
 
@@ -56,7 +56,7 @@ class Prism(NamedTuple):
         return bool(looks[0] < 0.0)
 
 
-def prism_problem(model: ModelArrays) -> ContactProblem | str:
+def prism_problem(model: Model) -> ContactProblem | str:
     """Return the contact problem of a case as that of bars, or why it is none."""
     try:
         return _problem(model)
@@ -64,7 +64,7 @@ def prism_problem(model: ModelArrays) -> ContactProblem | str:
         return str(reason)
 
 
-def _problem(model: ModelArrays) -> ContactProblem:
+def _problem(model: Model) -> ContactProblem:
     """Return the contact problem of a case as that of bars."""
     axis = _axis(model)
     supports = [one for one in model.loads.constraints if one.load is None]
@@ -97,7 +97,7 @@ def _problem(model: ModelArrays) -> ContactProblem:
     return problem
 
 
-def _axis(model: ModelArrays) -> Floats:
+def _axis(model: Model) -> Floats:
     """Return the direction in which the case moves: of its contacts, its velocities or its loads."""
     normals = list(model.contact_points.normal)
     velocities = [body.velocity for body in model.bodies.values() if body.velocity.any()]
@@ -194,7 +194,7 @@ def _stress_along(body: Body, axis: Floats) -> tuple[Floats, Floats]:
     return np.reshape(stress, (pull.size, pull.size)) / strain, pull
 
 
-def _contacts(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Iterator[ProblemContact]:
+def _contacts(model: Model, prisms: dict[str, Prism], axis: Floats) -> Iterator[ProblemContact]:
     """Yield the contacts of faces that cover each other, and of faces with walls across the axis."""
     for number, (name, spec) in enumerate(model.case.contacts.items()):
         gaps = model.contact_points.gap[model.contact_points.contact == number]
@@ -242,7 +242,7 @@ def _lies_on(edges: Floats, others: Floats, slack: float) -> bool:
     return bool(np.abs(shared - length).max() <= slack)
 
 
-def _fixed(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Iterator[BodyEnd]:
+def _fixed(model: Model, prisms: dict[str, Prism], axis: Floats) -> Iterator[BodyEnd]:
     """Yield the faces that are held along the axis."""
     for body in model.bodies.values():
         for region, along in body.spec.supports:
@@ -254,7 +254,7 @@ def _fixed(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Iterat
                 yield end
 
 
-def _loads(model: ModelArrays, prisms: dict[str, Prism], axis: Floats) -> Iterator[ProblemLoad]:
+def _loads(model: Model, prisms: dict[str, Prism], axis: Floats) -> Iterator[ProblemLoad]:
     """Yield the loads on faces and on whole bodies."""
     for spec in model.case.loads.values():
         vectors: dict[tuple[str, BodyEnd | None], tuple[Any, Floats]] = {}

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from percuss.contact.bound_law import BoundLaw
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats, Integers
 
@@ -45,7 +45,7 @@ class StateVariables:
     laws: int
 
     @staticmethod
-    def of(model: ModelArrays, kernel_laws: Sequence[BoundLaw]) -> StateVariables:
+    def of(model: Model, kernel_laws: Sequence[BoundLaw]) -> StateVariables:
         """Return the state variables of a run, all zeros; bodies of the same kind stand one after the other."""
         laws = sum(len(bound_law.where) * bound_law.law.state for bound_law in kernel_laws)
         bodies = sorted(
@@ -90,7 +90,7 @@ class StateVariables:
         before.flags.writeable = False
         return before, after
 
-    def of_elements(self, model: ModelArrays, elements: Mapping[str, Integers]) -> Integers:
+    def of_elements(self, model: Model, elements: Mapping[str, Integers]) -> Integers:
         """Return the indices of the variables of some elements of each body, in the order of the bodies."""
         indices = [np.zeros(0, dtype=np.int64)]
         for name, numbers in elements.items():

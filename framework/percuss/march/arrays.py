@@ -25,9 +25,9 @@ from percuss.step.records import BOUNDARY_DOF, CONSTRAINT, NODAL_FORCE, NOW, SHA
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
+    from percuss.contact.model import Model
     from percuss.contact.points import Points
     from percuss.contact.rows import Rows
-    from percuss.march.model import Model
     from percuss.methods.interfaces import Array, Floats
 
 

@@ -24,8 +24,8 @@ from percuss.step.build import Kernels
 from percuss.step.law_kernels import multipliers
 
 if TYPE_CHECKING:
+    from percuss.contact.model import Model
     from percuss.march.arrays import Arrays
-    from percuss.march.model import Model
     from percuss.methods.interfaces import Array, Floats, Trial
     from percuss.step.actions import Action
 

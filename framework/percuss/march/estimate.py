@@ -8,7 +8,7 @@ from percuss.march.recording import bytes_of_snapshots, record_shapes
 from percuss.mesh.size_limits import bytes_of_nodes
 
 if TYPE_CHECKING:
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.mesh.body import Body
 
 # Seconds on one core of a machine of 2023; the tests allow a factor of 3.

@@ -14,7 +14,7 @@ from percuss.step.parts.state_variables import StateVariablesKept
 
 if TYPE_CHECKING:
     from percuss.contact.features import Feature
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
 
 # The optional parts of a step, in the order in which they act at one place.
 PARTS: tuple[type[Part[Any]], ...] = (
@@ -29,7 +29,7 @@ PARTS: tuple[type[Part[Any]], ...] = (
 )
 # What says the facts about each feature, None of a model without it; of several facts that exclude each other the first
 # one counts.
-FEATURES: tuple[Callable[[ModelArrays], Feature | None], ...] = (
+FEATURES: tuple[Callable[[Model], Feature | None], ...] = (
     viscosity.feature,
     own_steps.feature,
     coupled_masses.feature,
@@ -41,6 +41,6 @@ BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)
 WITH_LAWS = (ends_without_mass.refusals, laws_refused)
 
 
-def features_of(model: ModelArrays) -> tuple[Feature, ...]:
+def features_of(model: Model) -> tuple[Feature, ...]:
     """Return the facts about the optional features that a model has."""
     return tuple(filter(None, (feature(model) for feature in FEATURES)))

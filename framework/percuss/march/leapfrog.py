@@ -14,7 +14,7 @@ from percuss.step import loop
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
     from percuss.step.build import Kernels
     from percuss.step.part import Part

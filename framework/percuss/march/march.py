@@ -32,7 +32,7 @@ from percuss.step.equation import SWEEPS
 from percuss.step.record import OF_CONTACTS, OF_PROBES, Record
 
 if TYPE_CHECKING:
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Array, Floats
     from percuss.step.actions import Action
 

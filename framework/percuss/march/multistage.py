@@ -20,7 +20,7 @@ from percuss.step.stages import BODY_FORCE, StageAmplitudes, State, System, adva
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats, LeapFrog, Stages
     from percuss.step.build import Kernels
     from percuss.step.part import Part

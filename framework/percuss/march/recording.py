@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from percuss.case.case import Case
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats, Integers
 
 TIMES = 3  # columns of the time axis: the step, and the times of motion and of energy

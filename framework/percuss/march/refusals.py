@@ -12,12 +12,12 @@ from percuss.march import features
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
 
-Rule = Callable[["ModelArrays"], Iterator[Problem | RefusedPair]]
+Rule = Callable[["Model"], Iterator[Problem | RefusedPair]]
 
 
-def pairs_refused(model: ModelArrays) -> Iterator[RefusedPair]:
+def pairs_refused(model: Model) -> Iterator[RefusedPair]:
     """Yield each pair of the integrator and a law of which one refuses the other."""
     integrator = model.case.method.integrator
     for law in dict.fromkeys(model.contact_points.laws):
@@ -29,7 +29,7 @@ def pairs_refused(model: ModelArrays) -> Iterator[RefusedPair]:
                 yield RefusedPair(integrator.name, law.name, reason, refusing)
 
 
-def not_movable(model: ModelArrays) -> Iterator[Problem]:
+def not_movable(model: Model) -> Iterator[Problem]:
     """Yield each contact whose sides are all fixed or driven at some time: its force is unknown."""
     told, points = set(), model.contact_points
     lightest = np.full(len(points), np.inf)
@@ -53,7 +53,7 @@ def _is_rigid_early(bound_law: BoundLaw) -> bool:
     return linear is not None and linear.at == "explicit" and not np.all(linear.sigma)
 
 
-def only_with_bars(model: ModelArrays) -> Iterator[Problem]:
+def only_with_bars(model: Model) -> Iterator[Problem]:
     """Yield what is built for bars alone, where a body is none."""
     other = next((body.name for body in model.bodies.values() if body.mesh.line is None), "")
     if not other:
@@ -101,7 +101,7 @@ WITH_LAWS: Sequence[Rule] = (
 )
 
 
-def refuse(model: ModelArrays, rules: Sequence[Rule]) -> None:
+def refuse(model: Model, rules: Sequence[Rule]) -> None:
     """Refuse what some rules refuse in a model, all of it at once.
 
     Raises
@@ -121,7 +121,7 @@ def refuse(model: ModelArrays, rules: Sequence[Rule]) -> None:
     raise InputError(dict.fromkeys(problems))
 
 
-def _problems(model: ModelArrays, refusal: Problem | RefusedPair) -> list[Problem]:
+def _problems(model: Model, refusal: Problem | RefusedPair) -> list[Problem]:
     """Return the problems of a refusal; of an integrator and a law the places of both."""
     if isinstance(refusal, Problem):
         return [refusal]

@@ -10,7 +10,7 @@ from percuss.mesh.loads import amplitude
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 if TYPE_CHECKING:
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
 
 NOT_STARTED = "the certificate says unstable, so the run was not started"
 UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"

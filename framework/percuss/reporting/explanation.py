@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
     from percuss.certificate.criteria import RunCriterion
     from percuss.certificate.verdict import Certificate
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.mesh.body import Body
 
 MOST_LETTERS = 60  # The value of an option, such as a table, is cut after this many letters.

@@ -11,12 +11,12 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.certificate.verdict import Certificate
 from percuss.contact.laws import ignored_couplings
+from percuss.contact.model import Model
 from percuss.contact.pairs import unlike_sides
 from percuss.interrupt import interruptible
 from percuss.jit import Stopwatch
 from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
-from percuss.march.model import Model
 from percuss.march.stop import Stop, likely_cause
 from percuss.mesh.body import Body
 from percuss.mesh.cells import is_solid

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from percuss.contact.model import Model
 from percuss.contact.points import TOUCHING
 from percuss.jsonable import Entries
 from percuss.march.march import March, Outcome
-from percuss.march.model import Model
 from percuss.march.recording import probe_nodes
 from percuss.mesh.body import Body
 from percuss.methods.interfaces import Floats

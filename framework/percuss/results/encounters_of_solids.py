@@ -19,8 +19,8 @@ from percuss.methods.interfaces import Surface
 from percuss.methods.interfaces.nearest import EVEN, nearest_places, places_on
 
 if TYPE_CHECKING:
+    from percuss.contact.model import Model
     from percuss.march.march import March, Outcome
-    from percuss.march.model import Model
     from percuss.methods.interfaces import Floats, Integers, Wall
 
 TOLD = 1e-3  # of a facet: a node that lies deeper inside another body is told

@@ -11,8 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from percuss.blas import one_blas_thread
+from percuss.contact.contact_problem import contact_problem
+from percuss.contact.model import Model
 from percuss.heartbeat import progress
-from percuss.march.model import Model
 from percuss.methods.interfaces import ContactProblem, Exact, ExactContact, Floats, Solution
 from percuss.methods.plugin_calls import answer
 
@@ -79,7 +80,7 @@ def engine_for(
 
     If none covers it, both are None, and the text has the reasons. Parameters are those of `exact_solution`.
     """
-    problem = model.problem
+    problem = contact_problem(model)
     if isinstance(problem, str):
         return None, None, f"the bodies do not move as a row of bars: {problem}"
     prisms = any(body.modulus is not None for body in problem.bodies.values())

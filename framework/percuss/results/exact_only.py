@@ -12,10 +12,12 @@ import numpy as np
 
 from percuss.blas import one_blas_thread
 from percuss.case.case import Case
+from percuss.contact.contact_problem import contact_problem
+from percuss.contact.model import Model
 from percuss.errors import wrong_input
 from percuss.heartbeat import progress
 from percuss.jsonable import Data, Entries, plain
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.march.recording import refuse_large
 from percuss.mesh.body import Body
 from percuss.mesh.spots import shares_at
@@ -64,7 +66,7 @@ def run_exact(case: Case) -> Result:
         If no registered solution covers the case.
     """
     started = time.perf_counter()
-    model = Model(case)
+    model = model_of(case)
     refuse_large(case, case.record.fields, FIELD_POINTS * len(model.bodies))
     end = case.time.end if case.time.end is not None else model.steps * model.dt
     solution, name, reason = exact_solution(model, end)
@@ -98,7 +100,7 @@ def run_exact(case: Case) -> Result:
 
 def _bars(model: Model) -> Mapping[str, ProblemBody]:
     """Return the bodies as bars, of a case that an exact solution covers."""
-    problem: Any = model.problem
+    problem: Any = contact_problem(model)
     bodies: Mapping[str, ProblemBody] = problem.bodies
     return bodies
 

@@ -15,7 +15,7 @@ from percuss.mesh.cells import cells_of
 from percuss.mesh.stresses import stress_field
 
 if TYPE_CHECKING:
-    from percuss.march.model import Model
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
 

@@ -19,11 +19,11 @@ from typing import Any
 from percuss.case.case import Case, load
 from percuss.case.source import Source
 from percuss.contact.laws import parameters
+from percuss.contact.model import Model
 from percuss.contact.pairs import walls_of
 from percuss.digest import numeric_settings, own_digest
 from percuss.errors import PluginError, Problem, refuse_if_any, wrong_input
 from percuss.jsonable import Data, Entries, as_lists, plain
-from percuss.march.model import Model
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile

@@ -14,11 +14,11 @@ from percuss.case.case import Case, load
 from percuss.case.defaults import OF_REFERENCE
 from percuss.case.yaml_text import flow
 from percuss.certificate import verdict
+from percuss.contact.model import Model
 from percuss.errors import PercussError
 from percuss.interrupt import interruptible
 from percuss.jsonable import as_lists
 from percuss.march.march import March
-from percuss.march.model import Model
 from percuss.march.recording import recordable
 from percuss.mesh.body import Body
 from percuss.mesh.spots import shares_in

@@ -102,11 +102,11 @@ class Result:
         errors, partial_errors = self.summary["exact"], self.summary.get("exact_covered")
         until = errors["reached"] if errors else partial_errors["until"] if partial_errors else None
         if self.solution is None and until is not None:
-            from percuss.march.model import Model
+            from percuss.march.model import model_of
             from percuss.results.exact import exact_solution
             from percuss.results.provenance import case_inside
 
-            self.solution = exact_solution(Model(case_inside(self.provenance)), until)[0]
+            self.solution = exact_solution(model_of(case_inside(self.provenance)), until)[0]
         return self.solution
 
     @property

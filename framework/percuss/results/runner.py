@@ -11,13 +11,13 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.case.case import Case, expect_case
 from percuss.certificate import verdict
+from percuss.contact.model import Model
 from percuss.errors import RunError
 from percuss.heartbeat import heard_by
 from percuss.interrupt import interruptible
 from percuss.jit import Stopwatch
 from percuss.jsonable import Data
 from percuss.march.march import March, Outcome, Progress
-from percuss.march.model import Model
 from percuss.march.recording import recordable
 from percuss.march.stop import NOT_STARTED, not_started
 from percuss.methods.interfaces import Floats

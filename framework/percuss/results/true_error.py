@@ -7,8 +7,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from percuss.contact.contact_problem import contact_problem
+from percuss.contact.model import Model
 from percuss.jsonable import Data
-from percuss.march.model import Model
 from percuss.methods.interfaces import Exact, ExactContact, Floats, Integers
 from percuss.results.exact import ROUND_OFF, displacement_at
 from percuss.results.summary import ContactErrors, CoveredErrors, ExactEntries, ExactErrors
@@ -189,7 +190,7 @@ def displacement_error(model: Model, solution: Exact, displacement: Floats, time
     if time > solution.reached * (1.0 + 1e-12):
         return None
     error = size = 0.0
-    problem: Any = model.problem
+    problem: Any = contact_problem(model)
     for body in model.bodies.values():
         axis = problem.bodies[body.name].direction
         along, weight = body.along(axis)

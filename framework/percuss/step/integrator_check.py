@@ -15,7 +15,7 @@ from percuss.methods.interfaces import ContactLaw, ContactState, Integrator, Lea
 from percuss.methods.plugin_calls import Returned, answer
 
 if TYPE_CHECKING:
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
 # Explicit laws in a stage use the current gap, its rate and its bulk acceleration; a multiplier changes the last only.
@@ -85,7 +85,7 @@ def velocities_of(stages: Stages) -> Floats:
     return np.array(stages.velocity or [0.0] * len(stages.times), dtype=float)
 
 
-def laws_refused(model: ModelArrays) -> Iterator[RefusedPair]:
+def laws_refused(model: Model) -> Iterator[RefusedPair]:
     """Yield laws that do not work with the scheme of an integrator.
 
     These are, with a multi-stage scheme, laws at the end of the step if the scheme does not define that state; with any

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, Self, TypeVar
 
 if TYPE_CHECKING:
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.contact.rows import Rows
     from percuss.contact.state_variables import StateVariables
     from percuss.methods.interfaces import Array, Floats, Integers
@@ -44,7 +44,7 @@ class Setting:
         Numbers of the elements of each body whose stress is recorded.
     """
 
-    model: ModelArrays
+    model: Model
     midpoint: float
     place: Mapping[int, int]
     order: Sequence[int]

@@ -18,7 +18,7 @@ from percuss.record_arrays import Records, record_array
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
 
@@ -120,7 +120,7 @@ def advance_row(u: Floats, v: Floats, behind: float, ahead: float, rate: float, 
     u[last] += dt * v[last]
 
 
-def uniform_bars(model: ModelArrays, boundary_nodes: Sequence[int]) -> Any:
+def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> Any:
     """Return the bodies of a model as records `UNIFORM_BAR`; none if there is a body of another kind.
 
     Parameters

@@ -25,6 +25,7 @@ from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, load
 from percuss.case.quantities import JUDGED_BY, METRICS, by_two
 from percuss.certificate.closed_laws import NEVER_GROWS
+from percuss.contact.model import Model
 from percuss.errors import (
     InputError,
     PercussError,
@@ -37,7 +38,7 @@ from percuss.errors import (
 )
 from percuss.files import expect_no_input, expect_writable
 from percuss.jsonable import Data, Entries
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.blame import plugin_faults
 from percuss.methods.interfaces import ContactLaw
 from percuss.methods.registry import Registry
@@ -369,7 +370,7 @@ def _is_reference(method: Any) -> bool:
 
 def _why_no_exact_solution(case: Case) -> str:
     """Return why no exact solution covers the whole of a case; empty if one does."""
-    model = Model(case)
+    model = model_of(case)
     return exact_solution(model, (model.steps + 1) * model.dt)[2]
 
 
@@ -377,7 +378,7 @@ def _fixed(case: Case) -> Entries:
     """Return what all candidates have in common, by path: the end of the run, no contact with methods of its own."""
     end = case.time.end
     if end is None:
-        model = Model(case)
+        model = model_of(case)
         end = model.steps * model.dt
     fixed = {"time.step": None, "time.steps": None, "time.end": end, "record.every": 1, "record.fields": 0}
     if case.time.courant is None:  # the case has to be one before a candidate says its own
@@ -437,7 +438,7 @@ class _Bench:
         return float(model.steps * len(model.bodies.nodes))
 
     def _model(self, changes: Data) -> Model:
-        return Model(self.case.with_overrides({**self.fixed, **changes}))
+        return model_of(self.case.with_overrides({**self.fixed, **changes}))
 
     def _stages(self, name: str, options: str) -> int:
         integrator: Any = self.case.registry.get("integrators", name)

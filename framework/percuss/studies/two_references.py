@@ -10,7 +10,7 @@ from percuss.case.case import Case
 from percuss.case.defaults import OF_REFERENCE
 from percuss.errors import PercussError
 from percuss.jsonable import Data, Entries
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.studies.tasks import method_name, method_of_point
 
 
@@ -68,7 +68,7 @@ def second_reference(case: Case, laws: Sequence[str], pairings: Sequence[str]) -
         own = {f"contacts.{name}.pairing": None for name, contact in given.items() if "pairing" in contact}
         try:
             made = case.with_overrides(changes | own)  # contacts have no pairing of their own, as in a finer run
-            Model(made)
+            model_of(made)
         except PercussError:
             continue
         try:

@@ -29,7 +29,7 @@ from percuss.step.bulk import add_kinetic_energy
 from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.errors import Problem
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
@@ -267,7 +267,7 @@ def coupled_kinetic(factor: Floats, v: Floats, dim: int, work_space: Floats) -> 
 # ------------------------------------------------------------------------------------------------ facts and refusals
 
 
-def feature(model: ModelArrays) -> Feature | None:
+def feature(model: Model) -> Feature | None:
     """Return what is to know of masses that couple nodes; None where all are diagonal."""
     if not model.bodies.couples_nodes:
         return None
@@ -282,7 +282,7 @@ def feature(model: ModelArrays) -> Feature | None:
     )
 
 
-def refusals(model: ModelArrays) -> Iterator[Problem]:
+def refusals(model: Model) -> Iterator[Problem]:
     """Yield a problem for a scheme for which such masses are not built, and for ends that they couple to each other.
 
     A support, a drive or a load on an end whose motion the mass couples to the other end of its body has no neighbours

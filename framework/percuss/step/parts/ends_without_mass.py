@@ -28,7 +28,7 @@ from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
 # A side without mass of a contact point, one record for each direction.
@@ -161,7 +161,7 @@ def add_round_off(data: Balance, n: int, u: Floats, v: Floats, a: Floats) -> Non
             data.totals[0].round_off += reach * (abs(state.rate) + abs(rate)) / (dt * law.delassus)
 
 
-def feature(model: ModelArrays) -> Feature | None:
+def feature(model: Model) -> Feature | None:
     """Return what is to know of ends without mass; None where all ends in contact have mass."""
     points = model.contact_points
     massless = frozenset(points.point[model.bodies.mass[points.node] == 0.0].tolist())
@@ -213,7 +213,7 @@ def _lines_in_balance(massless: Collection[int], dt: float, bound_law: BoundLaw,
     return np.where(without_mass, balanced, records)
 
 
-def refusals(model: ModelArrays) -> Iterator[Problem | RefusedPair]:
+def refusals(model: Model) -> Iterator[Problem | RefusedPair]:
     """Yield where the static balance of an end with its contact is not that of a linear end element.
 
     That is so if a body is not linear, or has no node with mass beside such an end, and if the integrator is a

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -18,7 +17,7 @@ from percuss.step.part import Part, Setting
 from percuss.step.records import Loads
 
 if TYPE_CHECKING:
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.mesh.loads import Follower
     from percuss.methods.interfaces import Floats
 
@@ -113,15 +112,15 @@ class Followers(Part[Following]):
         return [self.data.followers]
 
 
-def feature(model: ModelArrays) -> Feature | None:
+def feature(model: Model) -> Feature | None:
     """Return what is to know of loads that follow the motion of an end; None where there is none."""
     if not model.loads.followers:
         return None
     return Feature(
         name="loads that follow the motion of an end",
         forces=model.loads.followers,
-        springs=partial(_springs, model),
-        reasons={"linear laws": partial(_why_beyond_linear_laws, model), "certificate": partial(_why_unknown, model)},
+        springs=_springs,
+        reasons={"linear laws": _why_beyond_linear_laws, "certificate": _why_unknown},
     )
 
 
@@ -148,7 +147,7 @@ def _stiffness_and_damping(follower: Follower, end: float) -> tuple[float, float
     return float(k), float(c)
 
 
-def _why_unknown(model: ModelArrays) -> str:
+def _why_unknown(model: Model) -> str:
     """Return why no certificate covers the loads that follow the motion; empty if one does."""
     end = model.steps * model.dt
     for follower in model.loads.followers:
@@ -160,7 +159,7 @@ def _why_unknown(model: ModelArrays) -> str:
     return ""
 
 
-def _why_beyond_linear_laws(model: ModelArrays) -> str:
+def _why_beyond_linear_laws(model: Model) -> str:
     """Return why the linear laws do not cover a load that follows the motion; empty if it covers all of them.
 
     Under a leap-frog scheme the velocity of such a load is centred in the step: its dashpot takes energy at any step,
@@ -182,7 +181,7 @@ def _why_beyond_linear_laws(model: ModelArrays) -> str:
     return ""
 
 
-def _springs(model: ModelArrays) -> dict[int, float]:
+def _springs(model: Model) -> dict[int, float]:
     """Return the stiffness of the springs at the ends of bars, by node."""
     end = model.steps * model.dt
     springs: dict[int, float] = {}

@@ -1,6 +1,6 @@
 """The work of the internal forces, where the strain energy of a body does not follow from its displacements.
 
-The ledger counts it instead of the elastic energy (`percuss.contact.model_arrays.ModelArrays.sums_internal_work`).
+The ledger counts it instead of the elastic energy (`percuss.contact.model.Model.sums_internal_work`).
 """
 
 from __future__ import annotations

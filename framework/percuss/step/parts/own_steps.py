@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
@@ -28,7 +27,7 @@ from percuss.step.bulk import (
 from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats, Integers
 
 # Relative round-off of the ratio of two frequencies: equal bodies in other units have the same step.
@@ -144,7 +143,7 @@ def shift_snapshot_back(data: Ahead, n: int, u: Floats, v: Floats, a: Floats) ->
 # ------------------------------------------------------------------------------------------------------------- facts
 
 
-def feature(model: ModelArrays) -> Feature | None:
+def feature(model: Model) -> Feature | None:
     """Return what is to know of bodies with steps of their own; None where the scheme gives them none."""
     if model.multistage or not model.tables[0].own_steps:
         return None
@@ -171,7 +170,7 @@ def feature(model: ModelArrays) -> Feature | None:
         reasons={
             "springs": f"{name} gives bodies steps of their own, so that a closed contact does not act as a stiffness",
             "plain bars": f"with {name} bodies have steps of their own",
-            "criterion": partial(_why_unknown, model),
+            "criterion": _why_unknown,
             "cure": "take another step, or the same step in all bodies: steps of unlike length resonate",
             "lost energy": (
                 f"{name} has not kept the energy: what its internal forces did and what the bodies store differ by"
@@ -185,7 +184,7 @@ def feature(model: ModelArrays) -> Feature | None:
     )
 
 
-def _why_unknown(model: ModelArrays) -> str:
+def _why_unknown(model: Model) -> str:
     """Return why no criterion covers bodies with steps of their own; empty if one does."""
     name = model.case.method.integrator.name
     with_kernels = list(dict.fromkeys(bound.law.name for bound in model.laws if bound.linear is None))

@@ -18,7 +18,7 @@ from percuss.step.bulk import Bulk, advance_block, force_of_cells, force_of_elem
 from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
-    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.model import Model
     from percuss.errors import Problem
     from percuss.methods.interfaces import Floats
 
@@ -68,12 +68,12 @@ def force_of_cells_ahead(data: Bulk, material: MaterialPoints, b: int, u: Floats
     add_up_forces(data.block.element, material, b, data.part.displacement[: u.size], force)
 
 
-def viscosity_of(model: ModelArrays) -> float:
+def viscosity_of(model: Model) -> float:
     """Return the time of the viscosity of a leap-frog scheme over the step, `percuss.LeapFrog.viscosity`."""
     return 0.0 if model.multistage else model.tables[0].viscosity
 
 
-def feature(model: ModelArrays) -> Feature | None:
+def feature(model: Model) -> Feature | None:
     """Return what is to know of viscous bodies; None where the scheme has no viscosity.
 
     With ``v += dt f, u += dt v`` and ``f = -omega^2 (u + viscosity dt v)`` the step has the trace
@@ -101,7 +101,7 @@ def feature(model: ModelArrays) -> Feature | None:
     )
 
 
-def refusals(model: ModelArrays) -> Iterator[Problem]:
+def refusals(model: Model) -> Iterator[Problem]:
     """Yield a problem where bodies are not linear: the viscosity is that of a stiffness."""
     if viscosity_of(model) and model.bodies.why_not_linear:
         name = model.case.method.integrator.name

@@ -7,8 +7,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from percuss.contact.contact_problem import contact_problem
 from percuss.jsonable import Entries
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.interfaces import FollowingLoad
 from percuss.methods.plugin_calls import answer
 from percuss.testing.draws import STRUCK_WALL, TWO_BARS, bar, bar_chains, chain, for_all, must_balance, on_chains
@@ -102,7 +103,9 @@ def check_exact_solution(subject: Subject) -> None:
     subject = dataclasses.replace(subject, registry=dataclasses.replace(subject.registry, components=sole))
     for options, engine in subject.made():
         found = [subject.placed(case, options) for case in (TWO_BARS, STRUCK_WALL)]
-        covered = [case for case in found if engine.covers(cast("Any", Model(subject.load(case)).problem)) is None]
+        covered = [
+            case for case in found if engine.covers(cast("Any", contact_problem(model_of(subject.load(case))))) is None
+        ]
         if not covered:
             raise NotApplicable("it covers neither two bars that meet nor a bar that strikes a wall")
         errors = []
@@ -147,8 +150,8 @@ def _solved(subject: Subject, case: Entries) -> tuple[Any, float]:
     CheckFailed
         If it gives no reason for not covering the case, or for ending early.
     """
-    model = Model(subject.load(case))
-    problem: Any = model.problem
+    model = model_of(subject.load(case))
+    problem: Any = contact_problem(model)
     engine = subject.make(subject.examples[0])
     reason = engine.covers(problem)
     if reason is not None:

@@ -14,7 +14,7 @@ from percuss.case.quantities import COMPARED_BY_KIT, QUANTITIES
 from percuss.certificate import verdict
 from percuss.errors import InputError, RunError
 from percuss.jsonable import Data, Entries
-from percuss.march.model import Model
+from percuss.march.model import model_of
 from percuss.methods.interfaces import LeapFrog
 from percuss.results.ledger import STORED_BY_LAWS
 from percuss.results.result import Result
@@ -125,7 +125,7 @@ def below_limit(subject: Subject, case: Data, courant: float) -> float:
     limit = subject.component.critical_courant  # type: ignore[attr-defined]
     if limit is None:
         free = {**case, "contacts": {}, "method": {"integrator": case["method"]["integrator"]}}
-        limit = verdict.certificate(Model(subject.load(free)))["courant_critical"]
+        limit = verdict.certificate(model_of(subject.load(free)))["courant_critical"]
     return courant if limit is None else min(courant, SAFE * limit)
 
 
@@ -184,7 +184,7 @@ def energy_growth(subject: Subject, case: Data, result: Result) -> float:
     NotApplicable
         If a law ties meshes.
     """
-    model = Model(subject.load(case))
+    model = model_of(subject.load(case))
     laws = [bound_law.linear for bound_law in model.laws]
     if any(law is not None and np.any(law.rate) and law.sign == "free" and law.active == "all" for law in laws):
         raise NotApplicable("it is a tie, which takes the gap rate from its ends as it begins")

@@ -1,11 +1,11 @@
-"""The arrays of a model, and what follows from them alone: all that its checks and its rows need."""
+"""The model: the arrays of a checked case, and what follows from them alone."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,52 +13,71 @@ import numpy as np
 
 from percuss.contact.features import together
 from percuss.contact.limits import stiffness_limits
-from percuss.contact.rows import Rows, rows_of
-from percuss.mesh.loads import latest
+from percuss.contact.points import LAW, NOTHING, PointArrays
+from percuss.contact.rows import Rows, law_records, rows_of
+from percuss.mesh.loads import acts_at, latest
 from percuss.methods.interfaces import LeapFrog, Stages
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.contact.bound_law import BoundLaw
     from percuss.contact.features import Feature, Question
-    from percuss.contact.points import PointArrays
     from percuss.mesh.bodies import Bodies
     from percuss.mesh.loads import SupportsAndLoads
     from percuss.methods.interfaces import Floats
 
 
-@dataclass(frozen=True, init=False, eq=False, repr=False)
-class ModelArrays:
-    """The arrays of a model, without how they are made.
+@dataclass(frozen=True, eq=False, repr=False)
+class Model:
+    """The arrays that describe a checked case: nodes, masses, elements, contact points, supports, loads, time step.
+
+    A model never changes. One with another step, other laws or fewer supports is a copy with some fields replaced.
 
     Attributes
     ----------
-    dt, steps
-        Time step and number of steps; Courant number 1 where the case gives no step.
     bodies
         The bodies by name, in the order of the case, and all their nodes.
     contact_points
         The contact points, in the order of the case.
     loads
         Supports, drives and loads.
+    dt, steps
+        Time step and number of steps; Courant number 1 where the case gives no step.
     stages
         Stages of a multi-stage scheme; None for a leap-frog scheme.
     tables
         The states at which contact laws are evaluated, one table for each stage, or one for a leap-frog scheme.
+    rows
+        The rows of N and S while each set of supports and drives of the run acts, by the numbers of these.
+    features
+        The facts about the optional features that the model has.
     laws
         The bound laws, linear laws before laws with a kernel. The loop solves linear laws with the contact equation;
         the other laws fill their part of the multipliers last in this order, by kernels of their own.
+    never_active
+        Contact points whose law is not active at any time, in the model of a stretch of a run.
+    run
+        The model of the whole run, in the model of a stretch; else None.
     """
 
     case: Case
-    dt: float
-    steps: int
     bodies: Bodies
     contact_points: PointArrays
     loads: SupportsAndLoads
+    dt: float
+    steps: int
     stages: Stages | None
     tables: tuple[LeapFrog, ...]
-    laws: tuple[BoundLaw, ...]
+    rows: Mapping[tuple[int, ...], Rows] = field(default_factory=dict)
+    features: tuple[Feature, ...] = ()
+    laws: tuple[BoundLaw, ...] = ()
+    never_active: tuple[int, ...] = ()
+    run: Model | None = None
+
+    @property
+    def whole(self) -> Model:
+        """The model of the whole run, also for the model of a stretch."""
+        return self.run or self
 
     @property
     def dim(self) -> int:
@@ -66,14 +85,14 @@ class ModelArrays:
         return self.case.dimension
 
     @property
+    def courant(self) -> float:
+        """Courant number of the element with the highest frequency omega, ``omega dt / 2``: c dt/h of a bar."""
+        return 0.5 * self.dt * self.bodies.omega
+
+    @property
     def multistage(self) -> bool:
         """Whether the integrator is a multi-stage scheme; if not, it is a leap-frog scheme."""
         return self.stages is not None
-
-    @cached_property
-    def features(self) -> tuple[Feature, ...]:
-        """The facts about the optional features that the model has."""
-        raise NotImplementedError
 
     @cached_property
     def facts(self) -> Feature:
@@ -82,7 +101,7 @@ class ModelArrays:
 
     def why(self, question: Question) -> str:
         """Return what the first feature that has an answer to a question says, in words; empty if none has."""
-        return next(filter(None, (feature.why(question) for feature in self.features)), "")
+        return next(filter(None, (feature.why(question, self) for feature in self.features)), "")
 
     def why_altered(self, *needed: str) -> str:
         """Return which feature alters something that another one needs, in words; empty if none does."""
@@ -141,30 +160,62 @@ class ModelArrays:
         edges = sorted(cuts)
         return list(itertools.pairwise(edges))
 
-    @cached_property
-    def _rows(self) -> dict[tuple[int, ...], Rows]:
-        return {}
+    def active_constraints(self, midpoint: float) -> tuple[int, ...]:
+        """Return the numbers of the supports and drives that act in the step around `midpoint`."""
+        return tuple(k for k, constraint in enumerate(self.loads.constraints) if constraint.active(midpoint))
+
+    def inactive_points(self, midpoint: float) -> tuple[int, ...]:
+        """Return the contact points whose law is not active in the step around `midpoint`."""
+        inactive = set(self.never_active)
+        for bound_law in self.laws:
+            during = bound_law.during
+            if during is not None and not acts_at(midpoint, during[:, 0], during[:, 1]).any():
+                inactive.update(bound_law.where)
+        return tuple(sorted(inactive))
 
     def rows_at(self, midpoint: float) -> Rows:
-        """Return the rows of N and S for the supports and drives active at a time, made once for each set of these."""
-        active = tuple(k for k, constraint in enumerate(self.loads.constraints) if constraint.active(midpoint))
-        if active not in self._rows:
-            constraints = [self.loads.constraints[k] for k in active]
-            self._rows[active] = rows_of(self.contact_points, self.bodies, constraints, self.dt)
-        return self._rows[active]
-
-    def rows_over_the_run(self) -> Iterator[Rows]:
-        """Yield the rows of each stretch of the run in which other supports or drives act."""
-        for start, _ in self.segments(laws=False):
-            yield self.rows_at((start + 0.5) * self.dt)
+        """Return the rows of N and S for the supports and drives that act in the step around `midpoint`."""
+        return self.rows[self.active_constraints(midpoint)]
 
     @cached_property
     def largest_delassus(self) -> tuple[Floats, Floats]:
         """The largest diagonal entry of S over the run, and the largest sum of absolute values of a row, (P,) each."""
-        rows = list(self.rows_over_the_run())
+        rows = self.rows.values()
         return np.max([one.delassus for one in rows], axis=0), np.max([one.sums for one in rows], axis=0)
 
     @cached_property
     def stiffness_limits(self) -> Callable[[float], Floats]:
         """The function that gives `ContactPoints.stiffness_limit` for a time step, (P,) [force/length]."""
-        return stiffness_limits(self.bodies, self.contact_points, self.rows_over_the_run())
+        return stiffness_limits(self.bodies, self.contact_points, self.rows.values())
+
+    @cached_property
+    def tied_points(self) -> tuple[int, ...]:
+        """The contact points of masses that are tied in every step of the run or stretch, in ascending order."""
+        tied = {p for bound_law in self.laws if bound_law.ties and bound_law.during is None for p in bound_law.where}
+        return tuple(sorted(p for p in tied.difference(self.never_active) if not self.balanced[p]))
+
+    def law_records(self, table: LeapFrog | None = None) -> tuple[list[int], Any]:
+        """Return the order of the contact points in the loop, and their law records in that order, (P,) `LAW`."""
+        table, delassus = table or self.tables[-1], self.rows_at(0.5 * self.dt).delassus
+        order = [point for bound_law in self.laws for point in bound_law.where]
+        parts = [self.records_of(bound_law, table, delassus[list(bound_law.where)]) for bound_law in self.laws]
+        records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
+        if self.stages is not None:
+            records["stores"] = NOTHING
+        return order, records
+
+    def records_of(self, bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
+        """Return the records of a law at its points, where S has the diagonal `delassus`, (P,) `LAW`."""
+        records = law_records(bound_law, table, delassus)
+        return self.facts.records(bound_law, records, delassus) if self.facts.records else records
+
+
+def rows_over_the_run(model: Model) -> dict[tuple[int, ...], Rows]:
+    """Return the rows of N and S while each set of supports and drives of a run acts, by the numbers of these."""
+    rows: dict[tuple[int, ...], Rows] = {}
+    for start, _ in model.segments(laws=False):
+        active = model.active_constraints((start + 0.5) * model.dt)
+        if active not in rows:
+            constraints = [model.loads.constraints[k] for k in active]
+            rows[active] = rows_of(model.contact_points, model.bodies, constraints, model.dt)
+    return rows
