@@ -345,16 +345,20 @@ class March:
         except (PercussError, MemoryError):
             raise
         except Exception as raised:
-            self._restore_state(saved)
-            for s in range(count):
-                step_amplitudes = self.stepper.amplitudes(first + s, 1)
-                before = self._saved_state()
-                try:
-                    self.advance(step_amplitudes, first + s, 1)
-                except Exception as error:  # noqa: BLE001  a kernel may raise anything
-                    self._restore_state(before)
-                    raise diagnosis.kernel_failure(self, step_amplitudes, first + s, error) from raised
-            raise
+            _, step = self._before_the_failure(saved, first, count, self._raises)
+            raise diagnosis.kernel_failure(self, self.stepper.amplitudes(step, 1), step, raised) from raised
+
+    def _raises(self, first: int, count: int) -> bool:
+        """Make `count` steps; return whether a kernel raises an error in one of them."""
+        try:
+            self.advance(self.stepper.amplitudes(first, count), first, count)
+        except Exception:  # noqa: BLE001  a kernel may raise anything
+            return True
+        return False
+
+    def _fails(self, first: int, count: int) -> bool:
+        """Make `count` steps; return whether one of them, or the state after them, fails a check."""
+        return self.advance(self.stepper.amplitudes(first, count), first, count) < count or not self._is_sound()
 
     def advance(self, amplitudes: Any, first: int, count: int) -> int:
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check.
@@ -460,20 +464,40 @@ class March:
         for array, content in zip(self.changing_arrays(), saved, strict=True):
             np.frombuffer(array, np.uint8)[:] = np.frombuffer(content, np.uint8)
 
-    def _locate_failure(self, saved: list[bytes], first: int, count: int) -> tuple[int, Stop]:
-        """Repeat the chunk step by step up to the first step that fails a check; return its number and the stop."""
+    def _before_the_failure(
+        self, saved: list[bytes], first: int, count: int, fails: Callable[[int, int], bool]
+    ) -> tuple[list[bytes], int]:
+        """Return the state before the step that fails, found by bisection, and its number; the run is in that state.
+
+        Parameters
+        ----------
+        saved
+            The state before step `first`, from which one of `count` steps fails.
+        first, count
+            The first of these steps, and their number.
+        fails
+            Makes some steps, from the first of them on, and returns whether one fails.
+        """
+        while count > 1:
+            half = count // 2
+            self._restore_state(saved)
+            if fails(first, half):
+                count = half
+            else:
+                saved, first, count = self._saved_state(), first + half, count - half
         self._restore_state(saved)
-        for s in range(count):
-            step_amplitudes = self.stepper.amplitudes(first + s, 1)
-            before = self._saved_state()
-            solved = self.advance(step_amplitudes, first + s, 1) == 1
-            if not solved or not self._is_sound():
-                break
+        return saved, first
+
+    def _locate_failure(self, saved: list[bytes], first: int, count: int) -> tuple[int, Stop]:
+        """Repeat a chunk up to the step that fails a check; return its number and the stop."""
+        before, step = self._before_the_failure(saved, first, count, self._fails)
+        amplitudes = self.stepper.amplitudes(step, 1)
+        solved = self.advance(amplitudes, step, 1) == 1
         if self.arrays.kernel_laws and not np.isfinite(self.arrays.step.points.state.multiplier).all():
-            stop = self._stop_without_multiplier(step_amplitudes, before, first + s)
+            stop = self._stop_without_multiplier(amplitudes, before, step)
             if stop is not None:
-                return first + s, stop
-        return first + s, self._stop_by_a_body(before, first + s) or self._stop_after(first + s, solved=solved)
+                return step, stop
+        return step, self._stop_by_a_body(before, step) or self._stop_after(step, solved=solved)
 
     def _stop_after(self, step: int, *, solved: bool) -> Stop:
         """Return the reason for which the run stopped after a step, and the node at which it shows most."""
