@@ -1,7 +1,7 @@
-"""Contact points: which there are, the rows of N and S, the bound laws, and the records of all points.
+"""Contact points: which there are, the rows of N and S, the bound laws, and the model that holds all of it.
 
-`contact_points` finds the points of bars, `paired_surfaces` those of other bodies, as a pairing makes them.
-`point_rows` and `contact_rows` make their rows and records (`points`), `binding` binds all laws to them, each by
-`bound_law`. `model_arrays` has bodies, loads, contacts and laws together, as the rooms above read them. A law and a
-pairing are plug-ins: whoever adds one touches nothing in this folder.
+`pairs` finds the points where ends of bars meet, and those that a pairing makes of surfaces. `points` has them as
+arrays, and the records that the step reads; `rows` makes N and S of them. `laws` binds all laws to their points, each
+by `bound_law`, with the `limits` of stable stiffness. `model` is the record of a case as arrays that the rooms above
+read; `march.model` makes it. A law and a pairing are plug-ins: whoever adds one touches nothing in this folder.
 """
