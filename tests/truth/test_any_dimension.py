@@ -135,7 +135,7 @@ def test_plain_python_marches_the_same():
 class Turning(NamedTuple):
     """Rows that are renewed in every step."""
 
-    law: np.recarray
+    row: np.recarray
     entries: np.recarray
     mass: np.ndarray  # of the node of each entry
     span: float  # angle of a step
@@ -145,15 +145,15 @@ def turn(data, n, u, v, a):
     """Turn the normals of all points, and move their walls."""
     angle = 0.3 + data.span * n
     cosine, sine = np.cos(angle), np.sin(angle)
-    for i in range(data.law.size):
-        law = data.law[i]
-        law.initial_gap = -0.003 + 0.002 * np.sin(0.7 * n + i)
-        law.delassus = 0.0
-        for k in range(law.start, law.stop):
+    for i in range(data.row.size):
+        row = data.row[i]
+        row.initial_gap = -0.003 + 0.002 * np.sin(0.7 * n + i)
+        row.delassus = 0.0
+        for k in range(row.start, row.stop):
             entry = data.entries[k]
-            entry.normal = cosine if (k - law.start) % 2 == 0 else sine
+            entry.normal = cosine if (k - row.start) % 2 == 0 else sine
             entry.response = entry.normal / data.mass[k]
-            law.delassus += entry.normal * entry.response
+            row.delassus += entry.normal * entry.response
 
 
 @pytest.mark.parametrize("compiled", [True, False])
@@ -172,7 +172,7 @@ def test_rows_that_turn_and_move_in_every_step_leave_the_ledger_closed(integrato
     march = March(model_of(percuss.load(case, plugins=[PLUGIN])), compiled=compiled)
     step = march.arrays.step
     mass = step.boundary["mass"][step.points.entries["place"]]
-    turning = Action(BULK, turn, Turning(step.points.law, step.points.entries, mass, 0.2), order=-1)
+    turning = Action(BULK, turn, Turning(step.points.row, step.points.entries, mass, 0.2), order=-1)
     march.arrays.actions = [*march.arrays.actions, turning]
     march.use(march.kernels, march.arrays.actions)
     outcome = march.run()

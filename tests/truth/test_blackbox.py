@@ -475,8 +475,8 @@ def test_a_lumped_mass_penalty_is_seen(monkeypatch):
 def test_a_contact_that_acts_twice_is_seen(integrator, monkeypatch):
     def twice(points, boundary, dt):
         for i in range(points.law.size):
-            law, multiplier = points.law[i], points.state[i].multiplier
-            for k in range(law.start, law.stop):
+            row, multiplier = points.row[i], points.state[i].multiplier
+            for k in range(row.start, row.stop):
                 boundary[points.entries[k].place].new_v += 2.0 * dt * points.entries[k].response * multiplier
 
     monkeypatch.setattr(leapfrog_loop, "push", twice)
@@ -513,8 +513,8 @@ def test_a_clamped_tension_is_seen(monkeypatch):
 @pytest.mark.usefixtures("loop_anew")
 def test_a_lumped_mass_penalty_in_the_march_is_seen(monkeypatch):
     def lumped(points, boundary, dt):
-        for law, state in zip(points.law, points.state, strict=True):
-            for entry in points.entries[law.start : law.stop]:
+        for law, row, state in zip(points.law, points.row, points.state, strict=True):
+            for entry in points.entries[row.start : row.stop]:
                 q = boundary[entry.place]
                 extra = law.weight_acceleration / law.sigma  # eps_m on each node by itself
                 q.new_v += dt * (entry.normal * state.multiplier - extra * (q.bulk_v - q.old_v) / dt) / (q.mass + extra)

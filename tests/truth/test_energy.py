@@ -360,8 +360,8 @@ def test_a_contact_that_does_not_let_go_is_seen(monkeypatch, law):
 
 def twice(points, boundary, dt):
     """Let every multiplier act twice."""
-    for law, state in zip(points.law, points.state, strict=True):
-        for entry in points.entries[law.start : law.stop]:
+    for row, state in zip(points.row, points.state, strict=True):
+        for entry in points.entries[row.start : row.stop]:
             boundary[entry.place].new_v += 2 * dt * entry.response * state.multiplier
 
 

@@ -88,20 +88,19 @@ class ClosedStep:
         self._unit = motions.shortest_element * unit
         self._start = self._hold_contacts(points)
         self._remembered: Floats = np.zeros(self.march.arrays.variables.laws)  # state variables of contact laws
-        self._held = [(name, points[name]) for name in ("initial_gap", "always", "never_pulls")]
+        self._held = [(name, points[name]) for name in ("always", "never_pulls")]
         if opening:
-            self._remember_a_larger_overlap(points)
+            self._remember_a_larger_overlap()
         self._write_points()
         self._after = self._step(self._start)
         self.acting = sorted(
             p for p, responds in zip(self.march.arrays.order, self._responds_to_state(), strict=True) if responds
         )
 
-    def _remember_a_larger_overlap(self, points: Any) -> None:
+    def _remember_a_larger_overlap(self) -> None:
         """Close the contacts of this combination further, keep what the laws remember of it, and let them open."""
-        larger = points.copy()
-        larger.initial_gap[larger.initial_gap < 0.0] -= self._unit * LARGER_OVERLAP
-        self.march.arrays.step.points.law[:] = larger
+        self._write_points()
+        self.march.arrays.step.points.row["initial_gap"] -= np.where(self._gap < 0.0, self._unit * LARGER_OVERLAP, 0.0)
         self._step(self._start)
         self._remembered = self.march.arrays.variables.after[: self._remembered.size].copy()
         self._start = -OPENING / (0.5 * BASE_OVERLAP) * self._start
@@ -117,7 +116,7 @@ class ClosedStep:
         self(np.random.default_rng(1).uniform(-1.0, 1.0, self.parts * self.size))
         size = np.maximum(np.abs(before), np.abs(points.state.multiplier))
         responds = np.abs(points.state.multiplier - before) > FORCE_TOLERANCE * size
-        return np.where(self._held_by_loop, points.law.initial_gap == 0.0, responds)
+        return np.where(self._held_by_loop, points.row.initial_gap == 0.0, responds)
 
     def _hold_contacts(self, points: Any) -> Floats:
         """Set the gaps deep in contact or far out of it; return the base state of all steps, (parts, nodes * dim)."""
@@ -129,13 +128,13 @@ class ClosedStep:
         self._scale = unit * np.sqrt(lightest) / self.motions.root
         order = self.march.arrays.order
         # The gaps of open contacts stay as wide as they are: their laws act, if at all, where they are about to close.
-        points.initial_gap = BASE_OVERLAP * np.where(signs > 0, self.motions.shortest_element, -unit)[order]
+        gap = self._gap = BASE_OVERLAP * np.where(signs > 0, self.motions.shortest_element, -unit)[order]
         # Over several stages or steps the loop holds contacts closed whose law is linear and acts at that time.
         several = self.model.multistage or self.model.period > 1
         linear = self._held_by_loop = (points.source == FROM_LINE) & (points.always != NEVER) & several
         closed = signs[order] < 0
-        points.initial_gap[linear & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
-        points.initial_gap[linear & (points.initial_gap > 0)] = unit * OPEN_GAP
+        gap[linear & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
+        gap[linear & (gap > 0)] = unit * OPEN_GAP
         points.always[linear & closed], points.never_pulls[linear & closed] = 1, 0
         signs[np.array(order, dtype=np.int64)[linear]] = 0.0
         gaps = self.motions.gaps * np.sqrt(lightest)
@@ -147,9 +146,10 @@ class ClosedStep:
 
     def _write_points(self) -> None:
         """Hold the contacts of this combination: another one may have used the march meanwhile."""
-        law = self.march.arrays.step.points.law
+        points = self.march.arrays.step.points
+        points.row["initial_gap"] = self._gap
         for name, values in self._held:
-            law[name] = values
+            points.law[name] = values
 
     def _step(self, state: Floats) -> Floats:
         # State variables stay as they are: the step is one of the bodies alone.

@@ -136,7 +136,7 @@ NEVER = -1  # value of `always` for a law outside its intervals of time, which i
 # step, which also moves the ends.
 FROM_LINE, FROM_KERNEL, FROM_PART = 0, 1, 2
 
-# The coefficients of the law of each point, and its rows: what no step changes.
+# The coefficients of the law of each point: what no step changes.
 LAW = np.dtype(
     [
         ("weight_gap", "f8"),
@@ -154,7 +154,13 @@ LAW = np.dtype(
         ("stores", "i8"),  # how the contact stores energy: NOTHING, BY_END or BY_CURRENT
         ("surplus", "f8"),  # w minus its value for the gap at the end of the step
         ("contact", "i8"),  # number of its contact in the case
-        ("initial_gap", "f8"),
+    ]
+)
+# The row of each point: what a part of a step may renew.
+ROW = np.dtype(
+    [
+        ("initial_gap", "f8"),  # the gap is this plus N u
+        ("response", "f8"),  # that of its law, in a multi-stage scheme that of the present stage
         ("delassus", "f8"),  # diagonal of S
         ("kappa", "f8"),  # effective stiffness, force over overlap at the end of the step, of points that store BY_END
         ("start", "i8"),  # its entries of N are those from start to stop
@@ -205,6 +211,7 @@ class Points(NamedTuple):
     """The contact points of a step: a record of each kind for each, their contacts, the entries of N and S."""
 
     law: Any  # (P,) LAW
+    row: Any  # (P,) ROW
     state: Any  # (P,) STATE
     sums: Any  # (P,) SUMS
     contacts: Records  # CONTACT

@@ -15,6 +15,7 @@ from percuss.contact.points import (
     LAW,
     NOTHING,
     OTHER,
+    ROW,
     STATE,
     SUMS,
     Points,
@@ -255,15 +256,15 @@ def point_records(laws: Any, points: PointArrays, order: Sequence[int], rows: Ro
         Map from each boundary node to the index of its first boundary degree of freedom.
     """
     count, dim = rows.delassus.size, rows.normal.shape[1]
-    law, state, sums = (empty_records(count, kind) for kind in (LAW, STATE, SUMS))
+    law, row, state, sums = (empty_records(count, kind) for kind in (LAW, ROW, STATE, SUMS))
     law[:] = laws
-    law["contact"], law["initial_gap"] = points.contact[list(order)], points.gap[list(order)]
-    law["delassus"] = rows.delassus
+    law["contact"], row["initial_gap"] = points.contact[list(order)], points.gap[list(order)]
+    row["delassus"], row["response"] = rows.delassus, laws["response"]
     compliance = laws["sigma"] + laws["surplus"] * rows.delassus
     is_spring = (laws["stores"] == BY_END) & (compliance > 0)
-    law["kappa"] = np.divide(laws["weight_gap"], compliance, out=np.zeros(count), where=is_spring)
-    law["start"], law["stop"] = rows.start[:-1] * dim, rows.start[1:] * dim
-    law["other_start"], law["other_stop"] = rows.other_start[:-1], rows.other_start[1:]
+    row["kappa"] = np.divide(laws["weight_gap"], compliance, out=np.zeros(count), where=is_spring)
+    row["start"], row["stop"] = rows.start[:-1] * dim, rows.start[1:] * dim
+    row["other_start"], row["other_stop"] = rows.other_start[:-1], rows.other_start[1:]
     contacts = empty_records(int(points.contact.max(initial=-1)) + 1, CONTACT)
     contacts["first"] = contacts["last"] = -1
     entries, others = empty_records(rows.normal.size, ENTRY), empty_records(rows.other.size, OTHER)
@@ -272,7 +273,7 @@ def point_records(laws: Any, points: PointArrays, order: Sequence[int], rows: Ro
     entries["normal"] = rows.normal.ravel()
     entries["response"] = np.where(rows.beside[:, None] < 0, rows.response, 0.0).ravel()
     others["point"], others["value"] = rows.other, rows.coupling
-    return Points(law, state, sums, contacts, entries, others)
+    return Points(law, row, state, sums, contacts, entries, others)
 
 
 def carry_over(before: Points, after: Points) -> None:

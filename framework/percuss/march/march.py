@@ -76,6 +76,7 @@ class Outcome:
     record: Record
     histories: dict[str, Floats]  # what the parts of the step have recorded
     law: Records  # percuss.contact.points.LAW
+    row: Records  # percuss.contact.points.ROW
     sums: Records  # percuss.contact.points.SUMS, over the steps before t_N, and the largest overlap at t_N too
     contacts: Records  # percuss.contact.points.CONTACT, over the steps before t_N
     starting_velocity: Floats  # at -dt/2
@@ -275,6 +276,7 @@ class March:
             record=self.arrays.record,
             histories=self.arrays.histories(),
             law=self.arrays.step.points.law[self._case_order],
+            row=self.arrays.step.points.row[self._case_order],
             sums=self.arrays.step.points.sums[self._case_order],
             contacts=self.arrays.step.points.contacts,
             starting_velocity=self.v.copy(),
@@ -512,7 +514,7 @@ class March:
         node = int(np.argmax(np.abs(self.v))) // self.dim
         if active.size:
             worst = int(active[np.argmax(np.abs(multiplier[active]))])
-            node = int(boundary[points.entries[points.law[worst].start].place].dof) // self.dim
+            node = int(boundary[points.entries[points.row[worst].start].place].dof) // self.dim
         finite = np.isfinite(self.u) & np.isfinite(self.v)
         kind: Kind
         if contact_work_exceeded:

@@ -377,7 +377,9 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
     linear, by_laws = not march.model.sums_internal_work, march.arrays.variables.stored_by_laws.size > 0
     return {
         "guarantee": certificate["energy"],
-        "quantity": "contact work" if march.model.multistage else quantity(outcome.law, linear=linear, by_laws=by_laws),
+        "quantity": "contact work"
+        if march.model.multistage
+        else quantity(outcome.law, outcome.row, linear=linear, by_laws=by_laws),
         "largest": rise,
         "step": step,
         "time": (step + march.stepper.energy_at) * march.model.dt if step is not None else None,
@@ -387,13 +389,13 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
     }
 
 
-def quantity(points: Any, *, linear: bool = True, by_laws: bool = False) -> str:
-    """Return in words the energy that is measured for the given contact points.
+def quantity(points: Any, rows: Any, *, linear: bool = True, by_laws: bool = False) -> str:
+    """Return in words the energy that is measured for contact points of these `LAW` and `ROW` records.
 
     For linear bodies contact work equals kinetic plus elastic energy less external work, and is named by these.
     """
     parts = ["kinetic + elastic" if linear else "contact work"]
-    if ((points.stores == BY_END) & (points.kappa > 0)).any():
+    if ((points.stores == BY_END) & (rows.kappa > 0)).any():
         parts.append("kappa/4 (<-g_n+1>^2 + <-g_n>^2)")
     if (points.stores == BY_CURRENT).any():
         parts.append("(eps_s g_n g_n+1 + eps_m r_n+1/2^2)/2 while closed")

@@ -50,16 +50,16 @@ def account(step: Step, work: float, n: int, u: Floats, v: Floats) -> bool:
 def add_up_contacts(points: Points, boundary: Records, total: Row, n: int, dt: float) -> None:
     """Add up work, stored energy, impulses and overlaps of the contacts in a step."""
     for i in range(points.law.size):
-        law, state, sums = points.law[i], points.state[i], points.sums[i]
-        if takes_part(law, state, sums):
+        law, row, state, sums = points.law[i], points.row[i], points.state[i], points.sums[i]
+        if takes_part(law, row, state, sums):
             total.any_contact = 1
-            rate, reach = rate_and_reach(points, law, boundary, dt)
+            rate, reach = rate_and_reach(points, row, boundary, dt)
             work = 0.5 * dt * state.multiplier * (state.rate + rate)
-            energy = stored_energy(law, state, law.stores, state.gap, rate, dt)
+            energy = stored_energy(law, row, state, law.stores, state.gap, rate, dt)
             active = 1 if state.multiplier != 0.0 or energy != 0.0 else 0
             if law.stores == BY_CURRENT and sums.active == active:
                 total.steady_change += work + energy - sums.stored
-            total.round_off += rounding_energy(law, state, rate, reach, dt)
+            total.round_off += rounding_energy(law, row, state, rate, reach, dt)
             total.stored_by_points += energy
             total.work_of_contacts += work
             sums.stored = energy
@@ -68,7 +68,7 @@ def add_up_contacts(points: Points, boundary: Records, total: Row, n: int, dt: f
             impulse = dt * state.multiplier
             sums.impulse += impulse
             # A power costs the compiler a function of its own, a product nothing.
-            total.step_energy = max(total.step_energy, impulse * impulse * law.delassus)
+            total.step_energy = max(total.step_energy, impulse * impulse * row.delassus)
         if state.gap < 0.0:
             sums.deepest = max(sums.deepest, -state.gap)
     join_points(points)
@@ -99,33 +99,33 @@ def join_points(points: Points) -> None:
             contact.pressing = 1
 
 
-def rate_and_reach(points: Points, law: Row, boundary: Records, dt: float) -> tuple[float, float]:
+def rate_and_reach(points: Points, row: Row, boundary: Records, dt: float) -> tuple[float, float]:
     """Return the gap rate of a point after the step, and a bound of the displacements of its nodes."""
     rate = 0.0
     reach = 0.0
-    for k in range(law.start, law.stop):
+    for k in range(row.start, row.stop):
         q = boundary[points.entries[k].place]
         rate += points.entries[k].normal * q.new_v
         reach = max(reach, abs(q.old_u) + dt * abs(q.new_v))
     return rate, reach
 
 
-def takes_part(law: Row, state: Row, sums: Row) -> bool:
+def takes_part(law: Row, row: Row, state: Row, sums: Row) -> bool:
     """Return whether a contact may do work or store energy in a step.
 
     Without a force in this step and the one before, it may still store energy if its gap is closed, or if other
     contacts act on its ends.
     """
-    may_store = law.stores != NOTHING and (state.gap < 0.0 or law.other_start < law.other_stop)
+    may_store = law.stores != NOTHING and (state.gap < 0.0 or row.other_start < row.other_stop)
     return state.multiplier != 0.0 or sums.active == 1 or may_store  # type: ignore[no-any-return]
 
 
-def stored_energy(law: Row, state: Row, stores: int, gap: float, rate: float, dt: float) -> float:
+def stored_energy(law: Row, row: Row, state: Row, stores: int, gap: float, rate: float, dt: float) -> float:
     """Return the energy that a closed contact stores at n + 1/2.
 
     Parameters
     ----------
-    law, state
+    law, row, state
         The records of its point.
     stores
         How it stores energy: NOTHING, BY_END or BY_CURRENT.
@@ -141,20 +141,20 @@ def stored_energy(law: Row, state: Row, stores: int, gap: float, rate: float, dt
         # A law that is active at any gap and may pull is a spring in tension too; any other only in compression.
         closing_now = min(gap, 0.0) if law.always == 0 or law.never_pulls == 1 else gap
         closing_after = min(after, 0.0) if law.always == 0 or law.never_pulls == 1 else after
-        return 0.25 * law.kappa * (closing_now * closing_now + closing_after * closing_after)  # type: ignore[no-any-return]
+        return 0.25 * row.kappa * (closing_now * closing_now + closing_after * closing_after)  # type: ignore[no-any-return]
     if stores == BY_CURRENT and (gap < 0.0 or state.multiplier != 0.0):
         return 0.5 * (law.weight_gap * gap * after + law.weight_acceleration * rate * rate) / law.sigma  # type: ignore[no-any-return]
     return 0.0
 
 
-def rounding_energy(law: Row, state: Row, rate: float, reach: float, dt: float) -> float:
+def rounding_energy(law: Row, row: Row, state: Row, rate: float, reach: float, dt: float) -> float:
     """Return a bound on the change of a point's energy by round-off in a step, over the rounding unit.
 
     Displacements up to `reach` have a relative error of one unit. The contact force does work on the error of the gap,
     and the force that follows from this error does work on the motion of the gap; for a spring at the end of the step
     (BY_END) the latter is of second order.
     """
-    noise = abs(state.multiplier) + ROUNDING * reach * law.kappa
+    noise = abs(state.multiplier) + ROUNDING * reach * row.kappa
     if law.stores == BY_CURRENT:
         noise += (law.weight_gap * dt + law.weight_acceleration / dt) / law.sigma * (abs(state.rate) + abs(rate))
     return reach * noise  # type: ignore[no-any-return]

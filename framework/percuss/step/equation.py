@@ -21,12 +21,12 @@ SWEEPS = 10_000
 def see(points: Points, boundary: Records, dt: float) -> None:
     """Compute gap and gap rate of each point, the current values and those predicted without contact."""
     for i in range(points.law.size):
-        law = points.law[i]
-        gap = law.initial_gap
-        predicted_gap = law.initial_gap
+        row = points.row[i]
+        gap = row.initial_gap
+        predicted_gap = row.initial_gap
         rate = 0.0
         predicted_rate = 0.0
-        for k in range(law.start, law.stop):
+        for k in range(row.start, row.stop):
             entry = points.entries[k]
             q = boundary[entry.place]
             gap += entry.normal * q.old_u
@@ -60,7 +60,8 @@ def solve(points: Points, span: float, source: int) -> bool:
             state = points.state[i]
             state.multiplier = 0.0
             if is_active(law, state):
-                value = right_side(law, state, span) / (law.sigma + law.response * law.delassus)
+                row = points.row[i]
+                value = right_side(law, state, span) / (law.sigma + row.response * row.delassus)
                 if value > 0.0 or law.never_pulls == 0:
                     state.multiplier = value
     return points.others.size == 0 or sweep_points(points, span, source)
@@ -73,13 +74,13 @@ def sweep_points(points: Points, span: float, source: int) -> bool:
         moved = 0.0
         largest = 0.0
         for i in range(states.size):
-            law, state = points.law[i], states[i]
-            if law.source == source and law.other_start < law.other_stop and is_active(law, state):
+            law, row, state = points.law[i], points.row[i], states[i]
+            if law.source == source and row.other_start < row.other_stop and is_active(law, state):
                 gamma = right_side(law, state, span)
-                for k in range(law.other_start, law.other_stop):
+                for k in range(row.other_start, row.other_stop):
                     other = points.others[k]
-                    gamma -= law.response * other.value * states[other.point].multiplier
-                value = gamma / (law.sigma + law.response * law.delassus)
+                    gamma -= row.response * other.value * states[other.point].multiplier
+                value = gamma / (law.sigma + row.response * row.delassus)
                 if value < 0.0 and law.never_pulls == 1:
                     value = 0.0
                 moved = max(moved, abs(value - state.multiplier))
@@ -112,8 +113,8 @@ def right_side(law: Row, state: Row, span: float) -> float:
 def push(points: Points, boundary: Records, dt: float) -> None:
     """Add the velocity change dt M^-1 N lambda by the contact forces."""
     for i in range(points.law.size):
-        law, multiplier = points.law[i], points.state[i].multiplier
-        if multiplier != 0.0 and law.source != FROM_PART:
-            for k in range(law.start, law.stop):
+        row, multiplier = points.row[i], points.state[i].multiplier
+        if multiplier != 0.0 and points.law[i].source != FROM_PART:
+            for k in range(row.start, row.stop):
                 entry = points.entries[k]
                 boundary[entry.place].new_v += dt * entry.response * multiplier

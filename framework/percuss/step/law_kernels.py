@@ -89,14 +89,14 @@ def _trial(points: Points, first: int, stop: int, *, coupled: bool) -> Trial:
     law that does not use the coupling gets no neighbours.
     """
     starts, neighbours, values = [0], [], []
-    for point in points.law[first:stop]:
-        for entry in points.others[point.other_start : point.other_stop] if coupled else ():
+    for row in points.row[first:stop]:
+        for entry in points.others[row.other_start : row.other_stop] if coupled else ():
             neighbours.append(entry.point - first)
             values.append(entry.value)
         starts.append(len(neighbours))
     views: Entries = {name: points.state[name][first:stop] for name in Trial._fields if name in (STATE.names or ())}
     rows: Entries = {
-        "delassus": points.law["delassus"][first:stop],
+        "delassus": points.row["delassus"][first:stop],
         "first_neighbour": np.array(starts, dtype=np.int64),
         "neighbour": np.array(neighbours, dtype=np.int64),
         "coupling": np.array(values, dtype=np.float64),

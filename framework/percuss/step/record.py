@@ -110,9 +110,9 @@ def write_record(record: Record, step: Step, n: int, u: Floats, v: Floats, lag: 
         record.gap[r, i] = points.contacts[i].gap
         record.end_force[r, i] = 0.0
     for i in range(points.law.size):
-        law = points.law[i]
-        after = law.initial_gap
-        for k in range(law.start, law.stop):
+        law, row = points.law[i], points.row[i]
+        after = row.initial_gap
+        for k in range(row.start, row.stop):
             after += points.entries[k].normal * u[boundary[points.entries[k].place].dof]
         record.end_force[r, law.contact] += law.end_stiffness * max(-after, 0.0)
     for k in range(record.probe_start.size - 1):

@@ -167,11 +167,11 @@ def solve_contact(system: System, stage: int, u: Floats, v: Floats, a: Floats) -
     boundary, points, nodal = step.boundary, step.points, system.mass.size
     end = system.ends[stage]
     for i in range(points.law.size):
-        law, state, sums = points.law[i], points.state[i], points.sums[i]
-        gap = law.initial_gap
+        row, state, sums = points.row[i], points.state[i], points.sums[i]
+        gap = row.initial_gap
         rate = 0.0
         acceleration = 0.0
-        for k in range(law.start, law.stop):
+        for k in range(row.start, row.stop):
             entry = points.entries[k]
             dof = boundary[entry.place].dof
             gap += entry.normal * u[dof]
@@ -182,7 +182,7 @@ def solve_contact(system: System, stage: int, u: Floats, v: Floats, a: Floats) -
         state.rate = rate
         state.predicted_gap = gap + end[0] * rate + end[1] * acceleration
         state.predicted_rate = rate + end[2] * acceleration
-        law.response = system.responses[stage, i]
+        row.response = system.responses[stage, i]
     # Laws obtain the bulk acceleration as the difference of the two gap rates over the time s_a between them.
     now.gap_response = end[1]
     now.rate_response = end[2]
@@ -190,8 +190,8 @@ def solve_contact(system: System, stage: int, u: Floats, v: Floats, a: Floats) -
     if not find_multipliers(points, now, step.actions, stage, u, v):
         now.solved = 0
     for i in range(points.law.size):
-        law, multiplier = points.law[i], points.state[i].multiplier
-        for k in range(law.start, law.stop):
+        row, multiplier = points.row[i], points.state[i].multiplier
+        for k in range(row.start, row.stop):
             entry = points.entries[k]
             a[boundary[entry.place].dof] += entry.response * multiplier
         a[nodal + i] = multiplier

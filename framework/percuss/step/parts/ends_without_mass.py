@@ -101,9 +101,9 @@ def push_ends_with_mass(data: Balance, n: int, u: Floats, v: Floats, a: Floats) 
         if points.law[i].source == FROM_PART:
             points.state[i].multiplier = data.coming[i]
     for i in range(points.law.size):
-        law, multiplier = points.law[i], points.state[i].multiplier
-        if law.source == FROM_PART and multiplier != 0.0:
-            for k in range(law.start, law.stop):
+        row, multiplier = points.row[i], points.state[i].multiplier
+        if points.law[i].source == FROM_PART and multiplier != 0.0:
+            for k in range(row.start, row.stop):
                 data.boundary[points.entries[k].place].new_v += dt * points.entries[k].response * multiplier
 
 
@@ -155,10 +155,10 @@ def add_round_off(data: Balance, n: int, u: Floats, v: Floats, a: Floats) -> Non
     """Add the round-off of the end elements, which turn the error of a displacement into one of a force."""
     points, dt = data.points, data.now[0].dt
     for i in range(points.law.size):
-        law, state = points.law[i], points.state[i]
-        if law.source == FROM_PART and takes_part(law, state, points.sums[i]):
-            rate, reach = rate_and_reach(points, law, data.boundary, dt)
-            data.totals[0].round_off += reach * (abs(state.rate) + abs(rate)) / (dt * law.delassus)
+        law, row, state = points.law[i], points.row[i], points.state[i]
+        if law.source == FROM_PART and takes_part(law, row, state, points.sums[i]):
+            rate, reach = rate_and_reach(points, row, data.boundary, dt)
+            data.totals[0].round_off += reach * (abs(state.rate) + abs(rate)) / (dt * row.delassus)
 
 
 def feature(model: Model) -> Feature | None:
