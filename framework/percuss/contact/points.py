@@ -93,12 +93,6 @@ class PointArrays:
         nodes: list[int] = self.node[self.start[point] : self.start[point + 1]].tolist()
         return nodes
 
-    @property
-    def gradients(self) -> list[list[tuple[int, Floats]]]:
-        """The entries of each point, as node and derivative."""
-        entries = list(zip(self.node.tolist(), self.value, strict=True))
-        return [entries[start:stop] for start, stop in itertools.pairwise(self.start.tolist())]
-
     def matrix(self, nodes: int) -> Any:
         """Return N as a sparse array, (nodes * dim, P)."""
         from scipy.sparse import csr_array
