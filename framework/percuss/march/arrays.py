@@ -97,16 +97,20 @@ class Arrays:
         loads = Loads(
             nothing, nothing, nothing, np.zeros(0), amplitudes, amplitudes[2 * self.columns :], momentum, momenta
         )
-        points = self._points(0.5 * model.dt)[1]
+        rows, points = self._points(0.5 * model.dt)
         self.step = Step(boundary, points, loads, empty_records(1, TOTAL), now, None)
         self.parts = ()
-        self._stretch(0.5 * model.dt, first=True)
+        self._enter(rows, 0.5 * model.dt)
 
     def switch(self, midpoint: float) -> None:
         """Change to the supports, drives and laws that are active at a time, and continue all sums over the steps."""
-        self._stretch(midpoint, first=False)
+        rows, points = self._points(midpoint)
+        carry_over(self.step.points, points)
+        self.step = self.step._replace(points=points)
+        self._enter(rows, midpoint)
 
-    def _stretch(self, midpoint: float, *, first: bool) -> None:
+    def _enter(self, rows: Rows, midpoint: float) -> None:
+        """Make supports, loads, parts and actions of the stretch around a time, whose points have these rows."""
         model = self.model
         constraints = [
             (index, constraint)
@@ -114,21 +118,8 @@ class Arrays:
             if model.multistage or constraint.active(midpoint)
         ]
         self.active_constraints = [index for index, _ in constraints]
-        rows, points = self._points(midpoint)
-        if not first:
-            carry_over(self.step.points, points)
-        self.step = self.step._replace(points=points, loads=self._loads(constraints, rows, midpoint))
-        setting = Setting(
-            model,
-            midpoint,
-            self.place,
-            self.order,
-            rows,
-            self.step,
-            self.record,
-            self.variables,
-            self.recorded,
-        )
+        self.step = self.step._replace(loads=self._loads(constraints, rows, midpoint))
+        setting = Setting(model, self.place, self.order, rows, self.step, self.record, self.variables, self.recorded)
         known = {type(part): part for part in self.parts}
         made = (kind.of(setting, known.get(kind)) for kind in PARTS)
         self.parts = [part for part in made if part is not None]

@@ -26,8 +26,6 @@ class Setting:
     ----------
     model
         The model of the run.
-    midpoint
-        A time within the stretch.
     place
         Map from each boundary node to the index of its first boundary degree of freedom.
     order
@@ -45,7 +43,6 @@ class Setting:
     """
 
     model: Model
-    midpoint: float
     place: Mapping[int, int]
     order: Sequence[int]
     rows: Rows
