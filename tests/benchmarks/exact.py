@@ -17,7 +17,7 @@ import numpy as np
 import percuss
 from percuss.contact.contact_problem import contact_problem
 from percuss.contact.model import Model
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 
 CASES = Path(__file__).resolve().parents[2] / "cases"

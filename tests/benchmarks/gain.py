@@ -16,7 +16,7 @@ import numpy as np
 
 import percuss
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.march.starting_state import initial_velocity
 from percuss.results import ledger
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import strategies as st
 
 import percuss
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.results.runner import examined_run
 

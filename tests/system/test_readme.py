@@ -20,7 +20,7 @@ import pages
 import percuss
 import places
 from command_line import percuss_command
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 
 ROOT = places.ROOT

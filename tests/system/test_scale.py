@@ -15,7 +15,7 @@ import pages
 import percuss
 from percuss.certificate.black_box import MOST_ALONE
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.march.recording import recordable
 from percuss.mesh.size_limits import (
     BYTES_OF_RUN,

@@ -12,7 +12,7 @@ import pytest
 
 import percuss
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.step.actions import BULK, Action
 
 PLUGIN = Path(__file__).parents[1] / "support" / "solids" / "squares.py"

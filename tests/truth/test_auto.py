@@ -11,7 +11,7 @@ import percuss
 import places
 from percuss.certificate.verdict import certificate
 from percuss.contact.laws import parameters, points_of_law
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.reporting.explanation import explanation
 from strategies import hunek, run

@@ -22,7 +22,7 @@ from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.operator import Operator
 from percuss.certificate.verdict import certificate
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import Trial
 from percuss.results.runner import timed_run
 from percuss.step import build

@@ -16,7 +16,7 @@ from percuss.certificate import maps, verdict
 from percuss.certificate.waves import waves
 from percuss.cli import scaffold
 from percuss.errors import InputError, PercussError, RefusedPair
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
 from percuss.testing import Subject, checks
 from percuss.testing.draws import bar_chains

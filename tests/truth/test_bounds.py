@@ -10,7 +10,7 @@ from percuss.certificate.criteria import RunCriterion
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.verdict import certificate, settled
 from percuss.errors import InputError, RefusedPair
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from solid_figures import CENTRAL, GAUSS, MORTAR, NODES, WU
 

@@ -14,7 +14,7 @@ from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
 from percuss.contact.laws import points_of_law
 from percuss.errors import PercussError
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.mesh.stresses import stress_field
 from percuss.reporting.component import component_data
 from strategies import CORE, CORE_LAWS, FIRST, LEAPFROG, REGISTRY, hunek, is_refused, largest, pair_id, run

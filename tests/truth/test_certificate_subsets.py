@@ -11,7 +11,7 @@ import percuss
 from amplification import CD, NOH_BATHE, WU, Bodies, largest_radius, radius
 from percuss.certificate.black_box import SEARCH_TOLERANCE
 from percuss.certificate.verdict import certificate
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 
 GROWS = 1e-6  # a defective eigenvalue at 1 (a rigid motion) is computed to some 1e-7
 

@@ -12,7 +12,7 @@ import corners
 import percuss
 from corners import GAP, ORDERS, SPEED, STEEL, falling
 from pages import shown
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
 from percuss_methods.pairings.mortar import Mortar
 from percuss_methods.pairings.node_to_segment import NodeToSegment

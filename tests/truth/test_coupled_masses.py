@@ -477,7 +477,7 @@ def test_what_only_the_black_box_could_tell_is_unknown():
 
 def test_criteria_that_do_not_cover_it_say_so():
     from percuss.certificate.waves import waves
-    from percuss.march.model import model_of
+    from percuss.march.model_of_case import model_of
 
     case = hunek(5, contact={"name": "penalty", "beta_s": 0.5})
     case["method"]["mass"] = "reciprocal"
@@ -612,7 +612,7 @@ def test_an_inverse_that_breaks_its_contract_is_refused_with_its_place(tmp_path,
 @pytest.mark.parametrize("fixed", [[], ["right"]])
 def test_the_inverse_mass_of_held_and_tied_bodies_is_that_of_full_matrices(fixed, contact):
     from percuss.certificate.matrices import operator_of
-    from percuss.march.model import model_of
+    from percuss.march.model_of_case import model_of
 
     case = hunek(5, contact=contact)
     case["bodies"]["long"]["fixed"] = fixed
@@ -629,7 +629,7 @@ def test_the_inverse_mass_of_held_and_tied_bodies_is_that_of_full_matrices(fixed
 @pytest.mark.parametrize(("consistency", "courant"), [(-1.5, 1.3), (-1.5, 0.4), (1.0, 0.5), (1.0, 0.9)])
 def test_the_stiffness_limit_of_a_contact_is_that_of_dense_matrices(consistency, courant):
     """1 / sum of 1/r of both sides, r the dynamic stiffness of a free body at its end, at most at 0.99 of its limit."""
-    from percuss.march.model import model_of
+    from percuss.march.model_of_case import model_of
 
     case = hunek(8, courant=courant, contact={"name": "penalty", "beta_s": 0.1})
     del case["bodies"]["long"]["fixed"]

@@ -13,7 +13,7 @@ from percuss.certificate import verdict
 from percuss.contact.laws import ignored_couplings
 from percuss.jit import jit_disabled
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
 
 LAWS = '''

@@ -13,7 +13,7 @@ import pytest
 
 import percuss
 from percuss.certificate.verdict import certificate
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from solid_figures import BETA_S, CENTRAL, ENERGIES, FREE_STEP, GAUSS, GROWS, MATCHED, NODES, WU
 
 MODULUS = 0.7 / (1.3 * 0.4)  # of longitudinal waves; beta_s counts Young's modulus in the figures

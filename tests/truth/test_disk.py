@@ -9,7 +9,7 @@ import pytest
 import percuss
 from hertz import WHOLE, hertz, over_hertz
 from percuss.certificate.verdict import certificate
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.mesh import element_probe
 from percuss.mesh.cell_stiffness import frequencies_of_cells, stiffness_of_cells
 from percuss_methods.shapes.disk import Disk

@@ -590,7 +590,7 @@ def test_elements_of_more_nodes_are_refused():
 
 def test_waves_at_ends_without_mass_are_not_told():
     from percuss.certificate.waves import waves
-    from percuss.march.model import model_of
+    from percuss.march.model_of_case import model_of
 
     case = hunek(4, contact="lagrange")
     case["method"]["mass"] = "redistributed"

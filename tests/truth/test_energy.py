@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import percuss
 from percuss.certificate import verdict
 from percuss.certificate.closed_laws import closed_laws
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.step import loop as leapfrog_loop
 from strategies import (
     CORE,

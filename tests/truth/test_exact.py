@@ -18,7 +18,7 @@ import characteristics
 import percuss
 import places
 from percuss.contact.contact_problem import contact_problem
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.results import exact_only
 from percuss.results.exact_only import run_exact
 from percuss_methods.solutions import _row

@@ -12,7 +12,7 @@ import places
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.verdict import certificate
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, checks
 from strategies import CORE, INTEGRATORS, INVISCID, each_integrator, number, run

@@ -11,7 +11,7 @@ import percuss
 import places
 from percuss.certificate.verdict import certificate
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, checks
 from strategies import hunek

@@ -18,7 +18,7 @@ from dense import assemble
 from percuss.certificate.verdict import certificate
 from percuss.contact.law_trials import trial_of
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.testing.subject import sample_points
 from strategies import FIRST, REGISTRY, hunek, run
 

@@ -16,7 +16,7 @@ import places
 from command_line import percuss_command
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate, settled
 from percuss.certificate.waves import waves
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.reporting.stability_figure import stability_figure
 from strategies import CORE_PAIRS, INVISCID, hunek, pair_id, rows, with_pair
 

@@ -7,7 +7,7 @@ import pytest
 
 import percuss
 from percuss.contact.laws import parameters
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.reporting.component import component_text
 from strategies import REGISTRY, is_refused
 

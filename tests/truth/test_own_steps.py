@@ -12,7 +12,7 @@ from percuss.certificate.black_box import examine
 from percuss.certificate.closed_step import Motions
 from percuss.certificate.verdict import certificate, settled
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 
 STIFF = {"young": 1e4, "density": 0.01}
 SOFT = {"young": 100.0, "density": 0.01}

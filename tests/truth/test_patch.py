@@ -8,7 +8,7 @@ import pytest
 
 import percuss
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import Surface
 from percuss_methods.pairings.mortar import Mortar
 from solid_figures import FOUR, IN_AN_IMPACT

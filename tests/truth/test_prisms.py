@@ -5,7 +5,7 @@ import pytest
 
 import percuss
 from percuss.contact.prisms import prism_problem
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.results.exact_only import run_exact
 
 MODULUS = 0.7 / (1.3 * 0.4)  # of longitudinal waves, Young's modulus 1 and Poisson's ratio .3

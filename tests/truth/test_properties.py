@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import percuss
 from percuss.case.options import options_of
 from percuss.certificate import verdict
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from strategies import (
     CORE_PAIRS,
     FIRST,

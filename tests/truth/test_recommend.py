@@ -11,7 +11,7 @@ import pytest
 import percuss
 from command_line import percuss_command
 from percuss.case.options import options_of
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.reporting.recommendation_words import bounds_in_words, in_words, recommendation_lines
 from percuss.studies import recommendation

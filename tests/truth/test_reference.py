@@ -9,7 +9,7 @@ from support.places import CASES
 import percuss
 from percuss.case.quantities import by_two, percent
 from percuss.errors import InputError
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.reporting.study_answer import answer
 from percuss.reporting.study_data import columns
 from percuss.reporting.terminal import _error_lines, _ranks, comparison_lines

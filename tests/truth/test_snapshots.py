@@ -7,7 +7,7 @@ import pytest
 from test_solids import WU, block
 
 import percuss
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.mesh.stresses import stress_field
 from percuss.results.fields import von_mises
 

@@ -7,7 +7,7 @@ import percuss
 from percuss.certificate.verdict import certificate
 from percuss.contact.laws import parameters
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.results.exact_only import run_exact
 from percuss.results.ledger import angular_momentum_summary, open_accounts
 from solid_figures import STEPS

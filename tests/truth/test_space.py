@@ -6,7 +6,7 @@ import pytest
 import percuss
 from hertz import WHOLE, over_hertz
 from percuss.certificate.verdict import certificate
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from solid_figures import STEPS
 from strategies import LAWS_OF_SURFACES as LAWS

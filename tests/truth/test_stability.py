@@ -12,7 +12,7 @@ from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.operator import largest_eigenvalue
 from percuss.certificate.search import largest_step, largest_step_below
 from percuss.certificate.verdict import certificate
-from percuss.march.model import model_of, stretches
+from percuss.march.model_of_case import model_of, stretches
 from strategies import hunek
 
 HUNEK = places.CASES / "hunek.yaml"

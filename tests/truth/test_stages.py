@@ -17,7 +17,7 @@ from percuss.certificate.maps import stability
 from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.reporting.explanation import explanation
 from percuss.results.exact import exact_solution

@@ -12,7 +12,7 @@ import percuss
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.errors import PluginError
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.admission import admitted
 from percuss.testing import CheckFailed, Subject, checks
 from strategies import hunek

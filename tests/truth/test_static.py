@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from solid_figures import AT_REST, FOUR, GAUSS, IN_SPACE, NODES
 
 PRESSURE, POISSON = 1e-3, 0.3

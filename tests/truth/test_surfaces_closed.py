@@ -16,7 +16,7 @@ from percuss.certificate.black_box import examine
 from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.certificate.verdict import certificate
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from solid_figures import CENTRAL, FOUR, GAUSS, MORTAR, NODES, RESPONSES, WU
 
 PAIRINGS = (NODES, GAUSS, FOUR, MORTAR)

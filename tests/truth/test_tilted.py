@@ -10,7 +10,7 @@ import pytest
 
 import percuss
 from percuss.certificate.verdict import certificate
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 
 TILT = 0.03  # rad
 PAIRINGS = ["node-to-segment", "gauss-points", {"name": "gauss-points", "points_on_facet": 3}, "mortar"]

@@ -8,7 +8,7 @@ from matplotlib.text import Text
 
 import percuss
 import places
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import ExactContact
 from percuss.reporting import run_figure
 from percuss.reporting.tables import show

@@ -14,7 +14,7 @@ import dense
 import percuss
 from percuss.certificate.verdict import certificate
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from strategies import hunek
 
 VISCOSITIES = [0.0, 0.06, 0.3, 2.0]

@@ -3,7 +3,7 @@
 import pytest
 
 from percuss import load, run
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
 
 BAR = {"bar": {"length": 1.0, "elements": 4}, "area": 0.04, "material": {"young": 1.0, "density": 1.0}}

@@ -15,7 +15,7 @@ from percuss.case.options import options_of
 from percuss.case.source import Source
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, settled
 from percuss.contact.contact_problem import contact_problem
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import FAMILIES, ContactProblem
 from percuss.methods.registry import Registry
 from percuss.reporting.component import component_data, component_text, registry_text

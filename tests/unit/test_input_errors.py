@@ -12,7 +12,7 @@ from percuss.case.case import load
 from percuss.case.source import Source
 from percuss.cli.main import expect_no_space_in_lists
 from percuss.errors import InputError
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.studies.study_table import open_study
 

@@ -24,7 +24,7 @@ import percuss_methods
 from percuss import cache, jit
 from percuss.jit import Binder, compiled_function, jit_disabled, plain
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.step import build
 from percuss.step.linked import Block, CannotLink, at
 from strategies import REGISTRY, hunek

@@ -9,7 +9,7 @@ import percuss
 from percuss.cli.main import app
 from percuss.jit import jit_disabled
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, checks
 

@@ -19,7 +19,7 @@ import pytest
 import percuss
 import places
 from percuss.march import march
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.step.bulk import PIECE
 from strategies import CORE, INTEGRATORS, INVISCID, LEAPFROG, REGISTRY, each_integrator, hunek, run
 

@@ -14,7 +14,7 @@ from percuss.certificate.verdict import certificate, settled
 from percuss.contact.contact_problem import contact_problem
 from percuss.contact.laws import parameters
 from percuss.march.march import March
-from percuss.march.model import model_of, with_laws, with_step
+from percuss.march.model_of_case import model_of, with_laws, with_step
 from percuss.results import assemble, exact
 from strategies import hunek
 

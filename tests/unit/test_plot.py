@@ -15,7 +15,7 @@ from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
 from percuss.case.quantities import TRUE_ERRORS, percent
 from percuss.errors import InputError, PercussError, RunError
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.reporting import animation, case_figure, comparison_figure, deformed, figures, report, run_figure, views
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run

@@ -6,11 +6,11 @@ import pytest
 import percuss
 from percuss.march import march
 from percuss.march.march import March
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.record_arrays import empty_records
 from percuss.step import uniform_rows
 from percuss.step.records import TOTAL
-from percuss.step.uniform_rows import UNIFORM_BAR, UniformRows, add_energies, advance_row, advance_whole
+from percuss.step.uniform_rows import UNIFORM_BAR, UniformRows, add_energies, advance_uniform_row, advance_whole
 from strategies import CORE_PAIRS, LEAPFROG, PAIRS, each_pair, hunek, run, with_pair
 
 BOUNCE = {
@@ -75,7 +75,7 @@ def test_a_whole_bar_moves_by_its_stiffness_and_masses():
 
 def test_a_row_of_one_node_has_an_element_on_either_side():
     u, v = np.array([0.0]), np.array([1.0])
-    advance_row(u, v, 0.25, 0.5, 2.0, 0.1)
+    advance_uniform_row(u, v, 0.25, 0.5, 2.0, 0.1)
     assert (u[0], v[0]) == (pytest.approx(0.15), pytest.approx(1.5))
 
 

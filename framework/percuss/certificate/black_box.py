@@ -259,7 +259,7 @@ class BlackBox:
     Parameters
     ----------
     model
-        A stretch of a run, `percuss.march.model.stretches`.
+        A stretch of a run, `percuss.march.model_of_case.stretches`.
     """
 
     by: ClassVar[str] = "black-box"

@@ -37,7 +37,7 @@ class Bounds:
     Parameters
     ----------
     model
-        A stretch of a run, `percuss.march.model.stretches`.
+        A stretch of a run, `percuss.march.model_of_case.stretches`.
     """
 
     by: ClassVar[str] = "bounds"

@@ -31,7 +31,7 @@ from percuss.certificate.matrices import (
 from percuss.contact.points import FROM_LINE, NEVER
 from percuss.heartbeat import beat
 from percuss.march.march import March
-from percuss.march.model import without_loads
+from percuss.march.model_of_case import without_loads
 from percuss.mesh.loads import directions_at_nodes
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from percuss.certificate.assessment import Assessment, Criterion, contact_names,
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.bounds import Bounds
 from percuss.certificate.linear_laws import doubts_of, linear_laws
-from percuss.march.model import stretches
+from percuss.march.model_of_case import stretches
 from percuss.mesh.size_limits import MOST_FACTORED
 
 if TYPE_CHECKING:

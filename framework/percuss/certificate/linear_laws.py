@@ -47,7 +47,7 @@ SHORT_BODY_ELEMENTS = 3
 
 
 def linear_laws(model: Model) -> LinearLaws:
-    """Return the criterion of the linear laws of a stretch of a run, `percuss.march.model.stretches`."""
+    """Return the criterion of the linear laws of a stretch of a run, `percuss.march.model_of_case.stretches`."""
     # Contact can damp all of a short body, so a step above theta = 1 may be stable: the black box tells.
     short = any(body.count < SHORT_BODY_ELEMENTS for body in model.bodies.values())
     small, alone = 2 * model.dim * model.bodies.mass.size <= LARGEST_DENSE_STATE, bool(model.why("black box"))

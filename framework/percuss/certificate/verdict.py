@@ -24,7 +24,7 @@ from percuss.contact.laws import ignored_couplings
 from percuss.contact.model import Model
 from percuss.errors import InputError, refuse_if_any
 from percuss.jsonable import Entries
-from percuss.march.model import model_of, with_laws, with_step
+from percuss.march.model_of_case import model_of, with_laws, with_step
 from percuss.mesh.size_limits import MOST_FACTORED
 from percuss.mesh.stresses import tangent_as_declared
 

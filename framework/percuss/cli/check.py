@@ -25,7 +25,7 @@ def check(
         loaded = load_to_write(case, set_, plugin, plot)
         told = verbs.check(loaded)
         if plot is not None:
-            from percuss.march.model import model_of
+            from percuss.march.model_of_case import model_of
             from percuss.reporting.case_figure import case_figure
 
             answer.draw(plot, case_figure, model_of(loaded))

@@ -10,7 +10,7 @@ import numpy as np
 from percuss.contact.points import NEVER
 from percuss.contact.rows import carry_over, point_records
 from percuss.contact.state_variables import StateVariables
-from percuss.march.features import PARTS
+from percuss.march.parts import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
 from percuss.mesh import cell_kernels
 from percuss.mesh.block import Block

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss.errors import InputError, Problem, RefusedPair
-from percuss.march import features
+from percuss.march import parts
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
@@ -92,12 +92,12 @@ def only_with_bars(model: Model) -> Iterator[Problem]:
 # The rules that need no bound laws, and those that do.
 BEFORE_LAWS: Sequence[Rule] = (
     pairs_refused,
-    *features.BEFORE_LAWS,
+    *parts.BEFORE_LAWS,
     not_movable,
 )
 WITH_LAWS: Sequence[Rule] = (
     only_with_bars,
-    *features.WITH_LAWS,
+    *parts.WITH_LAWS,
 )
 
 

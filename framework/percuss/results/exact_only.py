@@ -17,7 +17,7 @@ from percuss.contact.model import Model
 from percuss.errors import wrong_input
 from percuss.heartbeat import progress
 from percuss.jsonable import Data, Entries, plain
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.march.recording import refuse_large
 from percuss.mesh.body import Body
 from percuss.mesh.spots import shares_at

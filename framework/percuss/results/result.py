@@ -102,7 +102,7 @@ class Result:
         errors, partial_errors = self.summary["exact"], self.summary.get("exact_covered")
         until = errors["reached"] if errors else partial_errors["until"] if partial_errors else None
         if self.solution is None and until is not None:
-            from percuss.march.model import model_of
+            from percuss.march.model_of_case import model_of
             from percuss.results.exact import exact_solution
             from percuss.results.provenance import case_inside
 

@@ -56,7 +56,7 @@ def advance_whole(data: UniformRows, n: int, u: Floats, v: Floats, a: Floats) ->
         stop = bar.stop
         behind = -bar.left * (u[first + 1] - u[first])
         ahead = -bar.right * (u[stop - 1] - u[stop - 2])
-        advance_row(u[first:stop], v[first:stop], behind, ahead, bar.rate, data.dt)
+        advance_uniform_row(u[first:stop], v[first:stop], behind, ahead, bar.rate, data.dt)
 
 
 def add_energies(data: UniformRows, n: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -98,7 +98,7 @@ sum_of_elongations.reduction = True  # type: ignore[attr-defined]
 
 
 @fused
-def advance_row(u: Floats, v: Floats, behind: float, ahead: float, rate: float, dt: float) -> None:
+def advance_uniform_row(u: Floats, v: Floats, behind: float, ahead: float, rate: float, dt: float) -> None:
     """Advance the nodes of a bar by a step, in place.
 
     Parameters

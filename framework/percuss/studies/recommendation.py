@@ -38,7 +38,7 @@ from percuss.errors import (
 )
 from percuss.files import expect_no_input, expect_writable
 from percuss.jsonable import Data, Entries
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.blame import plugin_faults
 from percuss.methods.interfaces import ContactLaw
 from percuss.methods.registry import Registry

@@ -10,7 +10,7 @@ from percuss.case.case import Case
 from percuss.case.defaults import OF_REFERENCE
 from percuss.errors import PercussError
 from percuss.jsonable import Data, Entries
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.studies.tasks import method_name, method_of_point
 
 

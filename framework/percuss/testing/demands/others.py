@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.contact.contact_problem import contact_problem
 from percuss.jsonable import Entries
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import FollowingLoad
 from percuss.methods.plugin_calls import answer
 from percuss.testing.draws import STRUCK_WALL, TWO_BARS, bar, bar_chains, chain, for_all, must_balance, on_chains

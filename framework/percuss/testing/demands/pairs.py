@@ -14,7 +14,7 @@ from percuss.case.quantities import COMPARED_BY_KIT, QUANTITIES
 from percuss.certificate import verdict
 from percuss.errors import InputError, RunError
 from percuss.jsonable import Data, Entries
-from percuss.march.model import model_of
+from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import LeapFrog
 from percuss.results.ledger import STORED_BY_LAWS
 from percuss.results.result import Result

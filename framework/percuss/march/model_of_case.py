@@ -12,8 +12,8 @@ from percuss.contact.laws import bind_laws, laws_at
 from percuss.contact.model import Model, rows_over_the_run
 from percuss.contact.pairs import points_of
 from percuss.errors import Problem, refuse_if_any
-from percuss.march.features import features_of
 from percuss.march.number_of_steps import check_step, step_count
+from percuss.march.parts import features_of
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
 from percuss.mesh import spots
 from percuss.mesh.bodies import bodies_of
