@@ -159,5 +159,5 @@ def test_other_bodies_are_advanced_by_their_kernels(changes):
 
 
 def test_an_element_of_somebody_else_is_called(monkeypatch):
-    monkeypatch.setattr(uniform_rows, "is_third_party", lambda module: True)
+    monkeypatch.setattr(uniform_rows, "is_foreign", lambda component: True)
     assert not uniform_of(hunek(10))
