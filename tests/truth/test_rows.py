@@ -1,0 +1,74 @@
+"""N and S of contact points are those of dense matrices, on bars and on surfaces, with supports and drives."""
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.march.model_of_case import model_of
+
+BAR = {"material": {"young": 100.0, "density": 0.01}, "area": 1.0}
+BLOCK = {"material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
+ROW = {
+    "bodies": {
+        "a": {**BAR, "bar": {"length": 2.0, "elements": 4, "direction": [3, 4]}},
+        "b": {**BAR, "bar": {"length": 1.0, "elements": 3, "direction": [3, 4]}, "at": [1.2, 1.6]},
+        "c": {**BAR, "bar": {"length": 1.0, "elements": 3, "direction": [3, 4]}, "at": [1.8, 2.4], "fixed": ["right"]},
+    },
+    "contacts": {"ab": {"between": ["a.right", "b.left"]}, "bc": {"between": ["b.right", "c.left"]},
+                 "wall": {"body": "a.left", "wall": [0.0, 0.0]}},
+    "loads": {"drive": {"prescribed-velocity": 0.1, "on": "b.right", "until": 0.5}},
+    "method": {"contact": {"name": "regularised-lagrange", "beta_s": 1.0}},
+}  # fmt: skip
+
+
+def seam(cells, other, pairing, dim):
+    """Two blocks of unlike meshes, of which the second is held at its outer face and rolls along its bottom."""
+    size = [1.0] * dim
+    bodies = {
+        "a": {**BLOCK, "block": {"size": size, "elements": [2] + [cells] * (dim - 1)}},
+        "b": {**BLOCK, "block": {"size": size, "elements": [2] + [other] * (dim - 1)}, "at": [1.0] + [0.0] * (dim - 1)},
+    }
+    bodies["b"]["fixed"] = ["right", {"on": "bottom", "along": "y"}]
+    return {
+        "bodies": bodies,
+        "contacts": {"seam": {"between": ["a.right", "b.left"]}},
+        "method": {"contact": {"name": "regularised-lagrange", "beta_s": 1.0}, "pairing": pairing},
+    }
+
+
+def dense(model, midpoint):
+    """Return N^T M^-1 N from dense matrices, with the directions that supports and drives hold taken away."""
+    bodies, dim = model.bodies, model.dim
+    inverse = np.zeros((bodies.n_nodes * dim,) * 2)
+    for body in bodies.values():
+        own = slice(body.start * dim, body.stop * dim)
+        of_nodes = np.diag(1.0 / body.mass) if body.inverse is None else body.inverse.toarray()
+        inverse[own, own] = np.kron(of_nodes, np.eye(dim))
+    normals = free = model.contact_points.matrix(bodies.n_nodes).toarray()
+    for constraint in model.loads.constraints:
+        if constraint.active(midpoint):
+            held = np.zeros((bodies.n_nodes, dim))
+            held[constraint.node] = constraint.direction
+            free = free - np.outer(held.ravel(), held.ravel() @ free)
+    return normals.T @ inverse @ free
+
+
+@pytest.mark.parametrize("mass", ["lumped", "reciprocal"])
+@pytest.mark.parametrize("midpoint", [0.1, 0.9])
+def test_rows_of_bars_are_those_of_dense_matrices(mass, midpoint):
+    case = {"percuss": 1, **ROW, "time": {"end": 1.0, "courant": 0.5}}
+    model = model_of(percuss.load({**case, "method": {**ROW["method"], "mass": mass}}))
+    expected = dense(model, midpoint)
+    assert model.rows_at(midpoint).matrix().toarray() == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize(("pairing", "dim"), [("gauss-points", 2), ("mortar", 2), ("node-to-segment", 3)])
+def test_rows_of_surfaces_are_those_of_dense_matrices_in_any_order(pairing, dim):
+    case = {"percuss": 1, **seam(3, 2, pairing, dim), "time": {"end": 1.0, "courant": 0.5}}
+    model = model_of(percuss.load(case))
+    rows, expected = model.rows_at(0.1), dense(model, 0.1)
+    assert rows.matrix().toarray() == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    order = np.random.default_rng(1).permutation(len(model.contact_points))
+    permuted = rows.permuted(order.tolist()).matrix().toarray()
+    assert permuted == pytest.approx(expected[np.ix_(order, order)], rel=1e-12, abs=1e-12)
+    assert len(model.rows) == 1
