@@ -12,7 +12,7 @@ from percuss.contact.laws import bind_laws, laws_at
 from percuss.contact.model import Model, rows_over_the_run
 from percuss.contact.pairs import points_of
 from percuss.errors import Problem, refuse_if_any
-from percuss.march.number_of_steps import check_step, step_count
+from percuss.march.number_of_steps import steps_of
 from percuss.march.parts import features_of
 from percuss.march.refusals import BEFORE_LAWS, WITH_LAWS, refuse
 from percuss.mesh import spots
@@ -61,7 +61,7 @@ def model_of(case: Case) -> Model:
     bodies = bodies_of(case)
     courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
     dt = case.time.step if case.time.step is not None else courant * 2.0 / bodies.omega
-    steps = _steps(case, dt)
+    steps = steps_of(case, dt)
     problems: list[Problem] = []
     of_loads: list[Problem] = []
     loads = supports_and_loads(case, bodies, of_loads)
@@ -69,12 +69,6 @@ def model_of(case: Case) -> Model:
     problems += [*of_loads, *spots.outside(case, bodies)]
     refuse_if_any(problems)
     return _bound(Model(case, bodies, points, loads, dt, steps, *scheme(case.method.integrator, dt)))
-
-
-def _steps(case: Case, dt: float) -> int:
-    """Return the number of steps of a case, or refuse the step."""
-    check_step(case, dt)
-    return case.time.steps if case.time.steps is not None else step_count(case, dt)
 
 
 def _bound(model: Model) -> Model:
@@ -89,7 +83,7 @@ def _bound(model: Model) -> Model:
 def with_step(model: Model, dt: float) -> Model:
     """Return the model of a whole run with another time step."""
     stages, tables = scheme(model.case.method.integrator, dt)
-    steps = _steps(model.case, dt)
+    steps = steps_of(model.case, dt)
     return _bound(dataclasses.replace(model, dt=dt, steps=steps, stages=stages, tables=tables))
 
 

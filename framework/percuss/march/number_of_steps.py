@@ -1,4 +1,4 @@
-"""Bounds on the time step and on the number of steps."""
+"""The number of steps of a run, and bounds on it and on the time step."""
 
 from __future__ import annotations
 
@@ -15,29 +15,21 @@ if TYPE_CHECKING:
 MOST_STEPS = 2**40
 
 
-def check_step(case: Case, dt: float) -> None:
-    """Refuse a time step outside the bounds for numbers.
+def steps_of(case: Case, dt: float) -> int:
+    """Return the number of steps of a run: as the case gives it, or so many that they reach or just pass its end.
 
     Raises
     ------
     InputError
-        If `dt` is out of bounds.
+        If `dt` is out of the bounds for numbers, or there are more than `MOST_STEPS`.
     """
     if not SMALLEST_NUMBER <= dt <= LARGEST_NUMBER:
         key = "step" if case.time.step is not None else "courant"
         message = f"expected a time step between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}, found {dt:.6g}"
         advice = "A step is stable up to about the Courant number 1." if dt > LARGEST_NUMBER else UNITS
         raise InputError([case.problem(("time", key), message, advice)])
-
-
-def step_count(case: Case, dt: float) -> int:
-    """Return the number of steps that reach or just pass the end of the run, or refuse more than `MOST_STEPS`.
-
-    Raises
-    ------
-    InputError
-        If there are too many steps.
-    """
+    if case.time.steps is not None:
+        return case.time.steps
     count = (case.time.end or 0.0) / dt * (1.0 - ROUND_OFF) - 1e-9
     if count > MOST_STEPS:
         message = f"expected at most {MOST_STEPS} steps, found {count:.3g}"
