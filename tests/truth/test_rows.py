@@ -72,3 +72,14 @@ def test_rows_of_surfaces_are_those_of_dense_matrices_in_any_order(pairing, dim)
     permuted = rows.permuted(order.tolist()).matrix().toarray()
     assert permuted == pytest.approx(expected[np.ix_(order, order)], rel=1e-12, abs=1e-12)
     assert len(model.rows) == 1
+
+
+def test_points_that_meet_a_node_crosswise_stand_in_the_rows_of_one_another():
+    """Their entry of S is 0, and yet they share a node."""
+    case = seam(2, 2, "node-to-segment", 2)
+    case["contacts"]["floor"] = {"body": "a.bottom", "wall": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
+    model = model_of(percuss.load({"percuss": 1, **case, "time": {"end": 1.0, "courant": 0.5}}))
+    matrix, contact = model.rows_at(0.1).matrix().tocoo(), model.contact_points.contact
+    across = contact[matrix.row] != contact[matrix.col]
+    assert across.sum() == 2
+    assert not matrix.data[across].any()

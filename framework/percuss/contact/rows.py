@@ -83,11 +83,13 @@ class Rows(NamedTuple):
         return sums
 
     def matrix(self) -> Any:
-        """Return S as a sparse array, (P, P)."""
-        from scipy.sparse import csr_array, diags_array
+        """Return S as a sparse array, (P, P), with entries that are 0: of points that share a node crosswise."""
+        from scipy.sparse import csr_array
 
-        shape = (self.delassus.size,) * 2
-        return csr_array((self.coupling, self.other, self.other_start), shape=shape) + diags_array(self.delassus)
+        points = np.arange(self.delassus.size)
+        row, column = np.repeat(points, np.diff(self.other_start)), self.other
+        place = np.concatenate([row, points]), np.concatenate([column, points])
+        return csr_array((np.concatenate([self.coupling, self.delassus]), place), shape=(points.size,) * 2)
 
     def permuted(self, order: Sequence[int]) -> Rows:
         """Return the rows of the points in another order, which S numbers them by too."""
