@@ -87,3 +87,17 @@ def browser():
         opened = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         yield opened
         opened.close()
+
+
+@pytest.fixture
+def loop_anew():
+    """Forget bound kernels before and after a test that plants a defect in the loop; yield what forgets them."""
+    from percuss.step import build
+
+    def forget():
+        for bound in (build._plain, build._entrance, build._loop):
+            bound.cache_clear()
+
+    forget()
+    yield forget
+    forget()

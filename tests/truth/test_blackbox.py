@@ -25,7 +25,6 @@ from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import Trial
 from percuss.results.runner import timed_run
-from percuss.step import build
 from percuss.step import loop as leapfrog_loop
 from percuss.studies.columns import RowSettings, column_by_name
 from percuss.testing import Subject
@@ -407,19 +406,6 @@ def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step(time, t
 # --------------------------------------------------------------------------------------------------- planted defects
 
 
-def forget_bound_kernels():
-    """Kernels that were bound before do not see what is planted in the loop, and those bound with it must not stay."""
-    for bound in (build._plain, build._entrance, build._loop):
-        bound.cache_clear()
-
-
-@pytest.fixture
-def loop_anew():
-    forget_bound_kernels()
-    yield
-    forget_bound_kernels()
-
-
 def limit_of(case, judge_class=linear_laws):
     return check_the_limit_is_tight(made(case), judge_class)
 
@@ -484,19 +470,18 @@ def test_a_contact_that_acts_twice_is_seen(integrator, monkeypatch):
         limit_of(unlike_pair(integrator))
 
 
-def planted_run(monkeypatch, name, defect):
+def planted_run(monkeypatch, loop_anew, name, defect):
     """Run two unlike bars under central difference and bipenalty in plain Python, a part of the loop replaced."""
     law = {"name": "bipenalty", "beta_s": 1.0, "ratio": 1.0}
     case = hunek(n=10, integrator=CD, contact=law)
     case["bodies"]["long"] |= {"area": 2.0, "fixed": []}
     if defect is not None:
         monkeypatch.setattr(leapfrog_loop, name, defect)
-        forget_bound_kernels()
+        loop_anew()
     return percuss.run(percuss.load(case), compiled=False).summary
 
 
-@pytest.mark.usefixtures("loop_anew")
-def test_a_clamped_tension_is_seen(monkeypatch):
+def test_a_clamped_tension_is_seen(monkeypatch, loop_anew):
     """Bipenalty pulls before release; without that it is no longer the closed linear step that keeps its energy."""
     find = leapfrog_loop.find_multipliers
 
@@ -506,12 +491,13 @@ def test_a_clamped_tension_is_seen(monkeypatch):
             state.multiplier = max(state.multiplier, 0.0)
         return sound
 
-    assert planted_run(monkeypatch, "", None)["energy_growth"]["between_switchings"] < 1e-12
-    assert planted_run(monkeypatch, "find_multipliers", clamped)["energy_growth"]["between_switchings"] > 1e-6
+    assert planted_run(monkeypatch, loop_anew, "", None)["energy_growth"]["between_switchings"] < 1e-12
+    assert (
+        planted_run(monkeypatch, loop_anew, "find_multipliers", clamped)["energy_growth"]["between_switchings"] > 1e-6
+    )
 
 
-@pytest.mark.usefixtures("loop_anew")
-def test_a_lumped_mass_penalty_in_the_march_is_seen(monkeypatch):
+def test_a_lumped_mass_penalty_in_the_march_is_seen(monkeypatch, loop_anew):
     def lumped(points, boundary, dt):
         for law, row, state in zip(points.law, points.row, points.state, strict=True):
             for entry in points.entries[row.start : row.stop]:
@@ -519,8 +505,8 @@ def test_a_lumped_mass_penalty_in_the_march_is_seen(monkeypatch):
                 extra = law.weight_acceleration / law.sigma  # eps_m on each node by itself
                 q.new_v += dt * (entry.normal * state.multiplier - extra * (q.bulk_v - q.old_v) / dt) / (q.mass + extra)
 
-    assert planted_run(monkeypatch, "", None)["momentum"]["error"] < 1e-13
-    assert planted_run(monkeypatch, "push", lumped)["momentum"]["error"] > 1e-3
+    assert planted_run(monkeypatch, loop_anew, "", None)["momentum"]["error"] < 1e-13
+    assert planted_run(monkeypatch, loop_anew, "push", lumped)["momentum"]["error"] > 1e-3
 
 
 # ---------------------------------------------------------------------------------------------------- courant 1

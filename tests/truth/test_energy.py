@@ -341,6 +341,7 @@ def warned(case):
     return {**case, "time": {**case["time"], "on_unstable": "warn"}}
 
 
+@pytest.mark.usefixtures("loop_anew")
 @pytest.mark.parametrize("law", ["penalty", "matched", "lagrange"])
 def test_a_contact_that_does_not_let_go_is_seen(monkeypatch, law):
     def held(points, *others):
@@ -365,6 +366,7 @@ def twice(points, boundary, dt):
             boundary[entry.place].new_v += 2 * dt * entry.response * state.multiplier
 
 
+@pytest.mark.usefixtures("loop_anew")
 @pytest.mark.parametrize("law", ["penalty", "matched", "lagrange"])
 def test_a_force_that_acts_twice_is_seen(monkeypatch, law):
     monkeypatch.setattr(leapfrog_loop, "push", twice)
@@ -374,6 +376,7 @@ def test_a_force_that_acts_twice_is_seen(monkeypatch, law):
     assert noted(result, WU, NEVER[law]["name"])
 
 
+@pytest.mark.usefixtures("loop_anew")
 def test_a_spring_that_follows_a_step_late_is_seen(monkeypatch):
     """Central difference with the force of the step before: the energy of a closed contact is not kept."""
 
