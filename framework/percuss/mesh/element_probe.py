@@ -7,6 +7,7 @@ Python, many in compiled code.
 
 from __future__ import annotations
 
+import functools
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -159,6 +160,12 @@ def find_stiffness(
 # ------------------------------------------------------------------------------------------------------ probe
 
 
+@functools.lru_cache(maxsize=64)
+def _bound(kernel: Kernel, filled: tuple[tuple[Kernel, Any], ...], *, jit: bool) -> Kernel:
+    """Return a kernel with the kernels of element and material, compiled or in plain Python; bound once a process."""
+    return compiled_function(kernel, dict(filled)) if jit else plain(kernel, dict(filled))
+
+
 class ElementProbe:
     """Forces, stresses and stiffness of single elements of one body.
 
@@ -203,7 +210,6 @@ class ElementProbe:
             kept.reshape(*self._weights.shape, *kept.shape[1:]) for kept in self._answers[2:]
         )
         self._compiles = not jit_disabled()
-        self._kernels: dict[tuple[Kernel, bool], Kernel] = {}
 
     def force(self, number: int, displacement: Floats) -> Floats:
         """Return the force of an element on its nodes at their displacements, (nodes * dim,) both."""
@@ -308,16 +314,10 @@ class ElementProbe:
         if calls >= MANY and self._compiles:
             self._compiles = False
             with suppress(*compile_error()):  # the march says why, where it cannot compile the kernels either
-                self._bound(kernel, filled, jit=True)(self._elements, material, *arguments)
+                _bound(kernel, tuple(filled.items()), jit=True)(self._elements, material, *arguments)
                 self._compiles = True
                 return
-        self._bound(kernel, filled, jit=False)(self._elements, material, *arguments)
-
-    def _bound(self, kernel: Kernel, filled: dict[Any, Any], *, jit: bool) -> Kernel:
-        """Return a kernel with the kernels of element and material, compiled or in plain Python."""
-        if (kernel, jit) not in self._kernels:
-            self._kernels[kernel, jit] = compiled_function(kernel, filled) if jit else plain(kernel, filled)
-        return self._kernels[kernel, jit]
+        _bound(kernel, tuple(filled.items()), jit=False)(self._elements, material, *arguments)
 
     def _cauchy(self, stress: Floats, gradient: Floats) -> Floats:
         """Return Cauchy's stress, (..., 3, 3), from what a solid material returns and the displacement gradient.
