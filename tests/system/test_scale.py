@@ -15,6 +15,7 @@ import pages
 import percuss
 from percuss.certificate.black_box import MOST_ALONE
 from percuss.march.march import March
+from percuss.march.estimate import START
 from percuss.march.model_of_case import model_of
 from percuss.march.recording import recordable
 from percuss.mesh.size_limits import (
@@ -99,6 +100,7 @@ def estimated_over_taken(name, changes):
     times = []
     for _ in range(3):
         march = March(recordable(model_of(case)))
+        march.compile()  # binding its kernels takes as long as a thousand short steps
         before = time.process_time()
         march.run()
         times.append(time.process_time() - before)
@@ -118,9 +120,9 @@ def test_the_estimate_follows_elements_steps_and_records():
     assert sweeps not in percuss.check(percuss.load(ROOT / "cases" / "hunek.yaml")).text
     assert bytes_in_words(size) in text
     _, fewer_records, _ = estimate(**{"record.every": 1000})
-    assert fewer_records - 1e-3 == pytest.approx(0.5 * (seconds - 1e-3), rel=0.1)
+    assert fewer_records - START == pytest.approx(0.5 * (seconds - START), rel=0.1)
     text, finer, more = estimate(**{"refine": 4, "time.end": 600})
-    assert finer == pytest.approx(100 * 4**3 * (seconds - 1e-3), rel=0.1)
+    assert finer == pytest.approx(100 * 4**3 * (seconds - START), rel=0.1)
     assert f"the steps take about {finer:.0f} s" in text
     assert more > 10 * size
 

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from percuss.mesh.body import Body
 
 # Seconds on one core of a machine of 2023; the tests allow a factor of 3.
-START = 1e-3  # what precedes and follows the steps
-STEP, CONTACT_POINT = 2e-7, 1e-7  # of each evaluation of the forces
+START = 5e-4  # what precedes and follows the steps
+STEP, CONTACT_POINT = 2e-7, 8e-8  # of each evaluation of the forces
 SOLID_POINT = 12e-9  # a quadrature point of a body that is no bar
 LINEAR_BAR, STAGE_OF_BAR = 0.7e-9, 3e-9  # a two-node element: in a leap-frog step, in a stage of other schemes
 POINT_OF_BAR = 6e-9  # a quadrature point of other elements of bars
