@@ -14,8 +14,8 @@ from benchmarks.scale import SERIES, exponent, once
 import pages
 import percuss
 from percuss.certificate.black_box import MOST_ALONE
-from percuss.march.march import March
 from percuss.march.estimate import START
+from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from percuss.march.recording import recordable
 from percuss.mesh.size_limits import (
