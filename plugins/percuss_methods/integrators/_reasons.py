@@ -12,6 +12,11 @@ ENERGY_SWINGS = {
     "energy-never-grows": "the energy of displacement and velocity at one time oscillates while waves run; and a "
     "contact that opens or closes between two steps adds or removes energy",
 }
+CONTACT_SWINGS = {
+    "energy-never-grows with penalty": "a contact that opens or closes between two steps adds or removes energy",
+    "energy-never-grows with bipenalty": "the same, and the penalty mass lets it pull before it opens: the energy has "
+    "no bound",
+}
 
 
 def reason_against_overlap(law: Any, reason: str) -> str | None:
