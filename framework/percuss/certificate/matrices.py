@@ -120,9 +120,9 @@ def free_motions(model: Model, *, across: bool = True) -> Any:
                 found.append((np.full(len(free), node), free))
     nodes, directions = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.argsort(nodes, kind="stable")
-    nodes, directions = nodes[order], directions[order]
-    dofs = (nodes[:, None] * dim + np.arange(dim)).ravel()
-    places = dofs, np.repeat(np.arange(nodes.size), dim)
+    nodes, directions = nodes[order].astype(np.int32), directions[order]  # 64 bits would double all that follows
+    dofs = (nodes[:, None] * dim + np.arange(dim, dtype=np.int32)).ravel()
+    places = dofs, np.repeat(np.arange(nodes.size, dtype=np.int32), dim)
     matrix = csr_array((directions.ravel(), places), shape=(carrier.size * dim, nodes.size))
     matrix.eliminate_zeros()
     if (carrier != np.arange(carrier.size)).any():

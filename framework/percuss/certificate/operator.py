@@ -89,23 +89,28 @@ class Operator:
         """Number of motions."""
         return int(self.stiffness.shape[1])
 
-    @cached_property
+    @property
     def _pattern(self) -> Any:
-        """Which motions K or M couple."""
-        return abs(self.stiffness) + abs(self.mass)
+        """Which motions K or M couple; a matrix of as many entries, which is not kept."""
+        return self.stiffness.astype(bool) + self.mass.astype(bool)
 
     @cached_property
     def _bands(self) -> tuple[Floats, Floats] | None:
         """K and M as bands, None where they have more than `MOST_BANDS` beside the diagonal."""
-        return (as_bands(self.stiffness), as_bands(self.mass)) if _reach(self._pattern) <= MOST_BANDS else None
+        return (as_bands(self.stiffness), as_bands(self.mass)) if self._reach <= MOST_BANDS else None
+
+    @property
+    def _reach(self) -> int:
+        """How far from the diagonal K and M have entries."""
+        return max(_reach(self.stiffness), _reach(self.mass))
 
     def banded(self) -> Operator:
         """Return the operator with its motions in an order that leaves few diagonals, itself where there is none."""
         from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-        if _reach(self._pattern) <= MOST_BANDS or self._pattern.nnz > (2 * MOST_BANDS + 1) * self.size:
+        if self._reach <= MOST_BANDS or (pattern := self._pattern).nnz > (2 * MOST_BANDS + 1) * self.size:
             return self
-        order = reverse_cuthill_mckee(self._pattern, symmetric_mode=True)
+        order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
         parts = submatrix(self.stiffness, order), submatrix(self.mass, order), self.rows[order]
         return Operator(*parts, None if self.motions is None else self.motions[:, order])
 
@@ -243,7 +248,7 @@ class Operator:
 
 def _reach(matrix: Any) -> int:
     """Return how far from the diagonal a sparse matrix has entries."""
-    entries = matrix.tocoo()
+    entries = matrix.tocoo(copy=False)
     return int(np.abs(entries.row - entries.col).max(initial=0))
 
 

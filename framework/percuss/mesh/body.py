@@ -202,7 +202,8 @@ class Body:
             return stiffness_of_cells(self.spec.element, self.spec.material, self.view)
         from scipy.sparse import kron
 
-        return kron(self.axial_stiffness, np.outer(self.mesh.direction, self.mesh.direction))
+        along = np.outer(self.mesh.direction, self.mesh.direction)
+        return self.axial_stiffness if along.size == 1 else kron(self.axial_stiffness, along)
 
     @property
     def highest_frequency(self) -> float:
@@ -248,9 +249,9 @@ class Body:
         mass = lumping.shares[i, place] * self.spec.material.rho * self.spec.section * self.mesh.lengths[i]
         return 0.5 * float(mass) * float(self.frequency[i]) ** 2
 
-    @cached_property
+    @property
     def axial_stiffness(self) -> Any:
-        """The stiffness along a bar with a linear material, sparse, (nodes, nodes) [force/length]."""
+        """The stiffness along a bar with a linear material, sparse, (nodes, nodes) [force/length]; it is not kept."""
         from scipy.sparse import csr_array, diags_array
 
         if not self.of_cells:
