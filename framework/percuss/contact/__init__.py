@@ -3,5 +3,5 @@
 `pairs` finds the points where ends of bars meet, and those that a pairing makes of surfaces. `points` has them as
 arrays, and the records that the step reads; `rows` makes N and S of them. `laws` binds all laws to their points, each
 by `bound_law`, with the `limits` of stable stiffness. `model` is the record of a case as arrays that the rooms above
-read; `march.model` makes it. A law and a pairing are plug-ins: whoever adds one touches nothing in this folder.
+read; `march.model_of_case` makes it. A law and a pairing are plug-ins: whoever adds one touches nothing in this folder.
 """

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.case.type_words import found
-from percuss.mesh.cells import cells_of
+from percuss.mesh.cells import pieces_of
 from percuss.mesh.surfaces import boundary_of, whole_surface
 from percuss.methods.blame import plain_function
 from percuss.methods.interfaces import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
@@ -123,7 +123,7 @@ def _prism(body: Body, axis: Floats, held: set[tuple[int, int]]) -> Prism:
         raise NotARowOfPrisms(f"body '{body.name}' turns")
     if _across(body.velocity, axis) > ROUND_OFF * np.linalg.norm(body.velocity):
         raise NotARowOfPrisms(f"body '{body.name}' moves across the axis")
-    if (pieces := _pieces(body)) > 1:
+    if (pieces := int(pieces_of(body.mesh).max()) + 1) > 1:
         raise NotARowOfPrisms(f"body '{body.name}' is in {pieces} pieces")
     place = body.mesh.nodes @ axis
     start, length = float(place.min()), float(np.ptp(place))
@@ -138,17 +138,6 @@ def _prism(body: Body, axis: Floats, held: set[tuple[int, int]]) -> Prism:
     sides = (looks == 0.0) & (surface.areas > 0.0)  # a side of no area is the axis of revolution
     modulus = _modulus(body, surface, sides, axis, held)
     return Prism(body, axis, start, length, area, modulus)
-
-
-def _pieces(body: Body) -> int:
-    """Return the number of pieces of a body that share no node."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
-    cells, count = cells_of(body.mesh), len(body.mesh.nodes)
-    first = np.repeat(cells[:, 0], cells.shape[1])
-    _, piece = connected_components(csr_array((np.ones(cells.size), (first, cells.ravel())), shape=(count, count)))
-    return np.unique(piece[cells[:, 0]]).size
 
 
 def _looks(surface: Surface, axis: Floats) -> Floats:

@@ -111,6 +111,17 @@ def cells_of(mesh: Mesh) -> Integers:
     return next(iter(mesh.cells.values()))
 
 
+def pieces_of(mesh: Mesh) -> Integers:
+    """Return the piece of each cell, (cells,), numbered from 0; pieces have no common node."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    cells, size = cells_of(mesh), len(mesh.nodes)
+    ends = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
+    piece = connected_components(csr_array((np.ones(ends[0].size), ends), shape=(size, size)), directed=False)[1]
+    return np.unique(piece[cells[:, 0]], return_inverse=True)[1].ravel()
+
+
 def lumping_of(element: Element, body: BodyMesh) -> Lumping:
     """Return how the elements of a body share their mass among their nodes."""
     if not isinstance(element, CellElement):

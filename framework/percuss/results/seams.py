@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.mesh.cells import cells_of
+from percuss.mesh.cells import cells_of, pieces_of
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers, Mesh
@@ -18,16 +18,11 @@ ON_FACET = 1e-6  # distance from a facet over its size, below which a node lies 
 
 def seams(mesh: Mesh) -> Iterator[str]:
     """Yield in words where a mesh is not joined, though its cells touch or belong to one body."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
-    cells, size = cells_of(mesh), len(mesh.nodes)
-    ends = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
-    piece = connected_components(csr_array((np.ones(ends[0].size), ends), shape=(size, size)), directed=False)[1]
-    _, of_cells, counts = np.unique(piece[cells[:, 0]], return_inverse=True, return_counts=True)
+    cells, piece = cells_of(mesh), pieces_of(mesh)
+    counts = np.bincount(piece)
     if counts.size > 1:
         least = int(counts.argmin())
-        middle = mesh.nodes[cells[of_cells.ravel() == least]].mean(axis=(0, 1))
+        middle = mesh.nodes[cells[piece == least]].mean(axis=(0, 1))
         yield (
             f"is in {counts.size} pieces without a common node, which move each for itself: the smallest has "
             f"{counts[least]} of {len(cells)} cells, about {in_brackets(middle)}"
