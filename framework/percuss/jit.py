@@ -64,6 +64,15 @@ def fused(function: AnyKernel) -> AnyKernel:
     return function
 
 
+def merged(slot: AnyKernel) -> AnyKernel:
+    """Mark a slot whose kernel, with all that it calls, merges with its caller before the compiler optimises anything.
+
+    The compiler then knows how often the loops of the kernel run, where the caller knows it.
+    """
+    slot.merged = True  # type: ignore[attr-defined]
+    return slot
+
+
 # ----------------------------------------------------------------------------------------------------------- binding
 
 
@@ -115,6 +124,7 @@ class Binder:
     allocates: bool = False
     inline: bool = True
     checked: bool = False
+    _merges: bool = False  # whether functions merge with their callers, as in a slot that is `merged`
     _done: dict[object, Bound | None] = field(default_factory=dict)
 
     def bind(self, function: Kernel, *, reduction: bool = False) -> Bound:
@@ -169,8 +179,10 @@ class Binder:
         if isinstance(slot, Bound):
             return slot
         maker, kernel, reduction = self, slot or value, getattr(value, "reduction", False)
+        if getattr(value, "merged", False):
+            maker = replace(maker, _merges=self.inline, _done={})
         if isinstance(slot, Filled):
-            maker, kernel = replace(self, slots={**self.slots, **dict(slot.slots)}, _done={}), slot.kernel
+            maker, kernel = replace(maker, slots={**self.slots, **dict(slot.slots)}, _done={}), slot.kernel
         if slot is None and plain_function(value) is None:
             return None
         return maker.callee(kernel, reduction=reduction)
@@ -200,7 +212,7 @@ class Binder:
         # Always set, because otherwise the option of the calling function applies. The loop allocates nothing.
         options |= {"error_model": "numpy", "nogil": True, "_nrt": self.allocates and not own}
         if self.inline and not getattr(function, "called", False):
-            options["forceinline"] = True
+            options |= {"inline": "always"} if self._merges else {"forceinline": True}
         if reduction:
             options["fastmath"] = ("nsz", "reassoc")
         elif getattr(function, "fused", False):

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NoReturn
 
+from percuss.jit import merged
+
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Trial
 
@@ -96,6 +98,7 @@ def energy(*arguments: object) -> float:
 energy.reduction = True  # type: ignore[attr-defined]
 
 
+@merged
 def cell_force(*arguments: object) -> None:
     """Set the forces of one cell on its nodes; a slot for `percuss.methods.interfaces.CellElement.force`."""
     unbound()
