@@ -4,7 +4,6 @@ Marks: `deep` tests are left out unless asked for (``-m deep``), `slow` ones tak
 """
 
 import gc
-import math
 import os
 import shutil
 
@@ -65,14 +64,6 @@ def pytest_collection_finish():
 def pytest_xdist_auto_num_workers(config):
     """Return the number of processors: a worker more waits less for other processes, but compiles all once more."""
     return os.cpu_count() or 1
-
-
-@pytest.fixture(scope="module")
-def unadvised():
-    """Take every error of a run for small, so that it tries no other runs for its advice, which takes two seconds."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("percuss.studies.alternatives.LARGE_ERROR", math.inf)
-        yield
 
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

@@ -15,8 +15,6 @@ import places
 from command_line import percuss_command
 from percuss.cli.main import PANELS
 
-pytestmark = pytest.mark.usefixtures("unadvised")
-
 ROOT = places.ROOT
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
 PLUGINS = (ROOT / "plugins" / "CONTACT_LAW.md").read_text(encoding="utf-8")

@@ -14,8 +14,6 @@ import places
 from command_line import percuss_command
 from strategies import hunek
 
-pytestmark = pytest.mark.usefixtures("unadvised")
-
 ROW = {"percuss-study": 1, "cases": ["case.yaml"], "vary": {"method.contact.ratio": [1.0, 2.0]}}
 
 

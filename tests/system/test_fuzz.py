@@ -16,8 +16,6 @@ import percuss
 from bad_input import GOOD, SHARES, Bench, Ground
 from percuss.errors import PercussError
 
-pytestmark = pytest.mark.usefixtures("unadvised")
-
 COUNT = int(os.environ.get("PERCUSS_FUZZ", "500"))
 QUICK = {
     "case": 60,

@@ -12,8 +12,6 @@ from PIL import Image
 import gallery
 import pages
 
-pytestmark = pytest.mark.usefixtures("unadvised")
-
 ALWAYS = {"hunek", "two-bars", "compared", "family"}  # the pictures of the first pages; each takes some seconds
 
 

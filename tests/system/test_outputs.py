@@ -12,8 +12,6 @@ from command_line import percuss_command
 from percuss.cli.scaffold import new
 from strategies import hunek
 
-pytestmark = pytest.mark.usefixtures("unadvised")
-
 VARY = "--vary method.contact.ratio=1,2"
 COMMANDS = {
     "out.nc": ("run case.yaml -o {}", "run case.yaml --exact-only -o {}"),

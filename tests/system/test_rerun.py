@@ -14,8 +14,6 @@ from percuss import digest
 from percuss.results import provenance
 from strategies import hunek
 
-pytestmark = pytest.mark.usefixtures("unadvised")
-
 LAW = """\
 from dataclasses import dataclass
 from percuss import ContactLaw, LinearLaw

@@ -27,7 +27,7 @@ from percuss.studies.columns import metric
 from percuss.studies.row_command import _as_text
 from percuss.studies.study_files import StudyFile
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("unadvised")]
+pytestmark = pytest.mark.slow
 
 SMALL = {"bodies.short.bar.elements": 10, "bodies.long.bar.elements": 20}
 LAW = """\

@@ -1,6 +1,5 @@
 """The verdict at the end of a command: true, computed, and where a reader of JSON does not meet it."""
 
-import json
 import re
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from command_line import percuss_command
 from percuss.reporting.terminal import _best_runs
 from percuss.reporting.verdict import best_words, error_words, failures, rows_verdict, run_verdict
 from percuss.results.true_error import largest_error
-from percuss.studies import alternatives as module
 from percuss.studies.columns import metric
 
 CASES = places.ROOT / "cases"
@@ -37,82 +35,15 @@ def coarse(tmp_path: Path) -> Path:
     return path
 
 
-def percent(text: str) -> float:
-    return 0.01 * float(text)
-
-
-def test_a_run_with_a_large_error_names_better_runs_that_it_made(coarse: Path) -> None:
-    done = percuss_command("run", str(coarse), "--json")
+def test_a_run_with_a_large_error_names_the_search_for_better_methods(coarse: Path) -> None:
+    done = percuss_command("run", str(coarse))
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    own, finer, law, better = re.search(
-        r"contact force is off by (\S+) % .*twice as fine: (\S+) %\), or try (\S+) \((\S+) %\)", done.stderr
-    ).groups()
-    assert percent(own) == pytest.approx(largest_error(told), rel=0.05)
-    for text, changes in ((finer, {"refine": 2}), (better, {"method.contact.name": law})):
-        again = largest_error(percuss.run(percuss.load(coarse, changes)).summary)
-        assert percent(text) == pytest.approx(again, rel=0.05)
-        assert again < largest_error(told)
-    searching = re.search(rf"`percuss (recommend {coarse} [^`]*)` searches more", done.stderr).group(1)
+    searching = re.search(rf"contact force is off by .*: try `percuss (recommend {coarse} [^`]*)`", done.stdout).group(
+        1
+    )
     few = ("--runs", "10", "--contact", "lagrange", "--workers", "1")
     found = percuss_command(*searching.split(), *few, cwd=coarse.parent)
     assert re.search("(?m)^(Cheapest: |No run meets the bounds; the nearest is )", found.stdout), found.stderr
-
-
-def test_without_time_no_other_run_is_made(coarse: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    case = percuss.load(coarse)
-    result = percuss.run(case)
-    monkeypatch.setattr(module, "LEAST_SECONDS", 0.0)
-    result.summary["seconds"] |= {"total": 0.0, "compile": 0.0}
-    made = module.alternatives(case, result)
-    assert made is not None
-    assert (made.finer, made.laws) == (None, {})
-    assert "lagrange" in made.untried
-
-
-@pytest.mark.deep
-def test_a_law_that_loses_energy_is_not_advised(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "LEAST_SECONDS", 5.0)
-    case = percuss.load(CASES / "fifty-impacts.yaml")
-    penalty, lagrange = percuss.run(case), percuss.run(case, {"method.contact": "lagrange"})
-    assert largest_error(lagrange.summary) < 0.9 * largest_error(penalty.summary)
-    assert metric(lagrange, "energy_kept") < 0.5 < 0.99 < metric(penalty, "energy_kept")
-    made = module.alternatives(case, penalty)
-    assert made is not None
-    assert "lagrange" not in [*made.laws, *made.untried]
-
-
-def test_a_law_that_adds_energy_is_not_advised(coarse: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A law that takes a twentieth of the energy may still be named."""
-    kept = {"lagrange": 1.05, "moreau-jean": 0.95}
-    law_of = lambda result: result.provenance["resolved"]["contact"]  # noqa: E731
-    monkeypatch.setattr(module, "metric", lambda result, name: kept.get(law_of(result), 1.0))
-    case = percuss.load(coarse)
-    made = module.alternatives(case, percuss.run(case))
-    assert made is not None
-    assert "moreau-jean" in made.laws
-    assert "lagrange" not in made.laws
-
-
-def test_ctrl_c_ends_the_other_runs_alone(coarse: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made, perform = [], module.perform
-
-    def interrupted(*args, **kwargs):
-        made.append(args)
-        if len(made) > 1:
-            raise KeyboardInterrupt
-        return perform(*args, **kwargs)
-
-    monkeypatch.setattr(module, "perform", interrupted)
-    done = percuss_command("run", str(coarse))
-    assert done.returncode == 130, done.stderr
-    assert "refine the mesh (twice as fine: " in done.stdout
-    assert len(made) == 2
-
-
-def test_a_small_error_needs_no_other_run() -> None:
-    case = percuss.load(CASES / "hunek.yaml")
-    assert module.alternatives(case, percuss.run(case)) is None
 
 
 @pytest.mark.parametrize(
@@ -125,7 +56,7 @@ def test_a_small_error_needs_no_other_run() -> None:
             ("refine=4", *RAMBERG_OSGOOD),
             r"`--reference refine=16`, or try `percuss recommend .*` \(first write the values of",
         ),
-        (("time.end=2.5",), r"\(first write the values of --set into the case\) searches more\.\n"),
+        (("time.end=2.5",), r"\(first write the values of --set into the case\)\.\n"),
         (("contacts={}",), "(?s)materials kept the energy put in.*is exact up to round-off"),
         (("time.courant=1.2", "time.on_unstable=warn"), r"do not trust this run\. To be stable, [^\n]*\n$"),
     ],
@@ -202,7 +133,7 @@ def test_a_run_whose_energy_grew_is_not_called_good_by_its_force() -> None:
     methods = {"method.integrator": "explicit-newmark", "method.contact": {"name": "nitsche"}}
     result = percuss.run(percuss.load(CASES / "hunek.yaml", {**changes, **methods}))
     assert largest_error(result.summary) < 1e-10 < 1e2 < metric(result, "energy_kept")
-    *_, last = run_verdict(result, None, "")
+    *_, last = run_verdict(result, "")
     assert re.match(r"But contacts, scheme and materials added \S+ % of the energy put in, which no real contact", last)
     row = {"integrator": "a", "contact": "b", "case": "c", "status": "done", "force_error_l1": 0.0, "energy_kept": 3.0}
     assert "; its energy grew by 200 %" in best_words("c", [row], "force_error_l1")

@@ -82,7 +82,7 @@ def test_the_run_goes_on_without_the_exact_solution():
     assert result.summary["exact"] is result.summary["exact_covered"] is None
     reason = result.summary["exact_reason"]
     assert reason.startswith("bars-in-a-row: it takes more than 0.0001 GB of memory, at least ")
-    assert reason in " ".join(run_verdict(result, None, ""))
+    assert reason in " ".join(run_verdict(result, ""))
     assert reason in explanation(model_of(case)).text  # so it is known before the run, too
 
 

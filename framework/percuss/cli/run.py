@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from percuss.case.case import Case
     from percuss.results.result import Result
-    from percuss.studies.alternatives import Alternatives
 
 RESULTS = (".nc", ".vtkhdf")
 SEARCHED = ("method.contact", "method.integrator", "refine", "time.courant")  # values that a recommendation finds
@@ -83,9 +82,8 @@ def run(
         answer.exit_code = 1 if result.status != "done" or open_accounts(result.summary) else 0
         if result.marched:
             search = "" if tied or loaded.bonds else _search(case, set_ or [], plugin or [], reference)
-            others = _alternatives(loaded, result) if search else None
-            answer.conclude(run_verdict(result, others, search))
-            if result.status == "interrupted" or (others is not None and others.interrupted):
+            answer.conclude(run_verdict(result, search))
+            if result.status == "interrupted":
                 answer.exit_code = INTERRUPTED
 
 
@@ -96,12 +94,6 @@ def _animation() -> ModuleType:
     from percuss.reporting import animation
 
     return animation
-
-
-def _alternatives(case: Case, result: Result) -> Alternatives | None:
-    from percuss.studies.alternatives import alternatives
-
-    return alternatives(case, result)
 
 
 def _loaded(file: Path, sets: Any, plugins: Any, reference: str, *, tied: bool, exact_only: bool) -> Case:

@@ -29,12 +29,11 @@ from percuss.studies.tasks import TIED
 if TYPE_CHECKING:
     from percuss.certificate.verdict import Certificate
     from percuss.results.result import Result
-    from percuss.studies.alternatives import Alternatives
     from percuss.studies.perform import Run
 
 CLEARLY_BETTER = 0.9  # ratio of two errors
 SAME = 1e-6  # relative difference below which two errors are the same
-ACCEPTABLE = 0.5  # largest error of a law that is worth a try
+LARGE_ERROR = 0.05  # a run with a smaller true error needs no search for better methods
 ROUND_OFF = 1e-10  # a smaller error or change of energy is none
 GROWN = 0.01  # share of the energy put in: a run that adds more is not called good by its error alone
 MOST_REASONS, MOST_NAMED = 12, 3
@@ -42,15 +41,13 @@ MOST_REASONS, MOST_NAMED = 12, 3
 PLACE = re.compile(r"( at step \d+, time \S+)?, node \d+ of body '[^']*'( limits the step)?")
 
 
-def run_verdict(result: Result, others: Alternatives | None, next_command: str) -> Iterator[str]:
+def run_verdict(result: Result, next_command: str) -> Iterator[str]:
     """Yield the verdict on a run, one sentence or two a line.
 
     Parameters
     ----------
     result
         The run.
-    others
-        Other runs of its case, if any were made.
     next_command
         The command that searches better methods for the case, in words.
     """
@@ -79,7 +76,7 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
         what = "contact force" if summary["contacts"] else "motion"
         sensitivity = "depends on round-off: a change of 1e-10 % in one area changes it"
         yield f"The {what} {sensitivity if summary['fragile'] else 'is insensitive to round-off'}."
-    yield from _error_lines(result, others, next_command)
+    yield from _error_lines(result, next_command)
     if grown > GROWN:
         added = f"But contacts, scheme and materials added {percent(grown, 2)} of the energy put in"
         yield f"{added}, which no real contact does: take other methods or a smaller step."
@@ -100,7 +97,7 @@ def error_words(result: Result) -> str:
     return f"the {f'contact force{of_contact}' if worst else 'displacement at the end'} is {off}{until}"
 
 
-def _error_lines(result: Result, others: Alternatives | None, next_command: str) -> Iterator[str]:
+def _error_lines(result: Result, next_command: str) -> Iterator[str]:
     """Yield how large the true error of a run is, and how it can be made smaller."""
     summary = result.summary
     error, words = largest_error(summary), capitalised(error_words(result))
@@ -122,24 +119,8 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
         return
     estimated = summary.get("estimated")
     known = f"an estimate, by {judge_words(summary)}" if estimated else "exact solution known"
-    if others is None:
-        yield f"{words} ({known})."
-        return
-    best = min(others.laws.values(), default=0.0)
-    law = next((name for name, of_law in others.laws.items() if CLEARLY_BETTER * of_law <= best), "")  # a simple one
-    advice = []
-    if others.finer is not None and others.finer < CLEARLY_BETTER * error:
-        advice.append(f"refine the mesh (twice as fine: {percent(others.finer, 2)})")
-    if law and others.laws[law] < min(CLEARLY_BETTER * error, ACCEPTABLE):
-        advice.append(f"try {law} ({percent(others.laws[law], 2)})")
-    yield f"{words} ({known}): {', or '.join(advice) or f'try {next_command}'}."
-    tried = [*(["a mesh twice as fine"] if others.finer is not None else [])]
-    tried += [f"{others.tried} other contact law{'s' if others.tried > 1 else ''}"] if others.tried else []
-    if tried:
-        helps = "" if advice else ", and none is clearly better"
-        late = f"; there was no time for {len(others.untried)} more" if others.untried else ""
-        more = f" {capitalised(next_command)} searches more." if advice else ""
-        yield f"percuss tried {' and '.join(tried)}{helps}{late}.{more}"
+    search = f": try {next_command}" if next_command and error > LARGE_ERROR else ""
+    yield f"{words} ({known}){search}."
 
 
 def comparison_verdict(title: str, runs: Sequence[Run]) -> Iterator[str]:
