@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -12,9 +12,6 @@ from percuss.cli import common
 from percuss.cli.common import option
 from percuss.errors import Problem, refuse_if_any
 from percuss.process import INTERRUPTED
-
-if TYPE_CHECKING:
-    from percuss.jsonable import Data
 
 
 def study(
@@ -32,9 +29,7 @@ def study(
         option("--again STATUS", "Make the runs of a status again, for example failed. Repeatable."),
     ] = None,
     export: Annotated[Path | None, option("--export FILE", "Write the table as csv or parquet.")] = None,
-    dry_run: Annotated[
-        bool, option("--dry-run", "Check and count the runs and estimate the time; store nothing.")
-    ] = False,
+    dry_run: Annotated[bool, option("--dry-run", "Check the study and count its runs; make none.")] = False,
     as_json: common.AsJson = False,
 ) -> None:
     """Make the runs of a study; given again, continue it."""
@@ -42,7 +37,8 @@ def study(
         from percuss.reporting.terminal import study_lines
         from percuss.reporting.verdict import rows_verdict
         from percuss.studies.dispatch import number_of_workers
-        from percuss.studies.forecast import forecast
+        from percuss.studies.spec import read_study
+        from percuss.studies.study import planned
         from percuss.studies.study import study as make_study
         from percuss.studies.study_table import exportable
 
@@ -51,12 +47,10 @@ def study(
             message, advice = "expected --dry-run or {}, found both", "A dry run makes no rows."
             given = [name for name, value in of_rows.items() if value]
             refuse_if_any([Problem("percuss study", "", message.format(name), advice) for name in given])
-            workers = number_of_workers(workers)
-            with common.progress_bar("runs") as progress:
-                found = forecast(file, plugin or [], progress, workers=workers, changes=common.reference_of(reference))
-            answer.show(found, _forecast_lines(found, workers))
-            answer.conclude(rows_verdict(found["rows"], []))
-            answer.exit_code = 0 if found["counts"].get("waiting") else 1
+            number_of_workers(workers)
+            spec = read_study(file, plugin or [], common.reference_of(reference))
+            title, runs = str(spec.data.get("title", "")), len(planned(spec)[0])
+            answer.show({"title": title, "runs": runs}, [f"{title or 'untitled study'}: {runs} runs; none was made"])
             return
         if export is not None:
             exportable(export)
@@ -86,21 +80,6 @@ def study(
             answer.exit_code = INTERRUPTED
         if lost := counts.get("lost"):
             common.tell(f"{lost} of {len(rows)} runs failed because of the machine: the same command makes them again")
-
-
-def _forecast_lines(found: Data, workers: int) -> Iterator[str]:
-    """Yield how many runs a study has, which of them can be made, and what these cost."""
-    from percuss.reporting.tables import duration
-
-    can_run, part = f"{found['counts'].get('waiting', 0)} can run", found["examined"] < found["runs"]
-    yield f"{found['title'] or 'untitled study'}: {found['runs']} runs; none was stored"
-    if part:
-        yield f"examined: {found['examined']} runs at equal distances, of which {can_run}"
-    if found["seconds"] is not None:
-        cores = f"{workers} worker{'s' if workers != 1 else ''}"
-        time = f"roughly {duration(found['seconds'])} with {cores} by the time of the cheapest run"
-        whose = "all runs, estimated from these" if part else can_run
-        yield f"{whose}: {found['node_steps']:.3g} steps times stages times nodes, {time}"
 
 
 class _ResumeNotice:

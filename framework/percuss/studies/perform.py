@@ -11,7 +11,6 @@ from percuss.case.case import Case
 from percuss.errors import InputError, PercussError, RefusedPair, RunError, TooLargeError
 from percuss.jsonable import Data, Entries
 from percuss.march.march import Progress
-from percuss.march.recording import recordable
 from percuss.methods.blame import described, line_in_plugin, plugin_faults
 from percuss.methods.interfaces import ContactLaw
 from percuss.methods.registry import Registry
@@ -121,26 +120,7 @@ def perform_timed(
     return _perform(case, task, make)[0]
 
 
-def foreseen(case: Case, task: Task) -> tuple[Run, int]:
-    """Return a run as far as it is known before its first step, and its ``node_steps``; 0 if it cannot be made.
-
-    Its status is `WAITING` if nothing speaks against it.
-    """
-    from percuss.certificate.verdict import settled, verdict_alone
-
-    node_steps = [0]
-
-    def examined(changed: Case) -> None:
-        model, criterion = settled(changed)
-        found = verdict_alone(recordable(model), criterion)
-        if found["stable"] == "no" and changed.time.on_unstable == "stop":
-            raise RunError(f"the certificate says unstable\n  {found['why']}")
-        node_steps.append(model.steps * len(model.tables) * len(model.bodies.nodes))
-
-    return _perform(case, task, examined)[0], node_steps[-1]
-
-
-def _perform(case: Case, task: Task, make: Callable[[Case], Result | None]) -> tuple[Run, InputError | None]:
+def _perform(case: Case, task: Task, make: Callable[[Case], Result]) -> tuple[Run, InputError | None]:
     names, unread = (task.integrator, task.contact, task.varied), True
     try:
         with plugin_faults():
@@ -157,8 +137,6 @@ def _perform(case: Case, task: Task, make: Callable[[Case], Result | None]) -> t
         return Run(*names, LOST if lost else "failed", str(error), unread=unread), error
     except Exception as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
         return Run(*names, *failure_status(error, case.registry)), None
-    if result is None:
-        return Run(*names, WAITING), None
     reason = "; ".join(note for note in result.summary["notes"] if note.startswith((AGAINST_CERTIFICATE, NOT_VALID)))
     reason = "Ctrl-C" if result.status == "interrupted" else reason
     return Run(*names, result.status, reason, result=result), None
