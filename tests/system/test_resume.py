@@ -1,6 +1,7 @@
 """A run that is killed goes on from its saved state, to the last bit as if nothing had stopped it."""
 
 import functools
+import io
 import json
 import os
 import signal
@@ -286,12 +287,24 @@ def test_a_damaged_state_is_not_used(bench, damage):
 def test_another_run_of_the_case_may_end_meanwhile(change):
     case = percuss.load(runs()[SOME[0]].case)
     assert killed(runs()[SOME[0]].case, 1)
+    saved = SavedState(case, compiled=True, resume=False).path.read_bytes()
     keeper = SavedState(case, compiled=True, resume=True)
-    keeper.path.unlink()
     if change == "replaced":
         SavedState(case, compiled=True, resume=False).offer(14, 1.0, [], at_once=True)
-    with pytest.raises(percuss.InputError, match="was replaced or removed by another run of the case"):
-        keeper.restore([])
+    else:
+        keeper.path.unlink()
+    with np.load(io.BytesIO(saved)) as whole:
+        arrays = [np.zeros_like(whole[name]) for name in whole.files if name != "header"]
+        keeper.restore(arrays)
+        assert len(arrays) > 3
+        assert all(array.tobytes() == whole[f"arr_{k}"].tobytes() for k, array in enumerate(arrays))
+
+
+def test_a_state_of_other_arrays_is_not_used():
+    assert killed(runs()[SOME[0]].case, 1)
+    keeper = SavedState(percuss.load(runs()[SOME[0]].case), compiled=True, resume=True)
+    with pytest.raises(percuss.InputError, match="is damaged"):
+        keeper.restore([np.zeros(10**6)])
 
 
 def test_an_exact_solution_has_no_state(bench):

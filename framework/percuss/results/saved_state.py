@@ -1,15 +1,15 @@
 """The state of a long run on disk, from which the run goes on after it was killed, to the same bits.
 
-The file lies in the user's cache folder, named by a digest of the case. It has one line of JSON, the bytes of all
-arrays that the steps so far have changed, and a digest of all that stands before. Nothing in it is executed.
+The file lies in the user's cache folder, named by a digest of the case: all arrays that the steps so far have changed,
+and what their bits depend on, as `numpy.savez` writes them. Nothing in it is executed.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import time
+import zipfile
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -28,13 +28,12 @@ from percuss.results.differences import changes
 from percuss.results.provenance import components_used, machine, origins
 
 SUFFIX = ".state"
-DIGEST_SIZE = 32  # bytes
 SAVE_SECONDS = 60.0  # between two saved states
 MOST_OF_TIME = 0.05  # share of the time of a run that saving may take
 FORGOTTEN_AFTER = 30 * 86400.0  # seconds after which the state of a run that nobody has gone on with is removed
-PIECE = 2**24  # bytes that are read at a time
 PLACE = "--resume"
 ANEW = "Run the case without --resume: it begins anew."
+DAMAGED = (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile)
 
 
 class SavedState:
@@ -65,8 +64,11 @@ class SavedState:
         self.done, self.seconds = 0, 0.0
         self._due = time.monotonic() + SAVE_SECONDS
         if resume:
-            header = self._checked_header()
-            self.done, self.seconds = header["done"], header["seconds"]
+            with contextlib.ExitStack() as files:
+                self._saved = self._opened(files)
+                header = self._expect_same_bits()
+                self.done, self.seconds = header["done"], header["seconds"]
+                self._files = files.pop_all()
 
     @cached_property
     def path(self) -> Path | None:
@@ -81,29 +83,27 @@ class SavedState:
         began = time.monotonic()
         if (began < self._due and not at_once) or self.path is None:
             return
-        header = json.dumps({"done": done, "seconds": seconds, **self._made_with()}).encode() + b"\n"
-        digest = hashlib.sha256()
+        header = json.dumps({"done": done, "seconds": seconds, **self._made_with()})
         with (
             contextlib.suppress(OSError, InputError, UnwrittenError),
             replacing(self.path, SUFFIX) as temporary,
             temporary.open("wb") as file,
         ):
-            for piece in (header, *map(_bytes_of, arrays)):
-                digest.update(piece)
-                file.write(piece)
-            file.write(digest.digest())
+            np.savez(file, *arrays, header=np.array(header))
         now = time.monotonic()
         self._due = now + max(SAVE_SECONDS, (now - began) / MOST_OF_TIME)
 
     def restore(self, arrays: Sequence[Array]) -> None:
-        """Fill the arrays with what was saved of them."""
-        with contextlib.suppress(OSError), Path(self.path or "").open("rb") as file:
-            if file.readline() == self._header:
-                for piece in map(_bytes_of, arrays):
-                    file.readinto(piece)
-                return
-        message = f"the saved state {self.path} was replaced or removed by another run of the case"
-        raise wrong_input(PLACE, message, "Wait for the end of that run.")
+        """Fill the arrays with what was saved of them.
+
+        Another run of the case may have replaced the file meanwhile: it is open since the run began.
+        """
+        with self._files:
+            for k, array in enumerate(arrays):
+                saved = self._read(f"arr_{k}")
+                if (saved.shape, saved.dtype) != (array.shape, array.dtype):
+                    raise self._damaged()
+                array[...] = saved
 
     def forget(self) -> None:
         """Remove the state of a run that has ended, and states that nobody has gone on with for long."""
@@ -118,23 +118,29 @@ class SavedState:
     def _made_with(self) -> Entries:
         return {**machine(), **origins(self._case, components_used(self._case))}
 
-    def _checked_header(self) -> Entries:
-        """Return the first line of the file, once all of it has proved sound."""
+    def _opened(self, files: contextlib.ExitStack) -> Any:
+        """Return what the file holds, read when it is asked for; `files` closes it."""
         if self.path is None or not self.path.is_file():
             message = "expected the saved state of a run of this case, found none"
             when = f"A run saves its state after {SAVE_SECONDS:.0f} s, for its case with all values of --set."
             raise wrong_input(PLACE, message, f"{when} {ANEW}")
-        digest, rest = hashlib.sha256(), self.path.stat().st_size - DIGEST_SIZE
-        with self.path.open("rb") as file:
-            self._header = file.readline(max(rest, 0))
-            digest.update(self._header)
-            rest -= len(self._header)
-            while rest > 0 and (piece := file.read(min(PIECE, rest))):
-                digest.update(piece)
-                rest -= len(piece)
-            if digest.digest() != file.read():
-                raise wrong_input(PLACE, f"the saved state {self.path} is damaged", ANEW)
-        header: Entries = json.loads(self._header)
+        try:
+            return files.enter_context(np.load(files.enter_context(self.path.open("rb"))))
+        except DAMAGED as error:
+            raise self._damaged() from error
+
+    def _read(self, name: str) -> Any:
+        try:
+            return self._saved[name]  # compares the checksum of the array
+        except DAMAGED as error:
+            raise self._damaged() from error
+
+    def _damaged(self) -> InputError:
+        return wrong_input(PLACE, f"the saved state {self.path} is damaged", ANEW)
+
+    def _expect_same_bits(self) -> Entries:
+        """Return the header of the file, once all that bits depend on has proved the same."""
+        header: Entries = json.loads(str(self._read("header")))
         # Another kernel of the system changes no bit: the machine may have been started anew.
         changed = [change for change in changes(header, self._made_with()) if change.what != "system"]
         if changed:
@@ -142,8 +148,3 @@ class SavedState:
             message = f"expected all on which bits depend as it was when the state was saved, found changes: {found}"
             raise wrong_input(PLACE, message, ANEW)
         return header
-
-
-def _bytes_of(array: Array) -> Any:
-    """Return the bytes of an array, in place."""
-    return np.frombuffer(array, np.uint8)
