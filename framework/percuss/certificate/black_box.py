@@ -19,6 +19,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
 from percuss.certificate.assessment import Assessment, contact_names, quoted
 from percuss.certificate.closed_laws import why_unlike
@@ -217,8 +218,6 @@ def _theta(closed: ClosedStep, free: ClosedStep) -> float | None:
 
 def _largest_modulus(step: ClosedStep, idle: Floats) -> float:
     """Return the largest eigenvalue modulus that Arnoldi's iteration finds, or 0 if no eigenvalue converges."""
-    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
-
     size = step.parts * step.size
 
     def product(state: Floats) -> Floats:

@@ -20,14 +20,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import null_space
 
-from percuss.certificate.matrices import (
-    SAME_DIRECTION,
-    columns_at_nodes,
-    free_motions,
-    held_throughout,
-    operator_of,
-)
+from percuss.certificate.matrices import SAME_DIRECTION, columns_at_nodes, free_motions, held_throughout, operator_of
 from percuss.contact.points import FROM_LINE, NEVER
 from percuss.heartbeat import beat
 from percuss.march.march import March
@@ -271,8 +266,6 @@ def rigid_motions(model: Model) -> Floats:
     A bar moves along its axis. Displacements of other bodies are small, so that a rotation moves a node across its
     distance from the middle of the body.
     """
-    from scipy.linalg import null_space
-
     dim, held, columns = model.dim, directions_at_nodes(held_throughout(model)), []
     for body in model.bodies.values():
         inside = slice(body.start, body.stop)

@@ -21,6 +21,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from percuss.certificate.assessment import Assessment, Criterion
 from percuss.certificate.black_box import LARGEST_DENSE_STATE, BlackBox
@@ -100,8 +101,6 @@ class LinearLaws:
 
         Without such contacts theta is None. Contacts that share ends are taken together.
         """
-        from scipy.sparse.csgraph import connected_components
-
         predicted = np.flatnonzero(laws.predicted & laws.pressing)
         if not predicted.size:
             return None, []
@@ -150,12 +149,11 @@ class LinearLaws:
         below -1 for some motion. By the inertia of a block matrix that is where ``F + N^T (4/dt^2 M - K)^-1 N`` has a
         negative eigenvalue.
         """
-        factor = self.operator.factor(4.0 / dt**2)
-        if factor is None:
+        solve = self.operator.factor(4.0 / dt**2)
+        if solve is None:
             return False
-        compliance = self.operator.compliance(factor, group)
-        compliance = compliance if isinstance(compliance, np.ndarray) else compliance.toarray()
-        seen = laws.surplus[group].mean() * submatrix(self.delassus, group).toarray() + compliance
+        delassus, compliance = submatrix(self.delassus, group), self.operator.compliance(solve, group)
+        seen = (laws.surplus[group].mean() * delassus + compliance).toarray()
         least = np.linalg.eigvalsh(np.diag(laws.compliance[group]) + seen)[0]
         return bool(least < -ROUND_OFF * np.abs(seen).max())
 

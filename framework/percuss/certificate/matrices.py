@@ -16,6 +16,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import null_space
+from scipy.sparse import block_diag, csr_array, diags_array, eye_array, hstack, kron
+from scipy.sparse.csgraph import connected_components
 
 from percuss.certificate.operator import Operator
 from percuss.mesh.loads import directions_at_nodes
@@ -41,8 +44,6 @@ def operator_of(model: Model, *, tied: bool = True) -> Operator:
 
     Of a whole run, a drive that is off at any time counts as absent.
     """
-    from scipy.sparse import csr_array, diags_array
-
     basis = free_motions(model, across=not model.bodies.of_lines)
     rows = model.contact_points.matrix(model.bodies.n_nodes)
     ties = rows[:, list(model.tied_points)] if tied and model.tied_points and model.period == 1 else None
@@ -60,8 +61,6 @@ def operator_of(model: Model, *, tied: bool = True) -> Operator:
 
 def _stiffness(model: Model) -> Any:
     """Return the stiffness of all bodies and of springs at their ends, (nodes * dim, nodes * dim)."""
-    from scipy.sparse import block_diag
-
     bodies = model.bodies.values()
     stiffness = block_diag(
         [body.stiffness_matrix() * float(model.leaps[body.number] ** 2) for body in bodies], format="csr"
@@ -75,8 +74,6 @@ def _stiffness(model: Model) -> Any:
 
 def columns_at_nodes(model: Model, vectors: Sequence[tuple[int, Floats]]) -> Any:
     """Return vectors at nodes as the columns of a sparse matrix, (nodes * dim, k)."""
-    from scipy.sparse import csr_array
-
     dim = model.dim
     nodes = np.array([node for node, _ in vectors], dtype=np.int64)
     values = np.array([vector for _, vector in vectors], dtype=float).reshape(-1, dim)
@@ -98,8 +95,6 @@ def free_motions(model: Model, *, across: bool = True) -> Any:
     across
         Whether the nodes of bars in contact move in every direction, and not along the bar alone.
     """
-    from scipy.sparse import csr_array
-
     dim, held = model.dim, directions_at_nodes(held_throughout(model))
     touched = set(model.contact_points.node.tolist()) if across else set()
     carrier = np.arange(model.bodies.n_nodes)
@@ -144,10 +139,6 @@ def _directions(axes: Iterable[Floats], held: Iterable[Floats], dim: int) -> Flo
 
 def _without(ties: Any) -> Any:
     """Return the motions that leave the rows `ties` at zero, one a column: most of them move one degree of freedom."""
-    from scipy.linalg import null_space
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
     ties = csr_array(ties)
     count = ties.shape[1]
     touched, place = np.unique(ties.indices, return_inverse=True)
@@ -174,8 +165,6 @@ def _inverse_mass(model: Model, basis: Any, ties: Any) -> Any:
     With C = M^-1 and R the directions that supports and ties take away, it is
     ``C - C R (R^T C R)^-1 R^T C`` for these motions: C is sparse and M is not.
     """
-    from scipy.sparse import block_diag, csr_array, diags_array, eye_array, hstack, kron
-
     bodies = model.bodies.values()
     blocks = [body.inverse if body.inverse is not None else diags_array(1.0 / body.mass) for body in bodies]
     inverse = kron(block_diag(blocks), eye_array(model.dim), format="csr")

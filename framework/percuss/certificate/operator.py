@@ -14,13 +14,17 @@ definite where A is: ``(4/dt^2) C - C K C``, with the rows C N in place of N.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded, eigh, eigvals_banded
+from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
+from scipy.sparse.linalg import ArpackNoConvergence, eigsh, splu
 
-from percuss.blas import one_blas_thread
 from percuss.mesh.eigenvalues import as_bands, highest_of_bands, highest_ritz_value, without_chance
 
 if TYPE_CHECKING:
@@ -42,24 +46,8 @@ ABOVE_HIGHEST = 1e-12  # relative distance from the highest eigenvalue at which 
 INVERSE_ITERATIONS = 8
 
 
-class Factor(Protocol):
-    """A factor of a positive definite matrix."""
-
-    def solve(self, columns: Floats) -> Floats:
-        """Return the inverse of the matrix times (n, k) columns."""
-
-
-class _BandFactor(NamedTuple):
-    """Factor of a banded matrix."""
-
-    band: Floats
-
-    def solve(self, columns: Floats) -> Floats:
-        """Return the inverse of the matrix times (n, k) columns."""
-        from scipy.linalg import cho_solve_banded
-
-        out: Floats = cho_solve_banded((self.band, True), columns, check_finite=False)
-        return out
+# What a factor of a positive definite matrix gives: the inverse of the matrix times (n, k) columns.
+Solve = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
@@ -106,30 +94,24 @@ class Operator:
 
     def banded(self) -> Operator:
         """Return the operator with its motions in an order that leaves few diagonals, itself where there is none."""
-        from scipy.sparse.csgraph import reverse_cuthill_mckee
-
         if self._reach <= MOST_BANDS or (pattern := self._pattern).nnz > (2 * MOST_BANDS + 1) * self.size:
             return self
         order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
         parts = submatrix(self.stiffness, order), submatrix(self.mass, order), self.rows[order]
         return Operator(*parts, None if self.motions is None else self.motions[:, order])
 
-    def factor(self, scale: float) -> Factor | None:
-        """Return a factor of ``scale M - K``, None unless that is positive definite."""
+    def factor(self, scale: float) -> Solve | None:
+        """Return the inverse of ``scale M - K`` by a factor of it, None unless that is positive definite."""
         if self._bands is not None:
-            from scipy.linalg import cholesky_banded
-
             stiffness, mass = self._bands
             band = np.zeros((max(len(stiffness), len(mass)), self.size))
             band[: len(mass)] += scale * mass
             band[: len(stiffness)] -= stiffness
             try:
-                return _BandFactor(cholesky_banded(band, lower=True, check_finite=False))
+                factor = cholesky_banded(band, lower=True, check_finite=False)
             except np.linalg.LinAlgError:
                 return None
-        from scipy.sparse import csc_array
-        from scipy.sparse.linalg import splu
-
+            return partial(cho_solve_banded, (factor, True), check_finite=False)
         matrix = csc_array(scale * self.mass - self.stiffness)
         # Without pivoting, the matrix is positive definite where all pivots are positive.
         try:
@@ -137,33 +119,26 @@ class Operator:
         except RuntimeError:  # a pivot is 0
             return None
         kept = bool(np.all(factor.perm_r == factor.perm_c))
-        return factor if kept and bool(np.all(factor.U.diagonal() > 0.0)) else None
+        return factor.solve if kept and bool(np.all(factor.U.diagonal() > 0.0)) else None
 
-    def compliance(self, factor: Factor, contacts: Integers) -> Any:
-        """Return ``N^T (scale M - K)^-1 N`` of some contacts; sparse where many bodies are in contact."""
+    def compliance(self, solve: Solve, contacts: Integers) -> Any:
+        """Return ``N^T (scale M - K)^-1 N`` of some contacts as a sparse array, from the inverse in the middle."""
         label, touched, column = self._blocks
         rows = self.rows[:, contacts]
         if FEWER_COLUMNS * (int(column.max(initial=-1)) + 1) > contacts.size:
-            parts = [
-                rows.T @ factor.solve(rows[:, first : first + COLUMNS_AT_ONCE].toarray())
-                for first in range(0, contacts.size, COLUMNS_AT_ONCE)
-            ]
-            return np.concatenate(parts, axis=1)
+            groups = (rows[:, first : first + COLUMNS_AT_ONCE] for first in range(0, contacts.size, COLUMNS_AT_ONCE))
+            return csr_array(np.concatenate([rows.T @ solve(group.toarray()) for group in groups], axis=1))
         # Bodies that nothing joins are solved for together: one column serves a motion of each of them.
         units = np.zeros((self.size, int(column.max()) + 1))
         units[touched, column] = 1.0
         first, second = same_label(label)
-        from scipy.sparse import csr_array
-
-        values = factor.solve(units)[touched[first], column[second]]
+        values = solve(units)[touched[first], column[second]]
         inverse = csr_array((values, (first, second)), shape=(touched.size, touched.size))
         return rows[touched].T @ inverse @ rows[touched]
 
     @cached_property
     def _blocks(self) -> tuple[Integers, Integers, Integers]:
         """The block of each motion that contacts touch, that motion, and its number within its block."""
-        from scipy.sparse.csgraph import connected_components
-
         touched = np.unique(self.rows.tocoo().row)
         label = connected_components(self._pattern, directed=False)[1][touched]
         order = np.argsort(label, kind="stable")
@@ -194,18 +169,16 @@ class Operator:
 
         There is none unless that is `square`. Bodies that nothing joins are looked at in one iteration.
         """
-        from scipy.sparse.csgraph import connected_components
-
         highest = self.highest_eigenvalue
         if not abs(highest - square) < SAME_FREQUENCY * square:
             return np.zeros((self.size, 0))
-        factor = self.factor(highest * (1.0 + ABOVE_HIGHEST)) or self.factor(highest * (1.0 + 1e3 * ABOVE_HIGHEST))
-        if factor is None:
+        solve = self.factor(highest * (1.0 + ABOVE_HIGHEST)) or self.factor(highest * (1.0 + 1e3 * ABOVE_HIGHEST))
+        if solve is None:
             raise np.linalg.LinAlgError(f"no factor just above the highest eigenvalue {highest:.6g}")
         count, label = connected_components(self._pattern, directed=False)
         mode: Floats = np.random.default_rng(0).standard_normal(self.size)
         for _ in range(INVERSE_ITERATIONS):
-            mode = factor.solve((self.mass @ mode)[:, None])[:, 0]
+            mode = solve((self.mass @ mode)[:, None])[:, 0]
             mode = mode / np.sqrt(np.bincount(label, mode * (self.mass @ mode)))[label]
         squares = np.bincount(label, mode * (self.stiffness @ mode), minlength=count)
         alike = np.flatnonzero(np.abs(squares - square) < SAME_FREQUENCY * square)
@@ -234,16 +207,13 @@ class Operator:
         proved = vars(self).get("highest_eigenvalue", math.inf) * (1.0 + WELL_BELOW)
         if harmful.size == 0 and 4.0 / dt**2 > proved:
             return harmful, np.zeros((0, 0))  # a factor has proved a longer step
-        factor = self.factor(4.0 / dt**2)
-        if factor is None or harmful.size == 0:
-            return None if factor is None else (harmful, np.zeros((0, 0)))
-        root = np.sqrt(excess[harmful])
-        compliance = self.compliance(factor, harmful)
-        if isinstance(compliance, np.ndarray):
-            return harmful, root[:, None] * compliance * root
-        from scipy.sparse import diags_array
-
-        return harmful, (diags_array(root) @ compliance @ diags_array(root)).tocsr()
+        solve = self.factor(4.0 / dt**2)
+        if solve is None:
+            return None
+        if harmful.size == 0:
+            return harmful, np.zeros((0, 0))
+        root = diags_array(np.sqrt(excess[harmful]))
+        return harmful, root @ self.compliance(solve, harmful) @ root
 
 
 def _reach(matrix: Any) -> int:
@@ -266,38 +236,27 @@ def largest_eigenvalue(matrix: Any) -> float:
     A contact is coupled to those on the same bodies only, so that a suitable order of the contacts gives a large matrix
     few diagonals.
     """
+    matrix = csr_array(matrix)
     size = matrix.shape[0]
     if size <= SMALL_MATRIX:
-        return float(np.linalg.eigvalsh(_full(matrix))[-1]) if size else 0.0
-    from scipy.linalg import eigh, eigvals_banded
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
+        return float(np.linalg.eigvalsh(matrix.toarray())[-1]) if size else 0.0
     last = (size - 1, size - 1)
-    order = reverse_cuthill_mckee(csr_array(matrix), symmetric_mode=True)
-    ordered = submatrix(csr_array(matrix), order)
+    ordered = submatrix(matrix, reverse_cuthill_mckee(matrix, symmetric_mode=True))
     if _reach(ordered) > size // 8:
-        with one_blas_thread():  # once more, of the library that this import may have brought
-            return float(eigh(_full(matrix), eigvals_only=True, subset_by_index=last)[0])
+        return float(eigh(matrix.toarray(), eigvals_only=True, subset_by_index=last)[0])
     return float(eigvals_banded(as_bands(ordered), lower=True, select="i", select_range=last)[0])
 
 
 def submatrix(matrix: Any, rows: Any) -> Any:
-    """Return the rows and columns `rows` of a matrix, full or sparse."""
-    return matrix[np.ix_(rows, rows)] if isinstance(matrix, np.ndarray) else matrix[rows][:, rows]
-
-
-def _full(matrix: Any) -> Floats:
-    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+    """Return the rows and columns `rows` of a sparse matrix."""
+    return matrix[rows][:, rows]
 
 
 def _last_eigenvector(matrix: Any) -> Floats:
     """Return an eigenvector of the largest eigenvalue of a symmetric matrix; of a large one, approximately."""
     size = matrix.shape[0]
     if size <= FULL_EIGENVECTORS:
-        return np.linalg.eigh(_full(matrix))[1][:, -1]
-    from scipy.sparse.linalg import ArpackNoConvergence, eigsh
-
+        return np.linalg.eigh(matrix.toarray())[1][:, -1]
     diagonal = matrix.diagonal()
     try:
         start = np.sqrt(np.abs(diagonal))
@@ -306,15 +265,16 @@ def _last_eigenvector(matrix: Any) -> Floats:
         return diagonal  # type: ignore[no-any-return]
 
 
-def limiting_rows(matrix: object) -> list[int]:
+def limiting_rows(matrix: Any) -> list[int]:
     """Return a small set of rows of a symmetric matrix whose submatrix has an eigenvalue of 1 or more.
 
     The rows with the largest components in the last eigenvector come first, the fewest of them that suffice; of up to
     `MOST_TRIED_CONTACTS` rows, each that can be left out is then left out.
     """
+    matrix = csr_array(matrix)
 
     def unstable(rows: Sequence[int]) -> bool:
-        return bool(rows) and largest_eigenvalue(submatrix(matrix, rows)) >= 1.0
+        return largest_eigenvalue(submatrix(matrix, rows)) >= 1.0
 
     component = np.abs(_last_eigenvector(matrix))
     order = [int(row) for row in np.argsort(-component, kind="stable")]
