@@ -19,7 +19,7 @@ def waves(
 ) -> None:
     """Measure how a closed contact transmits and reflects waves.
 
-    The amplitudes are measured from the time step itself, over frequency.
+    The black box measures the amplitudes, over frequency.
     """
     with common.reporting(as_json) as answer:
         from percuss.cli import verbs

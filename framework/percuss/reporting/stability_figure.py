@@ -167,7 +167,7 @@ def _set_scale(axes: Axes, vary: Axis, path: str, which: str) -> None:
 
 def waves_figure(waves: Waves, title: str, methods: str) -> Figure:
     """Return a figure of the reflection and transmission of waves by a closed contact over their frequency."""
-    subject = f"contact '{waves.contact}' held closed; measured from the step itself"
+    subject = f"contact '{waves.contact}' held closed; measured by the black box"
     with new_figure(9.6, 6.4, title, [methods, subject]) as figure:
         size, phase = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         x = waves.frequency
