@@ -8,9 +8,9 @@ import pytest
 
 import percuss
 import places
+from percuss.certificate.assessment import largest_step, largest_step_below
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.operator import largest_eigenvalue
-from percuss.certificate.search import largest_step, largest_step_below
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of, stretches
 from strategies import hunek

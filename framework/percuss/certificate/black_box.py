@@ -21,11 +21,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
-from percuss.certificate.assessment import Assessment, contact_names, quoted
+from percuss.certificate.assessment import MARGINAL_DISTANCE, Assessment, largest_step, quoted
 from percuss.certificate.closed_laws import why_unlike
 from percuss.certificate.closed_step import LINEARITY_TOLERANCE, ClosedStep, Motions, deflated
 from percuss.certificate.oscillator import limit_ratio
-from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
 from percuss.contact.law_trials import changes_with_time
 from percuss.errors import PercussError
 from percuss.mesh.eigenvalues import without_chance
@@ -58,7 +57,7 @@ MOST_TOGETHER = 3
 # contacts, none and all of them are closed.
 MOST_ALONE = 30
 NONE_AND_ALL = "no contact and all"
-# Relative tolerance of the critical step in a search with the time step itself, where each trial is expensive.
+# Relative tolerance of the critical step in a search by the black box, where each trial is expensive.
 SEARCH_TOLERANCE = 1e-6
 # Share of the free step below which a critical step counts as none, as growth may be too slow to show in one step.
 SMALLEST_SHARE_OF_FREE_STEP = 1e-4
@@ -116,16 +115,16 @@ def _above_one(theta: float | None) -> bool:
 
 def examine(motions: Motions, dt: float, closed: Sequence[int]) -> ClosedStepStability:
     """Return the stability of the step of length `dt` with the given contacts closed; parameters as of `ClosedStep`."""
-    which = quoted(contact_names(motions.model), closed) or "none"
+    which = _named(motions, closed)
     try:
         step = ClosedStep(motions, dt, closed)
-        why_not = "" if step.linear() else f"the step is not linear with contacts {which} closed"
+        linear = step.linear()
     except (PercussError, MemoryError):
         raise
     except Exception as error:  # noqa: BLE001  A kernel need not be made for overlaps this deep.
-        why_not = f"with contacts {which} held closed a kernel fails ({described(error)})"
-    if why_not:
-        return ClosedStepStability(np.nan, None, why_not)
+        return ClosedStepStability(np.nan, None, f"with {which} held closed a kernel fails ({described(error)})")
+    if not linear:
+        return ClosedStepStability(np.nan, None, f"the step is not linear with {which} closed")
     found = _stability(step)
     for other in _other_lines(step):
         if not found.stable:
@@ -135,12 +134,15 @@ def examine(motions: Motions, dt: float, closed: Sequence[int]) -> ClosedStepSta
             on_this = _stability(other)
             if not on_this.stable:
                 return on_this
-        doubt = (
-            f"with contacts {which} closed the step is another one at other overlaps or while they open; on none of "
-            "these lines growth was found"
-        )
+        another = "the step is another one at other overlaps or while they open"
+        doubt = f"with {which} closed {another}; on none of these lines growth was found"
         found = dataclasses.replace(found, doubt=doubt)
     return found
+
+
+def _named(motions: Motions, closed: Sequence[int]) -> str:
+    """Return some contacts in words."""
+    return f"contacts {quoted(motions.model.contact_points.names, closed) or 'none'}"
 
 
 def _other_lines(step: ClosedStep) -> Iterator[ClosedStep]:
@@ -225,19 +227,12 @@ def _largest_modulus(step: ClosedStep, idle: Floats) -> float:
         return state - idle @ (idle.T @ state)
 
     operator: Any = LinearOperator((size, size), matvec=product, dtype=float)
+    search: Any = {"k": 2, "ncv": KRYLOV_VECTORS, "which": "LM", "tol": 1e-9, "return_eigenvectors": False}
+    search |= {"v0": np.random.default_rng(0).standard_normal(size), **without_chance(eigs)}
+    restarts = ARNOLDI_RESTARTS if size < LARGE_STATE else ARNOLDI_RESTARTS // 2
     values: Any
     try:
-        values = eigs(
-            operator,
-            k=2,
-            ncv=KRYLOV_VECTORS,
-            which="LM",
-            v0=np.random.default_rng(0).standard_normal(size),
-            maxiter=ARNOLDI_RESTARTS if size < LARGE_STATE else ARNOLDI_RESTARTS // 2,
-            tol=1e-9,
-            return_eigenvectors=False,
-            **without_chance(eigs),
-        )
+        values = eigs(operator, maxiter=restarts, **search)
     except ArpackNoConvergence as stopped:
         values = stopped.eigenvalues
     return float(np.abs(values).max(initial=0.0))
@@ -265,12 +260,10 @@ class BlackBox:
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        self.motions = Motions(model)
+        # Whether contacts that share an end differ in eps_m / eps_s, so that growth may set in at any step.
+        self._unlike = bool(why_unlike(model))
         self._examined: dict[tuple[float, tuple[int, ...]], ClosedStepStability] = {}
-
-    @cached_property
-    def motions(self) -> Motions:
-        """The motions in which the step is examined."""
-        return Motions(self.model)
 
     @cached_property
     def free(self) -> float:
@@ -292,7 +285,7 @@ class BlackBox:
     def _why_not_all(self) -> str:
         """Why the combinations that are tried are not all; empty if they are."""
         count = len(self.motions.not_tied)
-        if len(combinations(count)) == 1 << count:
+        if count <= MOST_TOGETHER:
             return ""
         tried = NONE_AND_ALL if count > MOST_ALONE else "no contact, each one and all"
         return f"no growth was found with {tried} of them closed; other combinations can be worse"
@@ -301,27 +294,24 @@ class BlackBox:
         """Return the assessment of a step over the combinations of closed contacts that are tried."""
         if self.model.stages is not None and dt > self.free * (1.0 + MARGINAL_DISTANCE):
             return Assessment("grows")
-        doubts, radius, theta = [self._why_not_all], -1.0, None
+        doubt, radius = self._why_not_all, -1.0
+        theta: float | None = None
         worst: list[int] = []
         for closed in self._combinations:
             found = self._examine(dt, closed)
             if not found.linear:
                 return Assessment("unknown", list(closed), doubt=found.doubt)
-            if found.theta is not None and (theta is None or found.theta > theta):
-                theta = found.theta
+            theta = max((known for known in (theta, found.theta) if known is not None), default=None)
             not_tied = [p for p in closed if p in self.motions.not_tied]
             if self._unlike and found.too_slow_to_tell:
-                which = quoted(contact_names(self.model), closed) or "none"
-                return Assessment("unknown", not_tied, theta, f"with contacts {which} closed {TOO_SLOW}")
+                too_slow = f"with {_named(self.motions, closed)} closed {TOO_SLOW}"
+                return Assessment("unknown", not_tied, theta, too_slow)
             if not found.stable:
                 return Assessment("grows", not_tied, theta)
-            doubts.append(found.doubt)
+            doubt = found.doubt or doubt
             if found.radius > radius * (1.0 + 1e-6):
                 radius, worst = found.radius, not_tied
-        if self._time_dependent_laws:
-            names = ", ".join(self._time_dependent_laws)
-            doubts.append(f"{names} changes with time, and no growth was found as it acts at the start")
-        doubt = next(filter(None, reversed(doubts)), "")
+        doubt = self._why_not_always or doubt
         return Assessment("no growth found" if doubt else "stable", worst, theta, doubt)
 
     def excess(self, dt: float) -> float:
@@ -330,15 +320,16 @@ class BlackBox:
         return -1.0 if not self._why_not_all and all(one.stable and not one.doubt for one in found) else 1.0
 
     @cached_property
-    def _time_dependent_laws(self) -> list[str]:
-        """Names of the laws with a kernel whose force changes with time."""
+    def _why_not_always(self) -> str:
+        """Why the step says nothing of later ones; empty unless the force of a law with a kernel changes with time."""
         end = self.model.whole.steps * self.model.whole.dt
-        return [
-            bound_law.law.name
-            for bound_law in self.model.laws
-            if bound_law.linear is None
-            and changes_with_time(bound_law.law, bound_law.kernel_data, bound_law.points, self.model.dt, end)
+        with_kernel = [one for one in self.model.laws if one.linear is None]
+        names = [
+            one.law.name
+            for one in with_kernel
+            if changes_with_time(one.law, one.kernel_data, one.points, self.model.dt, end)
         ]
+        return f"{', '.join(names)} changes with time, and no growth was found as it acts at the start" if names else ""
 
     @cached_property
     def critical_step(self) -> float:
@@ -378,16 +369,8 @@ class BlackBox:
         twice = [self._examine(2.0 * critical, closed) for closed in unstable]
         return all(found.stable or found.too_slow_to_tell for found in twice)
 
-    @cached_property
-    def _unlike(self) -> bool:
-        """Whether contacts that share an end differ in eps_m / eps_s, so that growth may set in at any step."""
-        return bool(why_unlike(self.model))
-
     def _examine(self, dt: float, closed: tuple[int, ...]) -> ClosedStepStability:
-        """Return the stability of a step; if it is certain it is kept, as a search ends where an assessment begins."""
-        known = self._examined.get((dt, closed))
-        if known is None:
-            known = examine(self.motions, dt, closed)
-            if not known.doubt:
-                self._examined[dt, closed] = known
-        return known
+        """Return the stability of a step, which is kept, as a search ends where an assessment begins."""
+        if (dt, closed) not in self._examined:
+            self._examined[dt, closed] = examine(self.motions, dt, closed)
+        return self._examined[dt, closed]

@@ -13,17 +13,15 @@ at most ``dt^2 b / (1 + r b)`` with the largest sum b of a row of ``|S| D_s`` an
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from percuss.certificate.assessment import Assessment
+from percuss.certificate.assessment import MARGINAL_DISTANCE, Assessment, largest_step_below, signed_distance
 from percuss.certificate.closed_laws import closed_laws, delassus
 from percuss.certificate.oscillator import limit_ratio
-from percuss.certificate.search import MARGINAL_DISTANCE, largest_step_below, signed_distance
 
 if TYPE_CHECKING:
-    from percuss.certificate.closed_laws import ClosedLaws
     from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
@@ -38,6 +36,11 @@ class Bounds:
     ----------
     model
         A stretch of a run, `percuss.march.model_of_case.stretches`.
+
+    Attributes
+    ----------
+    free
+        Step up to which nothing grows with no contact closed but ties.
     """
 
     by: ClassVar[str] = "bounds"
@@ -45,55 +48,37 @@ class Bounds:
     def __init__(self, model: Model) -> None:
         self.model = model
         self._ratio = limit_ratio(model)
-
-    @cached_property
-    def free(self) -> float:
-        """Step up to which nothing grows with no contact closed but ties."""
-        return 2.0 * self._ratio / self.model.bodies.omega
+        self.free = 2.0 * self._ratio / model.bodies.omega
+        self._delassus = delassus(model)
 
     def _largest_sum(self, stiffness: Floats) -> float:
         """Return the largest sum of a row of ``|S| D`` [1/time^2]."""
-        if not stiffness.any():
-            return 0.0
-        sums: Floats = abs(self._delassus) @ stiffness
-        return float(sums.max())
+        return float((abs(self._delassus) @ stiffness).max(initial=0.0))
 
-    @cached_property
-    def _delassus(self) -> Any:
-        return delassus(self.model)
-
-    def _share(self, dt: float) -> float:
-        """Return the number below 1 where a step is known to be stable; inf where nothing is known."""
+    def _share(self, dt: float) -> tuple[float, str]:
+        """Return the number below 1 where a step is known to be stable, or inf and why no step is known to be."""
         laws = closed_laws(self.model, dt)
-        if self._doubt(laws, dt):
-            return np.inf
+        doubt = "; ".join(laws.doubts) or (UNLIKE if laws.unlike(self._delassus, dt) else "")
+        if doubt:
+            return np.inf, doubt
         limit = 4.0 * (self._ratio / dt) ** 2
         stiffness, inertia = laws.at_current_state()
         share = (self.model.bodies.omega**2 + self._largest_sum(np.maximum(stiffness - limit * inertia, 0.0))) / limit
         predicted = laws.predicted & laws.pressing
         by_sums = self._largest_sum(np.where(predicted, laws.stiffness, 0.0))
         ratio = float(np.min(laws.inertia[predicted] / laws.stiffness[predicted], initial=np.inf))
-        return max(share, dt**2 * by_sums / (1.0 + ratio * by_sums) if by_sums else 0.0)
-
-    def _doubt(self, laws: ClosedLaws, dt: float) -> str:
-        """Return why no step is known to be stable; empty if some step is."""
-        if laws.doubts:
-            return "; ".join(laws.doubts)
-        return UNLIKE if laws.unlike(self._delassus, dt) else ""
+        return max(share, dt**2 * by_sums / (1.0 + ratio * by_sums) if by_sums else 0.0), ""
 
     def assess_step(self, dt: float) -> Assessment:
         """Return the assessment of a step."""
-        if self._share(dt) < 1.0 - MARGINAL_DISTANCE:
+        share, doubt = self._share(dt)
+        if share < 1.0 - MARGINAL_DISTANCE:
             return Assessment("stable")
-        doubt = self._doubt(closed_laws(self.model, dt), dt)
         return Assessment("unknown", doubt=doubt or f"the step is not below {self.critical_step:.6g}, {BOUND}")
-
-    def excess(self, dt: float) -> float:
-        """Return the signed distance of a step from the bound."""
-        return signed_distance(self._share(dt))
 
     @cached_property
     def critical_step(self) -> float:
         """Largest step that is known to be stable, with laws bound anew for each step tried; nan where none is."""
-        known = not self._doubt(closed_laws(self.model, self.free), self.free)
-        return largest_step_below(self.excess, self.free) if known else np.nan
+        if self._share(self.free)[1]:
+            return np.nan
+        return largest_step_below(lambda dt: signed_distance(self._share(dt)[0]), self.free)

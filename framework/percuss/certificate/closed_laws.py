@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.assessment import contact_names, quoted
+from percuss.certificate.assessment import quoted
 from percuss.contact.laws import laws_at
 from percuss.step.integrator_check import kernel_of, scheme, uses_internal
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+    from percuss.contact.bound_law import BoundLaw
     from percuss.contact.model import Model
-    from percuss.methods.interfaces import ContactState, Floats, LinearLaw, Stages
+    from percuss.methods.interfaces import ContactState, Floats, LinearLaw
 
 
 NEVER_GROWS, BETWEEN = "never grows", "conserved between switchings"
@@ -109,27 +108,24 @@ def delassus(model: Model) -> Any:
 def why_unlike(model: Model) -> str:
     """Return which contacts that share an end differ in eps_m / eps_s; empty if none do."""
     unlike = closed_laws(model, model.dt).unlike(delassus(model), model.dt)
-    return UNALIKE.format(quoted(contact_names(model), unlike)) if unlike else ""
+    return UNALIKE.format(quoted(model.contact_points.names, unlike)) if unlike else ""
 
 
 def closed_laws(model: Model, dt: float) -> ClosedLaws:
     """Return the closed contacts of a model, as its linear laws describe them for a step `dt`."""
     count = len(model.contact_points)
-    stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
+    stiffness, inertia, compliance = np.zeros((3, count))
     predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
     doubts: list[str] = []
     integrator = model.case.method.integrator
-    stages, (*_, table) = scheme(integrator, dt)
-    guarantees = _guarantees_without_laws(model, stages)
-    alone = stages is not None and uses_internal(kernel_of(integrator))
+    _, (*_, table) = scheme(integrator, dt)
+    guarantees = _guarantees_without_laws(model)
+    alone = model.multistage and uses_internal(kernel_of(integrator))
     by_scheme = model.why("springs") or (f"{integrator.name} {ALONE}" if alone else "")
     for bound_law in laws_at(model, dt):
         linear: Any = bound_law.linear
         indices = list(bound_law.where)
-        reason = _reason_unknown(linear, bound_law.law.name, multistage=stages is not None) or by_scheme
-        if not reason and linear.at == "explicit" and not _determined(table.explicit, linear):
-            reason = f"{integrator.name} shows {bound_law.law.name} its gap and acceleration of different times"
-        if reason:
+        if reason := _reason_unknown(model, bound_law, table.explicit, by_scheme):
             doubts.append(reason)
             if not model.facts.of_all_laws:
                 guarantees.append((UNKNOWN, reason))
@@ -156,43 +152,40 @@ def closed_laws(model: Model, dt: float) -> ClosedLaws:
         acting = [int(p) for p in np.flatnonzero(balanced) if p not in inactive]
         stiffness[acting] = 1.0 / compliance[acting]
         guarantees.append((BETWEEN, BALANCED))
-    weakest, why = _weakest(guarantees, multistage=stages is not None)
+    weakest, why = max(guarantees, key=lambda guarantee: WEAKEST_LAST.index(guarantee[0]))
+    if weakest == UNKNOWN and not model.multistage:
+        why = f"nothing is known: {'; '.join(dict.fromkeys(why for energy, why in guarantees if energy == UNKNOWN))}"
     reasons = tuple(filter(None, (*dict.fromkeys(doubts), model.why("linear laws"))))
     return ClosedLaws(stiffness, inertia, predicted, surplus, compliance, reasons, weakest, why)
 
 
-def _weakest(guarantees: Sequence[tuple[str, str]], *, multistage: bool) -> tuple[str, str]:
-    """Return the weakest energy guarantee and the reason for it; where nothing is known, all reasons for that."""
-    weakest, why = max(guarantees, key=lambda guarantee: WEAKEST_LAST.index(guarantee[0]))
-    if weakest == UNKNOWN and not multistage:
-        why = f"nothing is known: {'; '.join(dict.fromkeys(why for energy, why in guarantees if energy == UNKNOWN))}"
-    return weakest, why
-
-
-def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[str, str]]:
+def _guarantees_without_laws(model: Model) -> list[tuple[str, str]]:
     """Return the energy guarantees that bodies and scheme give and limit, each with the reason for it in words."""
     guarantees = [(NEVER_GROWS, BY_END) if model.contact_points else (BETWEEN, NO_CONTACT)]
     if model.bodies.why_not_linear:
         guarantees.append((NOT_GUARANTEED, f"{model.bodies.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if model.why("energy"):
         guarantees.append((NOT_GUARANTEED, model.why("energy")))
-    if stages is not None:
+    if model.multistage:
         guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     return guarantees
 
 
-def _reason_unknown(linear: LinearLaw | None, law: str, *, multistage: bool) -> str:
+def _reason_unknown(model: Model, bound_law: BoundLaw, state: ContactState, by_scheme: str) -> str:
     """Return why neither stiffness and inertia nor a constraint follow from a law; empty if either does.
 
     Parameters
     ----------
-    linear
-        The linear law; None for one with a kernel.
-    law
-        Name of the law.
-    multistage
-        Whether the integrator is a multi-stage scheme.
+    model
+        The case as arrays.
+    bound_law
+        The law at its points.
+    state
+        What laws evaluated at the current or predicted gap are shown.
+    by_scheme
+        Why this is so of any law in this model; empty if it is not.
     """
+    linear, law = bound_law.linear, bound_law.law.name
     if linear is None:
         return f"{law} has a kernel of its own and is not linear in gap and acceleration"
     end = linear.at == "end"
@@ -200,7 +193,7 @@ def _reason_unknown(linear: LinearLaw | None, law: str, *, multistage: bool) -> 
     weighs_rate = bool(rate.any())
     tie = end and weighs_rate and bool(rate.all()) and not gap.any() and not sigma.any()
     reasons = {
-        f"{law} is evaluated at the end of a step of stages, and no closed form of that is known": end and multistage,
+        f"{law} is evaluated at the end of a step of stages": end and model.multistage,
         f"{law} weighs the gap rate, which damps or drives": weighs_rate and not tie,
         f"{law} ties the gap rate of its contacts, but not always or not both ways": (
             tie and (linear.active != "all" or linear.sign != "free")
@@ -209,6 +202,10 @@ def _reason_unknown(linear: LinearLaw | None, law: str, *, multistage: bool) -> 
         f"{law} weighs the gap acceleration at the end of the step": end and np.any(linear.acceleration),
         f"{law} is evaluated at the current or predicted gap without a compliance (sigma = 0)": (
             not end and (sigma <= 0).any()
+        ),
+        by_scheme: bool(by_scheme),
+        f"{model.case.method.integrator.name} shows {law} its gap and acceleration of different times": (
+            not end and not _determined(state, linear)
         ),
     }
     return next((reason for reason, holds in reasons.items() if holds), "")

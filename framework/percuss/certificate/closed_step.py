@@ -79,6 +79,7 @@ class ClosedStep:
         self.closed = sorted(closed)
         self.size = motions.basis.shape[1]
         self.parts = self.march.stepper.levels
+        self._order = np.array(self.march.arrays.order, dtype=np.int64)  # contact points as they stand in the loop
         points = motions.open_points.copy()
         self._unit = motions.shortest_element * unit
         self._start = self._hold_contacts(points)
@@ -88,9 +89,7 @@ class ClosedStep:
             self._remember_a_larger_overlap()
         self._write_points()
         self._after = self._step(self._start)
-        self.acting = sorted(
-            p for p, responds in zip(self.march.arrays.order, self._responds_to_state(), strict=True) if responds
-        )
+        self.acting = np.sort(self._order[self._responds_to_state()]).tolist()
 
     def _remember_a_larger_overlap(self) -> None:
         """Close the contacts of this combination further, keep what the laws remember of it, and let them open."""
@@ -121,17 +120,16 @@ class ClosedStep:
         lightest = min((self.model.bodies.mass[node] for node in nodes), default=float(self.model.bodies.mass.min()))
         unit = self._unit
         self._scale = unit * np.sqrt(lightest) / self.motions.root
-        order = self.march.arrays.order
         # The gaps of open contacts stay as wide as they are: their laws act, if at all, where they are about to close.
-        gap = self._gap = BASE_OVERLAP * np.where(signs > 0, self.motions.shortest_element, -unit)[order]
+        gap = self._gap = BASE_OVERLAP * np.where(signs > 0, self.motions.shortest_element, -unit)[self._order]
         # Over several stages or steps the loop holds contacts closed whose law is linear and acts at that time.
         several = self.model.multistage or self.model.period > 1
         linear = self._held_by_loop = (points.source == FROM_LINE) & (points.always != NEVER) & several
-        closed = signs[order] < 0
+        closed = signs[self._order] < 0
         gap[linear & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
         gap[linear & (gap > 0)] = unit * OPEN_GAP
         points.always[linear & closed], points.never_pulls[linear & closed] = 1, 0
-        signs[np.array(order, dtype=np.int64)[linear]] = 0.0
+        signs[self._order[linear]] = 0.0
         gaps = self.motions.gaps * np.sqrt(lightest)
         # By half of the gap in a step, so that the gap one step before lies on the same side, for laws that weigh it.
         speed = np.linalg.lstsq(gaps, 0.5 * BASE_OVERLAP * signs, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
@@ -194,6 +192,7 @@ class Motions:
         self.projection = self.basis.T.tocsr()
         self.root = np.sqrt(model.bodies.mass_of_dofs)
         self.shortest_element = min(body.shortest for body in model.bodies.values())
+        self.not_tied = [p for p in range(len(model.contact_points)) if p not in model.tied_points]  # may be open
         self._march: March | None = None
         self.open_points: Any = None  # contact points of that march before a combination holds some of them closed
 
@@ -209,11 +208,6 @@ class Motions:
         return self._march
 
     @cached_property
-    def not_tied(self) -> list[int]:
-        """The contacts that may be open."""
-        return [p for p in range(len(self.model.contact_points)) if p not in self.model.tied_points]
-
-    @cached_property
     def operator(self) -> Operator:
         """Masses and stiffness of the bodies, those as one that are tied throughout."""
         return operator_of(self.model)
@@ -226,7 +220,8 @@ class Motions:
     @cached_property
     def followed(self) -> Floats:
         """The displacements on which forces depend, as rows for weighted displacements, (forces, n)."""
-        return self._weighted(columns_at_nodes(self.model, [(one.node, one.force) for one in self.model.facts.forces]))
+        forces = self.model.facts.forces
+        return self._weighted(columns_at_nodes(self.model, [one.node for one in forces], [one.force for one in forces]))
 
     def _weighted(self, columns: Any) -> Floats:
         """Return rows for weighted displacements, (k, n), from sparse columns of derivatives by displacements."""

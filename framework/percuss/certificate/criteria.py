@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.certificate.assessment import Assessment, Criterion, contact_names, quoted
+from percuss.certificate.assessment import Assessment, quoted
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.bounds import Bounds
-from percuss.certificate.linear_laws import doubts_of, linear_laws
+from percuss.certificate.linear_laws import LinearLaws, doubts_of, linear_laws
 from percuss.march.model_of_case import stretches
 from percuss.mesh.size_limits import MOST_FACTORED
 
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from percuss.contact.model import Model
+
+# What tells the stability of one stretch of a run.
+Criterion = LinearLaws | BlackBox | Bounds
+SEVERITY = {"stable": 0, "no growth found": 1, "unknown": 1, "grows": 2}  # of the answers about stretches
 
 
 class RunCriterion:
@@ -42,7 +46,7 @@ class RunCriterion:
         self, model: Model, kind: Callable[[Model], Criterion], other_step: RunCriterion | None = None
     ) -> None:
         self.model = model
-        self.names = contact_names(model)
+        self.names = model.contact_points.names
         self.kind = kind
         self.stretches = stretches(model)
         # What acts in each stretch: the active constraints, and all contact points but the inactive ones.
@@ -84,12 +88,8 @@ class RunCriterion:
             doubt = f"the numbers of its matrices are too large or too unlike to be computed with ({error})"
             return Assessment("unknown", doubt=doubt)
         thetas = [assessment.theta for assessment in assessments if assessment.theta is not None]
-
-        def severity(assessment: Assessment) -> tuple[int, float]:
-            kind = {"stable": 0, "grows": 2}.get(assessment.answer, 1)
-            return kind, assessment.theta or 0.0
-
-        return dataclasses.replace(max(assessments, key=severity), theta=max(thetas, default=None))
+        worst = max(assessments, key=lambda one: (SEVERITY[one.answer], one.theta or 0.0))
+        return dataclasses.replace(worst, theta=max(thetas, default=None))
 
 
 def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCriterion:

@@ -23,13 +23,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from percuss.certificate.assessment import Assessment, Criterion
+from percuss.certificate.assessment import SMALLEST_NUMBER, Assessment, largest_step_below, signed_distance
 from percuss.certificate.black_box import LARGEST_DENSE_STATE, BlackBox
 from percuss.certificate.closed_laws import ROUND_OFF, UNALIKE, ClosedLaws, closed_laws, delassus, why_unlike
 from percuss.certificate.matrices import operator_of
 from percuss.certificate.operator import Operator, largest_eigenvalue, limiting_rows, submatrix
 from percuss.certificate.oscillator import limit_ratio
-from percuss.certificate.search import SMALLEST_NUMBER, largest_step_below, signed_distance
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -93,7 +92,7 @@ class LinearLaws:
     delassus: Any
     laws_at: Callable[[float], ClosedLaws]
     limit_ratio: float = 1.0
-    beyond: Criterion | None = None
+    beyond: BlackBox | None = None
     short: bool = False
 
     def theta(self, dt: float, laws: ClosedLaws) -> tuple[float | None, list[int]]:

@@ -16,9 +16,8 @@ from percuss.blas import one_blas_thread
 from percuss.case.arguments import expect_names
 from percuss.case.case import expect_case
 from percuss.case.overrides import as_given_by
-from percuss.certificate.assessment import Criterion
 from percuss.certificate.black_box import BlackBox
-from percuss.certificate.criteria import RunCriterion
+from percuss.certificate.criteria import Criterion, RunCriterion
 from percuss.certificate.linear_laws import doubts_of, linear_laws
 from percuss.certificate.verdict import settled
 from percuss.contact.model import Model
@@ -53,8 +52,8 @@ def stability(
     vary, curves
         Values for each dotted path; `curves` differ from `vary` in the figure only.
     by
-        Criteria: ``linear-laws`` (from the coefficients of the laws) and ``black-box`` (the amplification matrix of the
-        step itself). By default the linear laws where they cover all contacts, else the black box.
+        Criteria: ``linear-laws`` (from the coefficients of the laws) and ``black-box`` (from the measured amplification
+        matrix). By default the linear laws where they cover all contacts, else the black box.
     progress
         Function that is called with the number of combinations done and the number of all combinations.
 
@@ -62,7 +61,7 @@ def stability(
     -------
     list of dict
         For each combination and criterion the varied paths, ``courant_critical``, ``dt_critical``, ``by``, ``reason``
-        where there is no number or a doubt about it, and where the step itself is varied ``margin`` (step over the
+        where there is no number or a doubt about it, and where the step is varied ``margin`` (step over the
         critical step) and ``theta``.
 
     Raises
@@ -76,11 +75,10 @@ def stability(
     if (count := math.prod(map(len, axes.values()))) > MOST_COMBINATIONS:
         message = f"expected at most {MOST_COMBINATIONS} combinations of values, found {count}"
         raise InputError([Problem("--vary", "", message, "Take fewer values.")])
-    combinations = list(itertools.product(*axes.values()))
     ways = by or ("linear-laws",)
     rows: list[Entries] = []
     errors: list[InputError] = []
-    for done, values in enumerate(combinations):
+    for done, values in enumerate(itertools.product(*axes.values()), 1):
         varied = dict(zip(axes, values, strict=True))
         try:
             model = settled(case.with_overrides(varied) if varied else case).model
@@ -95,8 +93,8 @@ def stability(
             ways_here = by or ("black-box" if doubts else "linear-laws",)
             rows += [_critical_row(model, varied, way, doubts) for way in ways_here]
         if progress is not None:
-            progress(done + 1, len(combinations))
-    if len(errors) == len(combinations):
+            progress(done, count)
+    if len(errors) == count:
         options = (("--vary", vary or {}), ("--curves", curves or {}))
         raise as_given_by({path: f"{option} {path}=" for option, paths in options for path in paths}, errors[0])
     return rows

@@ -24,7 +24,7 @@ from percuss.certificate.operator import Operator
 from percuss.mesh.loads import directions_at_nodes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
     from percuss.contact.model import Model
     from percuss.mesh.loads import Constraint
@@ -39,14 +39,14 @@ def held_throughout(model: Model) -> list[Constraint]:
     return [support for support in model.loads.constraints if support.active(first) and support.active(last)]
 
 
-def operator_of(model: Model, *, tied: bool = True) -> Operator:
-    """Return the operator of a stretch of a run: of all motions that supports leave free, and the ties too if `tied`.
+def operator_of(model: Model) -> Operator:
+    """Return the operator of a stretch of a run: of all motions that supports and ties leave free.
 
     Of a whole run, a drive that is off at any time counts as absent.
     """
     basis = free_motions(model, across=not model.bodies.of_lines)
     rows = model.contact_points.matrix(model.bodies.n_nodes)
-    ties = rows[:, list(model.tied_points)] if tied and model.tied_points and model.period == 1 else None
+    ties = rows[:, list(model.tied_points)] if model.tied_points and model.period == 1 else None
     if ties is not None:
         basis = basis @ _without(ties.T @ basis)
     stiffness = csr_array(basis.T @ _stiffness(model) @ basis)
@@ -66,19 +66,19 @@ def _stiffness(model: Model) -> Any:
         [body.stiffness_matrix() * float(model.leaps[body.number] ** 2) for body in bodies], format="csr"
     )
     if springs := model.facts.springs(model):
-        axes = [(node, np.sqrt(spring) * model.bodies.at(node).mesh.direction) for node, spring in springs.items()]
-        columns = columns_at_nodes(model, axes)
+        axes = [np.sqrt(spring) * model.bodies.at(node).mesh.direction for node, spring in springs.items()]
+        columns = columns_at_nodes(model, list(springs), axes)
         stiffness = stiffness + columns @ columns.T
     return stiffness
 
 
-def columns_at_nodes(model: Model, vectors: Sequence[tuple[int, Floats]]) -> Any:
-    """Return vectors at nodes as the columns of a sparse matrix, (nodes * dim, k)."""
-    dim = model.dim
-    nodes = np.array([node for node, _ in vectors], dtype=np.int64)
-    values = np.array([vector for _, vector in vectors], dtype=float).reshape(-1, dim)
-    places = (nodes[:, None] * dim + np.arange(dim)).ravel(), np.repeat(np.arange(nodes.size), dim)
-    matrix = csr_array((values.ravel(), places), shape=(model.bodies.n_nodes * dim, nodes.size))
+def columns_at_nodes(model: Model, nodes: Any, vectors: Any) -> Any:
+    """Return (k, dim) vectors at k nodes as the columns of a sparse matrix, (nodes * dim, k)."""
+    dim, nodes = model.dim, np.array(nodes, dtype=np.int32)  # 64 bits would double all that follows
+    dofs = (nodes[:, None] * dim + np.arange(dim, dtype=np.int32)).ravel()
+    columns = np.repeat(np.arange(nodes.size, dtype=np.int32), dim)
+    values = np.array(vectors, dtype=float).ravel()
+    matrix = csr_array((values, (dofs, columns)), shape=(model.bodies.n_nodes * dim, nodes.size))
     matrix.eliminate_zeros()
     return matrix
 
@@ -115,11 +115,7 @@ def free_motions(model: Model, *, across: bool = True) -> Any:
                 found.append((np.full(len(free), node), free))
     nodes, directions = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.argsort(nodes, kind="stable")
-    nodes, directions = nodes[order].astype(np.int32), directions[order]  # 64 bits would double all that follows
-    dofs = (nodes[:, None] * dim + np.arange(dim, dtype=np.int32)).ravel()
-    places = dofs, np.repeat(np.arange(nodes.size, dtype=np.int32), dim)
-    matrix = csr_array((directions.ravel(), places), shape=(carrier.size * dim, nodes.size))
-    matrix.eliminate_zeros()
+    matrix = columns_at_nodes(model, nodes[order], directions[order])
     if (carrier != np.arange(carrier.size)).any():
         matrix = matrix[(carrier[:, None] * dim + np.arange(dim)).ravel()]
     return matrix
@@ -168,8 +164,10 @@ def _inverse_mass(model: Model, basis: Any, ties: Any) -> Any:
     bodies = model.bodies.values()
     blocks = [body.inverse if body.inverse is not None else diags_array(1.0 / body.mass) for body in bodies]
     inverse = kron(block_diag(blocks), eye_array(model.dim), format="csr")
-    held = [(one.node, one.direction) for one in held_throughout(model)]
-    taken = columns_at_nodes(model, held) if ties is None else hstack([columns_at_nodes(model, held), ties])
+    held = held_throughout(model)
+    taken = columns_at_nodes(model, [one.node for one in held], [one.direction for one in held])
+    if ties is not None:
+        taken = hstack([taken, ties])
     reached = csr_array(inverse @ taken)
     middle = np.linalg.pinv((taken.T @ reached).toarray(), hermitian=True)
     within = basis.T @ reached

@@ -85,16 +85,13 @@ class Operator:
     @cached_property
     def _bands(self) -> tuple[Floats, Floats] | None:
         """K and M as bands, None where they have more than `MOST_BANDS` beside the diagonal."""
-        return (as_bands(self.stiffness), as_bands(self.mass)) if self._reach <= MOST_BANDS else None
-
-    @property
-    def _reach(self) -> int:
-        """How far from the diagonal K and M have entries."""
-        return max(_reach(self.stiffness), _reach(self.mass))
+        few = _reach(self.stiffness, self.mass) <= MOST_BANDS
+        return (as_bands(self.stiffness), as_bands(self.mass)) if few else None
 
     def banded(self) -> Operator:
         """Return the operator with its motions in an order that leaves few diagonals, itself where there is none."""
-        if self._reach <= MOST_BANDS or (pattern := self._pattern).nnz > (2 * MOST_BANDS + 1) * self.size:
+        pattern = self._pattern
+        if _reach(pattern) <= MOST_BANDS or pattern.nnz > (2 * MOST_BANDS + 1) * self.size:
             return self
         order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
         parts = submatrix(self.stiffness, order), submatrix(self.mass, order), self.rows[order]
@@ -131,10 +128,10 @@ class Operator:
         # Bodies that nothing joins are solved for together: one column serves a motion of each of them.
         units = np.zeros((self.size, int(column.max()) + 1))
         units[touched, column] = 1.0
-        first, second = same_label(label)
-        values = solve(units)[touched[first], column[second]]
-        inverse = csr_array((values, (first, second)), shape=(touched.size, touched.size))
-        return rows[touched].T @ inverse @ rows[touched]
+        member = csr_array((np.ones(label.size), (np.arange(label.size), label)))
+        inverse = (member @ member.T).tocoo()
+        inverse.data = solve(units)[touched[inverse.row], column[inverse.col]]
+        return rows[touched].T @ inverse.tocsr() @ rows[touched]
 
     @cached_property
     def _blocks(self) -> tuple[Integers, Integers, Integers]:
@@ -216,18 +213,10 @@ class Operator:
         return harmful, root @ self.compliance(solve, harmful) @ root
 
 
-def _reach(matrix: Any) -> int:
-    """Return how far from the diagonal a sparse matrix has entries."""
-    entries = matrix.tocoo(copy=False)
-    return int(np.abs(entries.row - entries.col).max(initial=0))
-
-
-def same_label(label: Integers) -> tuple[Integers, Integers]:
-    """Return all pairs of places with the same label, of labels in ascending order."""
-    start, stop = np.searchsorted(label, label), np.searchsorted(label, label, side="right")
-    first = np.repeat(np.arange(label.size), stop - start)
-    pairs_before = np.concatenate([[0], np.cumsum(stop - start)[:-1]])
-    return first, np.arange(first.size) + np.repeat(start - pairs_before, stop - start)
+def _reach(*matrices: Any) -> int:
+    """Return how far from the diagonal sparse matrices have entries."""
+    all_entries = [matrix.tocoo(copy=False) for matrix in matrices]
+    return max(int(np.abs(entries.row - entries.col).max(initial=0)) for entries in all_entries)
 
 
 def largest_eigenvalue(matrix: Any) -> float:

@@ -46,9 +46,8 @@ def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Fl
     for k in range(size):
         state = np.zeros((size, squares.size))
         state[k] = scale[k]
-        u, v, kept = state[0].copy(), state[1].copy(), state[2:].copy()
-        step(stages.numbers, (squares / dt**2,), u, v, kept, dt)
-        out[:, :, k] = (np.stack([u, v, *kept]) / scale[:, None]).T
+        step(stages.numbers, (squares / dt**2,), state[0], state[1], state[2:], dt)
+        out[:, :, k] = (state / scale[:, None]).T
     return out
 
 
@@ -57,15 +56,11 @@ def limit_ratio(model: Model) -> float:
     integrator, stages = model.case.method.integrator, model.stages
     if stages is None:
         return model.facts.limit_ratio
-    try:
-        return _limit_ratio(integrator, stages, model.dt)
-    except TypeError:  # The options of the integrator may be unhashable, which the cache does not accept.
-        return _limit_ratio.__wrapped__(integrator, stages, model.dt)
+    return _limit_ratio(integrator, stages, model.dt)
 
 
 @functools.lru_cache(maxsize=1024)
 def _limit_ratio(integrator: Integrator, stages: Stages, dt: float) -> float:
-
     def radius(squares: Floats) -> Floats:
         with np.errstate(all="ignore"):
             matrices = amplification(integrator, stages, dt, squares)

@@ -12,13 +12,12 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.case.cross_checks import after_the_end
 from percuss.case.quantities import percent
-from percuss.certificate.assessment import Answer, Assessment, contact_names, quoted
+from percuss.certificate.assessment import MARGINAL_DISTANCE, Answer, Assessment, largest_step, quoted
 from percuss.certificate.black_box import SMALLEST_SHARE_OF_FREE_STEP, BlackBox
 from percuss.certificate.bounds import BOUND
 from percuss.certificate.closed_laws import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedLaws, closed_laws, why_unlike
 from percuss.certificate.criteria import RunCriterion, criterion_of, too_large, unknown_by_mass
 from percuss.certificate.linear_laws import doubts_of, linear_laws
-from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
 from percuss.contact.features import Verdict
 from percuss.contact.laws import ignored_couplings
 from percuss.contact.model import Model
@@ -195,9 +194,8 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
         Whether to search the critical step too where only the black box can tell it and `criterion` is None, which
         takes many times as long as to examine the step of the run; without it that is not known.
     """
-    return dataclasses.asdict(
-        _finding(model, criterion, with_critical_step=with_critical_step or criterion is not None)
-    )
+    searched = with_critical_step or criterion is not None
+    return dataclasses.asdict(_finding(model, criterion, with_critical_step=searched))
 
 
 def verdict_alone(model: Model, criterion: RunCriterion | None = None) -> Certificate:
@@ -375,17 +373,14 @@ def _stiffened_contacts(model: Model, laws: ClosedLaws) -> str:
     ``kappa = 1 / (1/eps_s + (eps_m/eps_s - dt^2) s)``, rises with s where eps_m / eps_s is below dt^2 and falls with s
     where it is above. The energy stored in a closed contact rises with kappa, without any work being done.
     """
-    pressing = laws.predicted & (laws.stiffness > 0)
+    names, pressing = model.contact_points.names, laws.predicted & (laws.stiffness > 0)
     weight = np.where(pressing, laws.surplus, 0.0)
     starts = [first for first, _ in model.segments()]
     softness = [laws.compliance + weight * model.rows_at((first + 0.5) * model.dt).delassus for first in starts]
     for first, before, after in zip(starts[1:], softness, softness[1:], strict=False):
         if stiffer := [int(p) for p in np.flatnonzero(after < before * (1.0 - 1e-12))]:
-            return (
-                f"at {first * model.dt:.6g} a drive starts or ends at contact "
-                f"{quoted(contact_names(model), stiffer)}: what it stores while closed rises there, and no work goes "
-                "with that"
-            )
+            where = f"at {first * model.dt:.6g} a drive starts or ends at contact {quoted(names, stiffer)}"
+            return f"{where}: what it stores while closed rises there, and no work goes with that"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""Waves at an interface: reflection and transmission of a closed contact, measured from the time step itself.
+"""Waves at an interface: reflection and transmission of a closed contact, measured by the black box.
 
 Two infinitely long uniform bars meet in the contact. Harmonics of the leap-frog step in such a bar are known:
 ``(2/C) sin(omega dt/2) = Omega = 2 sin(k h/2)``. The motion of the ends in contact over a step is read from the
@@ -8,7 +8,7 @@ amplification matrix; two equations at the two ends then give reflection and tra
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,8 +19,6 @@ from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.jsonable import Entries
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
@@ -56,18 +54,16 @@ class Waves:
 
     def rows(self) -> list[Entries]:
         """Return one dictionary for each frequency, with moduli and the phase of the transmission."""
-        return [
-            {
-                "contact": self.contact,
-                "frequency": float(self.frequency[k]),
-                "reflection": float(abs(self.reflected[k])),
-                "transmission": float(abs(self.transmitted[k])),
-                "transmission_phase": float(np.angle(self.transmitted[k])),
-                "formula": None if self.formula is None else float(abs(self.formula[k])),
-                "energy_kept": float(self.kept[k]),
-            }
-            for k in range(self.frequency.size)
-        ]
+        columns = {
+            "frequency": self.frequency,
+            "reflection": abs(self.reflected),
+            "transmission": abs(self.transmitted),
+            "transmission_phase": np.angle(self.transmitted),
+            "formula": np.full(self.frequency.size, None) if self.formula is None else abs(self.formula),
+            "energy_kept": self.kept,
+        }
+        values = zip(*(column.tolist() for column in columns.values()), strict=True)
+        return [{"contact": self.contact, **dict(zip(columns, row, strict=True))} for row in values]
 
 
 @one_blas_thread()
@@ -101,31 +97,30 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
         advice = suggestion(contact, names, "contact") if names else "Add a contact."
         raise InputError([Problem("--contact", "", f"expected the name of a contact, found '{contact}'", advice)])
     p = names.index(contact) if contact else 0
-    ends = _ends(model, p)
-    courant = [0.5 * model.dt * frequency for _, frequency in ends.sides]
+    sides, from_place, from_speed = _ends(model, p)
+    courant = [0.5 * model.dt * frequency for _, frequency in sides]
     # The first bar carries no wave above Omega = 2, and the leap-frog step none above Omega = 2/C.
     frequency = np.linspace(0.0, 2.0 * min(1.0, 1.0 / courant[0]), count + 2)[1:-1]
     step_phase = 2.0 * np.arcsin(0.5 * courant[0] * frequency)  # omega dt
     z = np.exp(1j * step_phase)
     phase = [_element_phase(2.0 / c * np.sin(0.5 * step_phase)) for c in courant]
-    reflected, transmitted = np.zeros((2, count), dtype=complex)
-    for k in range(count):
-        # Displacements along the normal of each end and of the node behind it: of the incident wave, and of the waves
-        # that leave with unit amplitude, the reflected one and, into a second bar, the transmitted one.
-        incident = np.zeros(2 * len(ends.sides), dtype=complex)
-        incident[:2] = 1.0, np.exp(1j * phase[0][k])
-        outgoing = np.zeros((2 * len(ends.sides), len(ends.sides)), dtype=complex)
-        for side in range(len(ends.sides)):
-            outgoing[2 * side : 2 * side + 2, side] = 1.0, np.exp(-1j * phase[side][k])
-        equations = ends.place + (1.0 - 1.0 / z[k]) * ends.speed
-        equations[:, ::2] -= (z[k] - 1.0) * np.eye(len(ends.sides))
-        try:
-            amplitudes = np.linalg.solve(equations @ outgoing, -equations @ incident)
-        except np.linalg.LinAlgError:
-            where = f"contact '{names[p]}': at the frequency {frequency[k]:.6g}"
-            raise PercussError(f"{where} the equations of its waves have no solution in numbers of 64 bits") from None
-        reflected[k], transmitted[k] = amplitudes[0], amplitudes[1] if amplitudes.size > 1 else 0.0
-    flux = [stiffness * np.sin(angle).real for (stiffness, _), angle in zip(ends.sides, phase, strict=True)]
+    # Displacements along the normal of each end and of the node behind it: of the incident wave, and of the waves that
+    # leave with unit amplitude, the reflected one and, into a second bar, the transmitted one.
+    incident = np.zeros((count, 2 * len(courant), 1), dtype=complex)
+    outgoing = np.zeros((count, 2 * len(courant), len(courant)), dtype=complex)
+    incident[:, 0, 0], incident[:, 1, 0] = 1.0, np.exp(1j * phase[0])
+    for side, of_side in enumerate(phase):
+        outgoing[:, 2 * side, side], outgoing[:, 2 * side + 1, side] = 1.0, np.exp(-1j * of_side)
+    equations = from_place + (1.0 - 1.0 / z)[:, None, None] * from_speed
+    equations[:, :, ::2] -= (z - 1.0)[:, None, None] * np.eye(len(courant))
+    try:
+        amplitudes = np.linalg.solve(equations @ outgoing, -equations @ incident)[:, :, 0].T
+    except np.linalg.LinAlgError:
+        singular = np.abs(np.linalg.det(equations @ outgoing)).argmin()
+        where = f"contact '{names[p]}': at the frequency {frequency[singular]:.6g}"
+        raise PercussError(f"{where} the equations of its waves have no solution in numbers of 64 bits") from None
+    reflected, transmitted = amplitudes if len(courant) > 1 else (*amplitudes, np.zeros(count, dtype=complex))
+    flux = [stiffness * np.sin(angle).real for (stiffness, _), angle in zip(sides, phase, strict=True)]
     passed = np.abs(transmitted) ** 2 * flux[1] / flux[0] if len(flux) > 1 else 0.0
     formula, reason = _formula(model, p, frequency, step_phase)
     return Waves(names[p], frequency, reflected, transmitted, np.abs(reflected) ** 2 + passed, formula, reason)
@@ -142,31 +137,17 @@ def _unlike_plain_bars(model: Model) -> str:
     return model.bodies.why_not_linear or scheme or model.why("plain bars") or next(cells, "")
 
 
-def _end_elements(model: Model, nodes: Iterable[int]) -> list[tuple[float, float]]:
-    """Return EA/h and 2c/h of the end element of each side of a contact."""
-    ends = [(model.bodies.bar_at(node), model.bodies.bar_at(node).end_element(node)) for node in nodes]
-    return [(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends]
+def _ends(model: Model, p: int) -> tuple[list[tuple[float, float]], Floats, Floats]:
+    """Return the response of the ends of a closed contact, measured from the time step.
 
-
-class _Ends(NamedTuple):
-    """Response of the ends of a closed contact: ``dt v`` after a step to displacement and velocity of the nodes.
-
-    Attributes
-    ----------
+    Returns
+    -------
     sides
         EA/h and 2c/h of the end element of each side.
-    place, speed : (sides, 2 sides) arrays
+    from_place, from_speed : (sides, 2 sides) arrays
         ``dt v`` of each end along the normal, after a step from a unit displacement and from a unit ``dt v`` of each
         end and of the node behind it.
     """
-
-    sides: list[tuple[float, float]]
-    place: Floats
-    speed: Floats
-
-
-def _ends(model: Model, p: int) -> _Ends:
-    """Return the response of the ends of a contact, measured from the time step."""
     points = model.contact_points
     contact, ends = f"contact '{points.names[p]}'", points.nodes_of(p)
     if why := model.why("waves"):
@@ -188,7 +169,9 @@ def _ends(model: Model, p: int) -> _Ends:
     rest = np.zeros_like(place)
     readout = place[:, ::2] / np.sum(place[:, ::2] ** 2, axis=0)
     after = [step(np.concatenate(state))[step.size :] for state in ((place, rest), (rest, place))]
-    return _Ends(_end_elements(model, ends), readout.T @ after[0], readout.T @ after[1])
+    elements = [(body, body.end_element(node)) for body, node in zip(bodies, ends, strict=True)]
+    sides = [(float(body.stiffness[i]), float(body.frequency[i])) for body, i in elements]
+    return sides, readout.T @ after[0], readout.T @ after[1]
 
 
 def _element_phase(frequency: Floats) -> Any:
