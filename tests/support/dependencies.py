@@ -41,7 +41,6 @@ REASONS = {
     "distributed": ("distributed", "studies on a cluster (`study`)"),
     "pyarrow": ("pyarrow", "parquet files of studies (`study`)"),
     "hypothesis": ("hypothesis", "draws cases for the conformance kit (`kit`)"),
-    "jsonschema": ("jsonschema", "the conformance kit checks summaries (`kit`)"),
 }
 EXTRAS = ("plot", "study", "kit")
 

@@ -28,7 +28,7 @@ from percuss.results.runner import timed_run
 from percuss.step import loop as leapfrog_loop
 from percuss.studies.columns import RowSettings, column_by_name
 from percuss.testing import Subject
-from percuss.testing.demands.pairs import impact
+from percuss.testing.demands.contacts import impact
 from strategies import INVISCID, LAWS, LEAPFROG, PAIRS, PLAIN_PAIRS, REGISTRY, each_pair, hunek, rows, with_pair
 
 WU, CD = "wu-predictor-corrector", "central-difference"

@@ -11,7 +11,7 @@ from percuss import BodyMesh
 from percuss.mesh.cell_stiffness import stiffness_of_cells
 from percuss.mesh.element_probe import ElementProbe
 from percuss.methods.registry import Registry
-from percuss.testing.bodies import patch
+from percuss.testing.demands.bodies import patch
 
 YOUNG, POISSON = 1.0, 0.3
 SHEAR, FIRST = YOUNG / 2.6, YOUNG * POISSON / (1.3 * 0.4)

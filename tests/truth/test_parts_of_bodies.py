@@ -175,7 +175,7 @@ def test_a_bar_that_swings_through_large_angles_is_a_pendulum():
 
 def test_a_rigid_rotation_leaves_a_green_bar_without_force():
     from percuss.mesh.element_probe import ElementProbe
-    from percuss.testing.bodies import line
+    from percuss.testing.demands.bodies import line
 
     material = percuss.load(hunek(2)).bodies["short"].material
     mesh = line(1, 2)

@@ -11,7 +11,7 @@ import yaml
 from pydantic import Field, ValidationError
 
 import places
-from percuss.case.json_schema import case_schema
+from percuss.case.json_schema import case_schema, schema_of
 from percuss.case.quantities import MEASURABLE, SUMMARY
 from percuss.case.source import Source
 from percuss.case.specs import _existing_quantity
@@ -75,6 +75,12 @@ def validator(schema):
 def test_it_is_a_schema_and_json(schema):
     jsonschema.Draft202012Validator.check_schema(schema)
     assert json.loads(json.dumps(schema, allow_nan=False)) == schema
+
+
+@pytest.mark.parametrize("cls", Registry.load().components.values(), ids=lambda cls: f"{cls.family}-{cls.name}")
+def test_the_schema_of_a_method_allows_its_examples(cls):
+    validator = jsonschema.Draft202012Validator(schema_of(cls))
+    assert [error.message for example in cls.examples for error in validator.iter_errors(lists(example))] == []
 
 
 @pytest.mark.parametrize("text", [FULL, BASE], ids=["everything", "base"])

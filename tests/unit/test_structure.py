@@ -393,7 +393,7 @@ ABOUT_LINES = {
     "contact/contact_problem.py",
     "results/encounters.py",
     "step/parts/ends_without_mass.py", "step/parts/followers.py", "step/uniform_rows.py",
-    "testing/demands/bulk.py", "testing/demands/shapes.py",
+    "testing/demands/bodies.py", "testing/demands/surfaces.py",
 }  # fmt: skip
 # Where bars and other bodies part: their meshes, contact points, operators and refusals, and how they are described.
 PART_THERE = {

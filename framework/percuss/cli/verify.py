@@ -145,7 +145,7 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool, verbose: bool)
         if not quiet:
             print("\n".join(_told(key, outcomes, unmade, verbose=verbose)), flush=True)
         passed = all(one.status != "failed" for one in outcomes)
-        checks = [one.as_dict() for one in outcomes]
+        checks = [one._asdict() for one in outcomes]
         methods.append({"name": key[1], "family": key[0], "passed": passed, "unmade": unmade, "checks": checks})
     return methods
 

@@ -21,7 +21,7 @@ from percuss.case.options import options_of
 from percuss.case.quantities import COMPARED_BY_KIT
 from percuss.errors import InputError, PercussError, RefusedPair, RunError
 from percuss.results.result import Result
-from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, as_of
+from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, must
 
 if TYPE_CHECKING:
     from percuss.jsonable import Data, Entries
@@ -132,6 +132,11 @@ def chain(bodies: Entries, *, wall: float | None = None, probes: bool = False, *
     return {"percuss": 1, "bodies": bodies, "contacts": contacts, **parts, "record": {"probes": ends}}
 
 
+def at_courant(case: Data, courant: float) -> Entries:
+    """Return a case with another Courant number."""
+    return {**case, "time": {**case["time"], "courant": courant}}
+
+
 def bar_chains(*, push: bool = False, steps: int = 300) -> SearchStrategy[Entries]:
     """Return a strategy for chains of bars of unlike material, area, length and mesh, as cases without a method.
 
@@ -185,17 +190,15 @@ def unit_factor(unit: str) -> float:
     CheckFailed
         If the unit is not a combination of known words by ``/``, ``*`` and ``^``.
     """
-    out = 1.0
+    factor = 1.0
     for position, part in enumerate(unit.replace(" ", "").split("/")):
         for word in part.split("*"):
             base, _, power = word.partition("^")
-            if base not in POWERS or not re.fullmatch(r"(-?\d+(\.\d+)?)?", power):
-                raise CheckFailed(f"unit '{unit}' must consist of known words and / * ^; known are {', '.join(POWERS)}")
-            value = math.prod(
-                scale**exponent for scale, exponent in zip(OTHER_UNITS, POWERS[base], strict=True)
-            ) ** float(power or 1)
-            out = out / value if position else out * value
-    return out
+            known = base in POWERS and re.fullmatch(r"(-?\d+(\.\d+)?)?", power)
+            must(known, f"unit '{unit}' must consist of known words and / * ^; known are {', '.join(POWERS)}")
+            of_word = math.prod(scale**exponent for scale, exponent in zip(OTHER_UNITS, POWERS[base], strict=True))
+            factor *= of_word ** (float(power or 1) * (-1.0 if position else 1.0))
+    return factor
 
 
 def _scaled(value: Any, scale: float) -> Any:
@@ -238,7 +241,7 @@ def round_off(subject: Subject, case: Data, base: Result) -> float | None:
         for index, body in enumerate(other["bodies"].values()):
             body["velocity"] *= 1.0 + sign * PERTURBATION * (1.0 + 0.3 * index)
             body["area"] *= 1.0 + sign * 0.1 * PERTURBATION * (index + 1)
-        difference = largest_difference(base.arrays, subject.run(other, certify=as_of(base)).arrays)
+        difference = largest_difference(base.arrays, subject.run(other, like=base).arrays)
         if not difference < TOO_SENSITIVE:
             return None
         worst = max(worst, SAFETY_FACTOR * difference)
@@ -256,8 +259,7 @@ def largest_difference(arrays: Arrays, others: Arrays) -> float:
     sizes["gap"] = max(sizes["gap"], sizes["displacement"])
     for name in (name for name in COMPARED_BY_KIT if name in others):
         history, compared = arrays[name], others[name]
-        if history.shape != compared.shape:
-            raise CheckFailed(f"{name} has shape {compared.shape} instead of {history.shape}")
+        must(history.shape == compared.shape, f"{name} has shape {compared.shape} instead of {history.shape}")
         if sizes[name] > 0.0 and history.size:
             worst = max(worst, float(np.abs(history - compared).max()) / sizes[name])
     return worst
@@ -281,9 +283,8 @@ def must_agree(subject: Subject, case: Data, change: str, twin: Callable[[Result
         difference = largest_difference(base.arrays, twin(base))
     except PercussError as error:
         raise CheckFailed(f"{change} stops the run: {error}") from None
-    if not difference <= allowed:
-        shares = f"{per_cent(difference)} of its peak; round-off explains {per_cent(allowed)}"
-        raise CheckFailed(f"{change} changes the result by {shares}")
+    shares = f"{per_cent(difference)} of its peak; round-off explains {per_cent(allowed)}"
+    must(difference <= allowed, f"{change} changes the result by {shares}")
 
 
 def on_chains(share: int = 1, **chains: Any) -> Callable[[ChainCheck], Callable[[Subject], None]]:
@@ -304,18 +305,18 @@ def on_chains(share: int = 1, **chains: Any) -> Callable[[ChainCheck], Callable[
     def decorated(function: ChainCheck) -> Callable[[Subject], None]:
         @functools.wraps(function)
         def made(subject: Subject) -> None:
+            subject.along_line()
+
             def body(drawn: tuple[Any, ...]) -> None:
                 case, *choices = drawn
                 for options, partner in choices:
                     function(dataclasses.replace(subject, options=options, partner=partner), case)
 
-            pairs: list[SearchStrategy[Any]] = [
-                st.tuples(st.just(options), st.just("")) for options in subject.examples
-            ]
+            pairs = [st.tuples(st.just(options), st.just("")) for options in subject.examples]
             if subject.family in PARTNERS:
                 names = {subject.check, f"{subject.check} with {subject.name}"}
-                declared = {name: set(subject.partner_class(name).expected_failures) for name in subject.partners}
-                willing = [name for name, failures in declared.items() if not names & failures]
+                declared = {one: subject.partner_class(one).expected_failures for one in subject.partners}
+                willing = [one for one, failures in declared.items() if not names & set(failures)]
                 pairs = [st.tuples(st.sampled_from(subject.examples), st.sampled_from(willing or [""]))]
             for_all(subject, st.tuples(bar_chains(**chains), *pairs), body, max(1, subject.draws // share))
 
@@ -324,20 +325,18 @@ def on_chains(share: int = 1, **chains: Any) -> Callable[[ChainCheck], Callable[
     return decorated
 
 
-def must_balance(result: Result, where: str = "", *, ledger: bool = True) -> None:
+def must_balance(result: Result, *, ledger: bool = True) -> None:
     """Raise `CheckFailed` unless the momentum of a run is balanced to round-off, and with `ledger` its energy too."""
     errors = {"momentum": result.summary["momentum"]["error"]}
     errors |= {"energy": result.summary["energy"]["ledger_error"]} if ledger else {}
     for name, error in errors.items():
-        if not error <= BALANCED:
-            raise CheckFailed(f"the balance of {name} is open by {per_cent(error)}{where}")
+        must(error <= BALANCED, f"the balance of {name} is open by {per_cent(error)}")
 
 
 def must_compile(result: Result) -> None:
     """Raise `CheckFailed` if a kernel of a run could not be compiled."""
     for why in result.summary["compiled_why"]:
-        if "cannot be compiled" in why:
-            raise CheckFailed(f"{why}; a kernel in plain Python is about 100 times slower")
+        must("cannot be compiled" not in why, f"{why}; a kernel in plain Python is about 100 times slower")
 
 
 def per_cent(fraction: float) -> str:

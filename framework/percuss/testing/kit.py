@@ -10,12 +10,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from importlib.util import find_spec
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from percuss.errors import PercussError, PluginError, suggestion
-from percuss.jsonable import Entries
 from percuss.methods.blame import described, line_in_plugin
 from percuss.methods.interfaces import Component
 from percuss.methods.registry import Registry
@@ -30,13 +30,11 @@ def demands() -> list[Demand]:
     PluginError
         If Hypothesis is missing, with which they draw cases.
     """
-    try:
-        from percuss.testing.demands import bulk, common, contacts, integrators, others, pairs, shapes, solids
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "hypothesis":
-            raise
-        raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'") from None
-    modules = (common, bulk, contacts, pairs, integrators, others, shapes, solids)
+    if find_spec("hypothesis") is None:
+        raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'")
+    from percuss.testing.demands import bodies, common, contacts, integrators, others, surfaces
+
+    modules = (common, bodies, contacts, integrators, others, surfaces)
     return [each for module in modules for each in vars(module).values() if isinstance(each, Demand)]
 
 
@@ -84,14 +82,11 @@ class Check:
                 self.demand(subject, *filter(None, [self.partner]))
         except NotApplicable:
             raise
-        except (CheckFailed, PercussError) as error:
-            if reason:
-                raise DeclaredFailure(f"declared: {reason}") from None
-            message = error.message if isinstance(error, CheckFailed) else str(error)
-            raise CheckFailed(message, self.demand.text, subject.last_case()) from error
         except Exception as error:
             # A declared failure excuses a demand that is not met, never an error of the program.
-            raise CheckFailed(_with_line(error), self.demand.text, subject.last_case()) from error
+            if reason and isinstance(error, CheckFailed | PercussError):
+                raise DeclaredFailure(f"declared: {reason}") from None
+            raise CheckFailed(_text_of(error), self.demand.text, subject.last_case()) from error
         if reason:
             raise CheckFailed(f"declared to fail ({reason}), but it passes: delete the entry", self.demand.text)
 
@@ -100,10 +95,11 @@ class Check:
         sides = [(self.subject.component, self.partner)]
         if self.partner:
             sides.append((self.subject.partner_class(self.partner), self.subject.name))
-        names = [
-            (side, name) for side, other in sides for name in (self.demand.name, f"{self.demand.name} with {other}")
-        ]
-        return next((side.expected_failures[name] for side, name in names if side.expected_failures.get(name)), "")
+        for side, other in sides:
+            for name in (self.demand.name, f"{self.demand.name} with {other}"):
+                if reason := side.expected_failures.get(name):
+                    return reason
+        return ""
 
     def _fails_elsewhere(self) -> str:
         """Return the integrators with which the law beside an integrator declares to fail the check."""
@@ -160,8 +156,7 @@ def parametrize(*methods: type[Component], draws: int = DRAWS) -> Callable[..., 
     return pytest.mark.parametrize("check", found)
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """The outcome of a check.
 
     Attributes
@@ -187,10 +182,6 @@ class Outcome:
     def __str__(self) -> str:
         return f"{self.status:>8}  {self.name}{': ' if self.message else ''}{self.message}"
 
-    def as_dict(self) -> Entries:
-        """Return the outcome as a dictionary that can be written as JSON."""
-        return dataclasses.asdict(self)
-
 
 def outcome_of(check: Check) -> Outcome:
     """Make a check and return its outcome."""
@@ -205,8 +196,10 @@ def outcome_of(check: Check) -> Outcome:
     return Outcome(check.name, "passed", demand=check.demand.text)
 
 
-def _with_line(error: Exception) -> str:
-    """Return the text of an error, after the line of the plug-in in which it was raised."""
+def _text_of(error: Exception) -> str:
+    """Return the text of an error, of one of the program after the line of the plug-in in which it was raised."""
+    if isinstance(error, CheckFailed | PercussError):
+        return error.message if isinstance(error, CheckFailed) else str(error)
     where, advice = line_in_plugin(error), ""
     if isinstance(error, AttributeError) and error.name and error.obj is not None:
         advice = f". {suggestion(error.name, (name for name in dir(error.obj) if name[0] != '_'), 'attribute')}"

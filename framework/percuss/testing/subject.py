@@ -11,36 +11,36 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+import yaml
+from pydantic import ValidationError
 
-from percuss.case.case import Case
+from percuss.case.case import Case, load
 from percuss.case.defaults import DEFAULTS
+from percuss.case.options import options_of
+from percuss.case.type_words import branches
+from percuss.case.validation import Context, mistakes_in, validate
+from percuss.case.yaml_text import dotted
 from percuss.certificate.verdict import Certify, verdict_alone
 from percuss.contact.bound_law import bind_law
-from percuss.errors import PluginError, RefusedPair, RunError
-from percuss.jsonable import Data, Entries
-from percuss.methods.interfaces import (
-    FAMILIES,
-    Component,
-    ContactPoints,
-    DataFile,
-    Integrator,
-    LeapFrog,
-    MeshFile,
-)
+from percuss.errors import PluginError, RefusedPair
+from percuss.jsonable import Data, Entries, plain
+from percuss.methods.interfaces import FAMILIES, Component, ContactPoints, DataFile, Integrator, LeapFrog, MeshFile
 from percuss.methods.plugin_calls import read_only
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.results.result import Result
+from percuss.results.runner import examined_run
 
 DRAWS = 12  # number of cases that a check draws
+ROUND_OFF = 1e-9  # of a number that is zero but for round-off, relative to the size of the numbers it comes from
 PARTNERS = {"integrators": "contacts", "contacts": "integrators"}
 # Keys of methods in the section `method` of a case, or in a body.
 KEYS_IN_CASE = {
     "integrators": "integrator", "contacts": "contact", "masses": "mass", "solutions": "solution",
-    "materials": "material", "elements": "element",
+    "materials": "material", "elements": "element", "pairings": "pairing",
 }  # fmt: skip
 SHIPPED = "percuss"  # distribution whose methods judge those of others
 
@@ -67,6 +67,17 @@ class CheckFailed(AssertionError):
         return "\n".join(filter(None, (self.message, demand, self.case)))
 
 
+def must(holds: object, words: str) -> None:
+    """Raise `CheckFailed` with some words unless something holds; a comparison with nan never does."""
+    if not holds:
+        raise CheckFailed(words)
+
+
+def must_vanish(numbers: Any, words: str, allowed: float = ROUND_OFF) -> None:
+    """Raise `CheckFailed` with some words unless all numbers, whose size is 1, are zero up to what is allowed."""
+    must(np.abs(numbers).max(initial=0.0) <= allowed, words)
+
+
 class NotApplicable(unittest.SkipTest):
     """Raised by a check that does not apply to a method, with the reason; pytest skips such a test."""
 
@@ -75,34 +86,22 @@ class DeclaredFailure(NotApplicable):
     """Raised by a check that a method fails as it declares."""
 
 
-def as_of(result: Result) -> Certify:
-    """Return what gives the twin of a run the certificate of that run."""
-    return lambda *_: result.summary["certificate"]
-
-
-def was_not_started(stopped: RunError) -> bool:
-    """Return whether a run was refused before its first step because of its certificate, not stopped during it."""
-    from percuss.march.stop import NOT_STARTED
-
-    return bool(stopped.result.summary["stop"]["what"] == NOT_STARTED)
-
-
-def sample_points(count: int, part: slice = slice(None)) -> ContactPoints:
-    """Return `count` unlike contact points with read-only arrays, or a part of these."""
+def sample_points(count: int, part: slice = slice(None), area: float = 1.0) -> ContactPoints:
+    """Return `count` unlike contact points of an area with read-only arrays, or a part of these."""
     k = np.arange(count)[part]
-    stiffness, mass, ones, alike = read_only((1000.0 * 1.3**k, 0.02 * 0.9**k, np.ones(k.size), np.ones(k.size, bool)))
-    frequency, delassus = read_only((np.sqrt(2.0 * stiffness / mass), 2.0 / mass))
-    return ContactPoints(
+    stiffness, mass = read_only((area * 1000.0 * 1.3**k, area * 0.02 * 0.9**k))
+    points = ContactPoints(
         names=tuple(f"point{i}" for i in k),
         stiffness=stiffness,
-        frequency=frequency,
+        frequency=np.sqrt(2.0 * stiffness / mass),
         mass=mass,
-        equal_sides=alike,
-        delassus=delassus,
-        coupling=ones,
-        weight=ones,
+        equal_sides=np.ones(k.size, bool),
+        delassus=2.0 / mass,
+        coupling=np.ones(k.size),
+        weight=np.full(k.size, area),
         limits=lambda: stiffness,
     )
+    return cast("ContactPoints", read_only(points))
 
 
 @dataclass(frozen=True)
@@ -167,9 +166,6 @@ class Subject:
     @property
     def examples(self) -> list[Entries]:
         """Option sets that the method gives as examples, with absolute paths of the data files beside its file."""
-        from percuss.case.options import options_of
-        from percuss.case.type_words import branches
-
         folder = Path(self.registry.sources[self.family, self.name].file).parent
         kinds = {DataFile, MeshFile}
         files = {key for key, option in options_of(self.component).items() if kinds & set(branches(option.annotation))}
@@ -185,13 +181,10 @@ class Subject:
 
         A method of somebody else may be unfinished: the fault of a pair with it may be its own.
         """
-        own = self.registry.sources[self.family, self.name]
-        return [
-            name
-            for name in self.registry.names(family)
-            if (source := self.registry.sources[family, name]).distribution in {SHIPPED, own.distribution or SHIPPED}
-            or source.file == own.file
-        ]
+        sources, own = self.registry.sources, self.registry.sources[self.family, self.name]
+        trusted = {SHIPPED, own.distribution or SHIPPED}
+        judging = {key for key, one in sources.items() if one.distribution in trusted or one.file == own.file}
+        return [name for name in self.registry.names(family) if (family, name) in judging]
 
     @cached_property
     def partners(self) -> list[str]:
@@ -220,11 +213,6 @@ class Subject:
 
     def make(self, options: Data) -> Any:
         """Return an instance of the method whose options were checked in the same way as the options of a case."""
-        from pydantic import ValidationError
-
-        from percuss.case.validation import Context, mistakes_in, validate
-        from percuss.case.yaml_text import dotted
-
         try:
             return validate(self.component, dict(options), Context(self.registry, Path()))
         except ValidationError as error:
@@ -241,21 +229,20 @@ class Subject:
 
         Options and partner are those given, else those of the subject.
         """
-        self.along_line()
         options = self.options if options is None else options
         partner = self.partner if partner is None else partner
-        key, bodies = KEYS_IN_CASE.get(self.family), case["bodies"]
-        own = {key: {"name": self.name, **options}} if key else {}
-        of_bodies = self.family in {"materials", "elements"}
-        method = {**case.get("method", {}), **({} if of_bodies else own)}
+        key, bodies, method = KEYS_IN_CASE.get(self.family), case["bodies"], dict(case.get("method", {}))
+        own = {"name": self.name, **options}
         if partner:
             other = KEYS_IN_CASE[PARTNERS[self.family]]
             method[other] = {"name": partner} if isinstance(partner, str) else partner
-        if of_bodies:
-            bodies = {name: {**body, **own} for name, body in bodies.items()}
-        if self.family == "shapes":
-            shape = {self.name: dict(options)}
-            bodies = {name: {key: body[key] for key in body if key != "bar"} | shape for name, body in bodies.items()}
+        if self.family in {"materials", "elements"}:
+            bodies = {name: {**body, key: own} for name, body in bodies.items()}
+        elif self.family == "shapes":
+            bodies = {name: {**body, self.name: dict(options)} for name, body in bodies.items()}
+            bodies = {name: {key: body[key] for key in body if key != "bar"} for name, body in bodies.items()}
+        elif key:
+            method[key] = own
         return {**case, "bodies": bodies, "method": method}
 
     def along_line(self) -> None:
@@ -277,27 +264,26 @@ class Subject:
 
     def load(self, case: Data) -> Case:
         """Return a case read from a mapping, with the method under test among the registered methods."""
-        from percuss.case.case import load
-
         self.read[:] = [case]
         return load(case, registry=self.registry)
 
-    def run(self, case: Data, *, compiled: bool = True, certify: Certify = verdict_alone) -> Result:
+    def run(
+        self, case: Data, *, compiled: bool = True, certify: Certify = verdict_alone, like: Result | None = None
+    ) -> Result:
         """Run a case given as a mapping.
 
         To find the certificate of a law with a kernel takes longer than to march, so a check asks for no more of it
-        than it needs: `as_of` a run for its twin, of the same bodies in another place, order or unit, and `unasked`
-        where the run alone tells enough.
+        than it needs: for a twin of a run, of the same bodies in another place, order or unit, it is that of the run
+        (`like`), and `unasked` where the run alone tells enough.
 
         Raises
         ------
         NotApplicable
             If integrator and contact law refuse each other.
         """
-        from percuss.results.runner import examined_run
-
+        known: Certify = certify if like is None else lambda *_: like.summary["certificate"]
         try:
-            return examined_run(self.load(case), compiled=compiled, certify=certify)
+            return examined_run(self.load(case), compiled=compiled, certify=known)
         except RefusedPair as refused:
             raise NotApplicable(f"refused: {refused.sentence}") from None
 
@@ -306,10 +292,6 @@ class Subject:
 
         The case file names the plug-in file of the method if the plug-in is a single file.
         """
-        import yaml
-
-        from percuss.jsonable import plain
-
         if not self.read:
             return ""
         source = self.registry.sources[self.family, self.name]

@@ -1,46 +1,77 @@
-"""Demands on contact laws: bound data, multipliers at the contact points, and declared facts."""
+"""Demands on contact laws, and on laws and integrators in pairs."""
 
 from __future__ import annotations
 
 import contextlib
+import copy
 import itertools
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from hypothesis import strategies as st
 
+from percuss.case.quantities import COMPARED_BY_KIT, QUANTITIES
 from percuss.certificate import verdict
 from percuss.contact.bound_law import COEFFICIENTS, bind_law
 from percuss.contact.law_trials import COUPLED, multipliers_of, plain_kernel, trial_of, trial_states
 from percuss.errors import InputError, RunError, suggestion
 from percuss.jsonable import Data, Entries
-from percuss.methods.interfaces import ContactPoints, Floats, LinearLaw
-from percuss.testing.draws import STRUCK_WALL, TWO_BARS, largest_difference, on_chains, per_cent
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, demand, sample_points, was_not_started
+from percuss.march.model_of_case import model_of
+from percuss.march.stop import NOT_STARTED
+from percuss.methods.interfaces import ContactPoints, Floats, LeapFrog, LinearLaw
+from percuss.results.ledger import STORED_BY_LAWS
+from percuss.results.result import Result
+from percuss.testing import draws
+from percuss.testing.draws import at_courant, bar, bar_chains, chain, for_all, number, on_chains, per_cent
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, demand, must, sample_points
 
 COUNTS = (0, 1, 2, 5)  # numbers of contact points
 # Two bars that strike each other, and a wall that one of them reaches with the same end.
 STRUCK_TWICE = {
-    **TWO_BARS,
-    "contacts": {**TWO_BARS["contacts"], "wall": {"body": "a.right", "wall": 1.0002}},
-    "time": {**TWO_BARS["time"], "on_unstable": "warn"},
+    **draws.TWO_BARS,
+    "contacts": {**draws.TWO_BARS["contacts"], "wall": {"body": "a.right", "wall": 1.0002}},
+    "time": {**draws.TWO_BARS["time"], "on_unstable": "warn"},
 }
 ALIKE = 1e-6  # largest difference of two forces, relative to their peak
 WIDE = 4.0
 NEARLY_EQUAL = 1e-6  # largest change of a short run by the order of its contacts, relative to its peaks
-REDUCTION = 0.6  # largest allowed ratio of the energies not accounted for with a time step and with one four times it
+REDUCTION = 0.6  # largest allowed ratio of the errors on a finer mesh, or with a shorter step, and on the coarsest
 NOT_BACK = "the wall does not push the bar back (a multiplier is positive in compression)"
 STEP = 1e-3
 SHORT_STEP = 1e-9  # a dashpot weaker than it is taken for a law of another time within the step
 APPROACHES = (1.0, 0.1, -0.1, -1.0)  # gap rates, from a fast opening to a fast closing
 ADDS_ENERGY = "a dashpot of this sign adds energy"
+PAIRS = ("integrators", "contacts")
+GROWTH_TOLERANCE = 1e-10  # relative to the largest energy; less growth is round-off
+MESHES = (2, 8, 32)  # refinements; the third is for methods whose error on the first is small by chance
+SMALLEST_COURANT = 0.02  # Courant number below which no run is tried: it would take too long
+CLOSE = 0.1  # largest allowed relative error of the impulse on a finer mesh
+AS_GOOD_AS_EXACT = 2e-3  # relative error of the impulse below which no further convergence is demanded
+COURANT = 0.5  # of an exact impact, where that is stable
+COURANTS = (0.25, 0.45, 0.65, 0.8, 0.86, 0.95)
 GUARANTEES = ("never pulls", "no penetration", "keeps the free step")
 
 
-def _bound(subject: Subject, options: Data, points: ContactPoints, dt: float = STEP) -> Any:
-    """Return the linear law of a law, checked, or the data of its kernel with read-only arrays."""
-    bound_law = bind_law(subject.make(options), tuple(range(len(points.names))), points, dt)
-    return bound_law.linear if bound_law.linear is not None else bound_law.kernel_data
+class Bound(NamedTuple):
+    """A contact law bound at contact points for a time step: a linear law, or the data of its kernel."""
+
+    law: Any
+    points: ContactPoints
+    dt: float
+    linear: LinearLaw | None
+    data: Any
+
+    def answer(self, state: list[Floats], before: Floats | None = None, strength: float = 0.0) -> tuple[Floats, Floats]:
+        """Return the multipliers of its kernel in a state, with points coupled so strongly, and the state variables."""
+        trial = trial_of(self.points, self.dt, state, self.law, before, strength=strength)
+        return multipliers_of(self.law, plain_kernel(self.law), self.data, trial), trial.after
+
+
+def _bound(subject: Subject, options: Data, points: ContactPoints, dt: float = STEP) -> Bound:
+    law = subject.make(options)
+    found = bind_law(law, tuple(range(len(points.names))), points, dt)
+    return Bound(law, points, dt, found.linear, found.kernel_data)
 
 
 @demand("contacts")
@@ -52,44 +83,38 @@ def check_any_number_of_contacts(subject: Subject) -> None:
     to nothing else. `resolved` gives numbers, one for each point or one for all, and `chosen` gives texts.
     """
     for options, count in itertools.product(subject.examples, COUNTS):
-        points = sample_points(count)
-        bound, law = _bound(subject, options, points), subject.make(options)
+        together = _bound(subject, options, sample_points(count))
         if count:
-            _check_resolved(law, points)
-        parts = [sample_points(count, slice(p, p + 1)) for p in range(count)]
-        alone = [_bound(subject, options, part) for part in parts]
-        if isinstance(bound, LinearLaw):
+            _check_resolved(together)
+        alone = [_bound(subject, options, sample_points(count, slice(p, p + 1))) for p in range(count)]
+        if together.linear is not None:
             for name in COEFFICIENTS:
-                _compare(name, count, getattr(bound, name), [getattr(each, name) for each in alone])
+                _compare(name, getattr(together.linear, name), [getattr(one.linear, name) for one in alone])
             continue
-        kernel, before = plain_kernel(law), np.zeros((count, law.state))
+        before = np.zeros((count, together.law.state))
         for state in trial_states(count, STEP):
-            trial = trial_of(points, STEP, state, law, before, strength=0.0)
-            multiplier, single = multipliers_of(law, kernel, bound, trial), []
-            for p in range(count):
-                of_point = [values[p : p + 1] for values in state]
-                own = trial_of(parts[p], STEP, of_point, law, before[p : p + 1], strength=0.0)
-                single.append(multipliers_of(law, kernel, alone[p], own))
-            _compare("multiplier", count, multiplier, single)
-            before = trial.after
+            multiplier, after = together.answer(state, before)
+            of_points = [([values[p : p + 1] for values in state], before[p : p + 1]) for p in range(count)]
+            _compare("multiplier", multiplier, [one.answer(*own)[0] for one, own in zip(alone, of_points, strict=True)])
+            before = after
 
 
-def _compare(name: str, count: int, together: Any, alone: list[Any]) -> None:
+def _compare(name: str, together: Any, alone: list[Any]) -> None:
     """Raise `CheckFailed` unless the values of a law at some points are those at each point alone."""
-    single = np.array([values[0] for values in alone]).reshape(count)
-    if not np.allclose(together, single, rtol=1e-13, atol=0.0, equal_nan=True):
-        raise CheckFailed(f"{name} of each point is {together} at {count} points, and {single} alone")
+    single = np.array([values[0] for values in alone], dtype=float)
+    same = np.allclose(together, single, rtol=1e-13, atol=0.0, equal_nan=True)
+    must(same, f"{name} of each point is {together} at {len(alone)} points, and {single} alone")
 
 
-def _check_resolved(law: Any, points: ContactPoints) -> None:
+def _check_resolved(bound: Bound) -> None:
     """Raise `CheckFailed` unless `resolved` gives numbers and `chosen` texts."""
-    for name, value in law.resolved(points, STEP).items():
+    count = len(bound.points.names)
+    for name, value in bound.law.resolved(bound.points, STEP).items():
         array = np.asarray(value, dtype=float)
-        if array.shape not in {(), (len(points.names),)} or np.isnan(array).any():
-            raise CheckFailed(f"`resolved` gives {name} = {value!r} at {len(points.names)} points")
-    for name, text in law.chosen(points, STEP).items():
-        if not isinstance(text, str) or not text.strip():
-            raise CheckFailed(f"`chosen` gives {name} = {text!r}, expected a text")
+        right = array.shape in {(), (count,)} and not np.isnan(array).any()
+        must(right, f"`resolved` gives {name} = {value!r} at {count} points")
+    for name, text in bound.law.chosen(bound.points, STEP).items():
+        must(isinstance(text, str) and text.strip(), f"`chosen` gives {name} = {text!r}, expected a text")
 
 
 @demand("contacts")
@@ -101,26 +126,22 @@ def check_coupling(subject: Subject) -> None:
     """
     if not subject.component.uses_coupling:  # type: ignore[attr-defined]
         raise NotApplicable("it does not declare `uses_coupling`")
-    points, deep = sample_points(5), [np.full(5, -1e-3)] * 4
     for options in subject.examples:
-        bound, law = _bound(subject, options, points), subject.make(options)
-        if isinstance(bound, LinearLaw):
-            raise CheckFailed("it declares `uses_coupling`, but it is linear: such laws are solved together anyway")
-        coupled, uncoupled = (_forces(law, bound, points, deep, strength) for strength in (COUPLED, 0.0))
-        if np.array_equal(coupled, uncoupled):
-            raise CheckFailed("it declares `uses_coupling`, but contacts at its ends change no multiplier")
+        bound, deep = _bound(subject, options, sample_points(5)), [np.full(5, -1e-3)] * 4
+        words = "it declares `uses_coupling`, but it is linear: such laws are solved together anyway"
+        must(bound.linear is None, words)
+        coupled, uncoupled = (bound.answer(deep, strength=strength)[0] for strength in (COUPLED, 0.0))
+        words = "it declares `uses_coupling`, but contacts at its ends change no multiplier"
+        must(not np.array_equal(coupled, uncoupled), words)
         for partner in subject.partners:
             case = subject.placed(STRUCK_TWICE, options, partner)
             swapped = {**case, "contacts": dict(reversed(case["contacts"].items()))}
             with contextlib.suppress(InputError, RunError, NotApplicable):
                 arrays, other = (subject.run(each).arrays for each in (case, swapped))
                 mirrored = {name: other[name][:, ::-1] for name in ("contact_force", "gap")}
-                difference = largest_difference(arrays, {**mirrored, "displacement": other["displacement"]})
-                if difference > NEARLY_EQUAL:
-                    raise CheckFailed(
-                        f"with {partner} the order of contacts at one end changes the result by "
-                        f"{per_cent(difference)} of its peak: sweep over the contacts until nothing changes"
-                    )
+                difference = draws.largest_difference(arrays, {**mirrored, "displacement": other["displacement"]})
+                words = f"with {partner} the order of contacts at one end changes the result by {per_cent(difference)}"
+                must(difference <= NEARLY_EQUAL, f"{words} of its peak: sweep over the contacts until nothing changes")
 
 
 @demand("contacts")
@@ -136,22 +157,22 @@ def check_stored_and_dissipated(subject: Subject) -> None:
     for options in subject.examples:
         errors = []
         for courant in (0.4, 0.1):
-            case = {**STRUCK_WALL, "time": {"end": 0.04, "courant": courant}}
+            case = {**draws.STRUCK_WALL, "time": {"end": 0.04, "courant": courant}}
             try:
                 result = subject.run(subject.placed(case, options))
             except InputError as refusal:
                 raise NotApplicable(str(refusal)) from None
             arrays, largest = result.arrays, result.summary["energy"]["max"]
             dissipated = arrays["contact_dissipation"]
-            if np.diff(dissipated).min(initial=0.0) < -1e-12 * largest:
-                raise CheckFailed("the energy that it has dissipated decreases")
+            falls = np.diff(dissipated).min(initial=0.0)
+            must(falls >= -1e-12 * largest, "the energy that it has dissipated decreases")
             missing = arrays["contact_work"] + arrays["contact_energy"] + dissipated
             errors.append(float(np.abs(missing[-1])) / largest)
-        if not errors[1] <= max(REDUCTION * errors[0], 1e-4):
-            raise CheckFailed(
-                f"{per_cent(errors[0])} of the largest energy is missing at a Courant number of 0.4, and "
-                f"{per_cent(errors[1])} at 0.1: neither stored, dissipated nor given back"
-            )
+        must(
+            errors[1] <= max(REDUCTION * errors[0], 1e-4),
+            f"{per_cent(errors[0])} of the largest energy is missing at a Courant number of 0.4, and "
+            f"{per_cent(errors[1])} at 0.1: neither stored, dissipated nor given back",
+        )
 
 
 @demand("contacts")
@@ -162,42 +183,41 @@ def check_pushes_apart(subject: Subject) -> None:
     Multipliers are positive in compression, so a law of the opposite sign pulls the bodies into each other. No force
     in closed contact falls with the speed of approach: a dashpot of the opposite sign adds energy.
     """
-    case = {**STRUCK_WALL, "time": {"end": 0.009, "courant": 0.5}}
+    case = {**draws.STRUCK_WALL, "time": {"end": 0.009, "courant": 0.5}}
     for options in subject.examples:
         _check_sign_of_rate(subject, options)
-    for options in subject.examples:
-        for partner in subject.partners:
-            try:
-                result = subject.run(subject.placed(case, options, partner))
-            except (InputError, NotApplicable):
-                continue
-            except RunError as stopped:
-                if was_not_started(stopped):
-                    continue
-                raise CheckFailed(f"{NOT_BACK}: the run was {stopped}") from None
-            impulse = result.summary["contacts"]["wall"]["impulse"]
-            if not impulse > 0.0:
-                raise CheckFailed(f"{NOT_BACK}: its impulse is {impulse:.3g}")
-            if not result.summary["momentum"]["final"][0] < result.summary["momentum"]["initial"][0]:
-                raise CheckFailed(f"{NOT_BACK}: the bar does not slow down")
+    for options, partner in itertools.product(subject.examples, subject.partners):
+        try:
+            result = subject.run(subject.placed(case, options, partner))
+        except (InputError, NotApplicable):
+            continue
+        except RunError as stopped:
+            must(was_not_started(stopped), f"{NOT_BACK}: the run was {stopped}")
+            continue
+        impulse = result.summary["contacts"]["wall"]["impulse"]
+        must(impulse > 0.0, f"{NOT_BACK}: its impulse is {impulse:.3g}")
+        before, after = (result.summary["momentum"][name][0] for name in ("initial", "final"))
+        must(after < before, f"{NOT_BACK}: the bar does not slow down")
+
+
+def was_not_started(stopped: RunError) -> bool:
+    """Return whether a run was refused before its first step because of its certificate, not stopped during it."""
+    return bool(stopped.result.summary["stop"]["what"] == NOT_STARTED)
 
 
 def _check_sign_of_rate(subject: Subject, options: Data) -> None:
     """Raise `CheckFailed` if a force in closed contact is the lower the faster its sides approach each other."""
-    points, dt = sample_points(2), SHORT_STEP
-    bound, law = _bound(subject, options, points, dt), subject.make(options)
-    if isinstance(bound, LinearLaw):
+    dt, deep = SHORT_STEP, np.full(2, -1e-3)
+    bound = _bound(subject, options, sample_points(2), dt)
+    if (linear := bound.linear) is not None:
         # The gap at the end of a step has the rate in it.
-        if (weight := float(np.min(bound.rate + dt * np.asarray(bound.gap) * (bound.at == "end")))) < 0.0:
-            raise CheckFailed(f"the weight of the gap rate is {weight:.3g}: {ADDS_ENERGY}")
+        weight = float(np.min(linear.rate + dt * np.asarray(linear.gap) * (linear.at == "end")))
+        must(weight >= 0.0, f"the weight of the gap rate is {weight:.3g}: {ADDS_ENERGY}")
         return
-    found = []
-    for rate in np.repeat(APPROACHES, 2).reshape(-1, 2):
-        deep = np.full(2, -1e-3)
-        trial = trial_of(points, dt, [deep, deep + dt * rate, rate, rate], subject.component)
-        found.append(multipliers_of(law, plain_kernel(law), bound, trial)[0])
-    if (np.diff(found) < -ALIKE * np.abs(found).max()).any():
-        raise CheckFailed(f"of one gap at the rates {APPROACHES} the multipliers are {np.array(found)}: {ADDS_ENERGY}")
+    rates = np.repeat(APPROACHES, 2).reshape(-1, 2)
+    found = [bound.answer([deep, deep + dt * rate, rate, rate], strength=COUPLED)[0][0] for rate in rates]
+    rises = (np.diff(found) >= -ALIKE * np.abs(found).max()).all()
+    must(rises, f"of one gap at the rates {APPROACHES} the multipliers are {np.array(found)}: {ADDS_ENERGY}")
 
 
 @demand("contacts")
@@ -207,33 +227,16 @@ def check_areas(subject: Subject) -> None:
     The forces of points are in proportion to `weight`, the area of a point, as `stiffness` and `mass` are. On bars the
     area is 1, so that a law that forgets it is right there, and on surfaces of more points too stiff.
     """
-    points = sample_points(3)
-    wide = replace(
-        points,
-        weight=WIDE * points.weight,
-        stiffness=WIDE * points.stiffness,
-        mass=WIDE * points.mass,
-        delassus=points.delassus / WIDE,
-        limits=lambda: WIDE * points.stiffness,
-    )
     for options in subject.examples:
-        law, (small, large) = subject.make(options), (_bound(subject, options, each) for each in (points, wide))
-        pairs = (
-            [(small.sigma, WIDE * large.sigma)]
-            if isinstance(small, LinearLaw)
-            else [
-                (_forces(law, small, points, state), _forces(law, large, wide, state) / WIDE)
-                for state in trial_states(3, STEP)
-            ]
-        )
+        small, large = (_bound(subject, options, sample_points(3, area=area)) for area in (1.0, WIDE))
+        if small.linear is not None and large.linear is not None:
+            pairs = [(small.linear.sigma, WIDE * np.asarray(large.linear.sigma))]
+        else:
+            states = trial_states(3, STEP)
+            pairs = [(small.answer(state)[0], large.answer(state)[0] / WIDE) for state in states]
         for one, other in pairs:
-            if np.abs(one - other).max() > ALIKE * np.abs(one).max():
-                raise CheckFailed(f"points of {WIDE:g} times the area press otherwise: `weight` of a point is its area")
-
-
-def _forces(law: Any, bound: object, points: ContactPoints, state: list[Floats], strength: float = 0.0) -> Floats:
-    """Return the multipliers of the kernel of a law at contact points, coupled with a strength, in a state."""
-    return multipliers_of(law, plain_kernel(law), bound, trial_of(points, STEP, state, law, strength=strength))
+            alike = np.abs(one - other).max() <= ALIKE * np.abs(one).max()
+            must(alike, f"points of {WIDE:g} times the area press otherwise: `weight` of a point is its area")
 
 
 @demand("contacts")
@@ -247,27 +250,233 @@ def check_guarantees(subject: Subject, case: Entries) -> None:
     """
     declared = subject.component.guarantees  # type: ignore[attr-defined]
     for fact in declared:
-        if fact not in GUARANTEES:
-            raise CheckFailed(f"'{fact}' is no known guarantee. {suggestion(fact, GUARANTEES, 'guarantee')}")
+        must(fact in GUARANTEES, f"'{fact}' is no known guarantee. {suggestion(fact, GUARANTEES, 'guarantee')}")
     if not declared:
         raise NotApplicable("it declares no guarantee")
     full_case, keeps = subject.placed(case), "keeps the free step" in declared
     try:
         result = subject.run(full_case, certify=verdict.certificate if keeps else verdict.verdict_alone)
     except RunError as refusal:
-        if keeps:
-            raise CheckFailed(f"it declares 'keeps the free step', but the run was {refusal}") from None
+        must(not keeps, f"it declares 'keeps the free step', but the run was {refusal}")
         raise
     force, gap = result.arrays["contact_force"], result.arrays["gap"]
     travel = float(np.abs(result.arrays["displacement"]).max()) + float(np.abs(gap).max(initial=0.0))
-    if "never pulls" in declared and force.min(initial=0.0) < 0.0:
-        raise CheckFailed(f"it declares 'never pulls', but a force is {force.min():.3g}")
+    pulls = "never pulls" in declared and force.min(initial=0.0) < 0.0
+    must(not pulls, f"it declares 'never pulls', but a force is {force.min(initial=0.0):.3g}")
     deepest = max(contact["penetration"]["largest"] for contact in result.summary["contacts"].values())
     deepest = max(deepest, -float(gap.min(initial=0.0)))
-    if "no penetration" in declared and deepest > 1e-11 * travel:
-        raise CheckFailed(f"it declares 'no penetration', but bodies overlap by {deepest:.3g}")
+    overlaps = "no penetration" in declared and deepest > 1e-11 * travel
+    must(not overlaps, f"it declares 'no penetration', but bodies overlap by {deepest:.3g}")
     certificate = result.summary["certificate"]
     critical, free = certificate["dt_critical"], certificate["dt_critical_free"]
     lowered = critical is not None and free is not None and critical < free * (1.0 - 1e-5)
-    if keeps and lowered:
-        raise CheckFailed(f"it declares 'keeps the free step', but {certificate['why']}")
+    must(not (keeps and lowered), f"it declares 'keeps the free step', but {certificate['why']}")
+
+
+# ------------------------------------------------------------------------------------- laws and integrators in pairs
+
+
+@demand(*PAIRS, "elements", "materials", "masses", "shapes")
+@on_chains(push=True)
+def check_balances(subject: Subject, case: Entries) -> None:
+    """Momentum and energy are balanced.
+
+    The momentum balance of every run closes to round-off, and so does the energy ledger of a leap-frog scheme. A force
+    that acts on one side only, or that is not reported, violates them.
+    """
+    if subject.family == "shapes":  # one body, because a shape names its ends itself
+        name, body = next(iter(case["bodies"].items()))
+        case = {**case, "bodies": {name: body}, "contacts": {}, "loads": {}, "record": {"probes": []}}
+    case = subject.placed(case)
+    draws.must_balance(subject.run(case), ledger=isinstance(subject.scheme_of(case), LeapFrog))
+
+
+# ------------------------------------------------------------------------------------------- exact solutions
+
+
+def impact(parameters: tuple[float, float, float, int]) -> Entries:
+    """Return a case of two unlike bars that touch and move towards each other, run until they have separated.
+
+    Parameters
+    ----------
+    parameters
+        Length, Young's modulus and area of bar b, and the refinement of the mesh.
+    """
+    length, young, area, refine = parameters
+    second = bar(round(10 * length), length, young=young, area=area, at=1.0, velocity=-0.1)
+    transit = 2.0 * max(1.0 / 100.0, length / (young / 0.01) ** 0.5)
+    time = {"end": 1.3 * transit, "courant": COURANT}
+    return chain({"a": bar(10, velocity=0.2), "b": second}, refine=refine, time=time)
+
+
+@demand(*PAIRS, in_pairs=True)
+def check_exact_impact(subject: Subject, partner: str) -> None:
+    """The impulse tends to the exact one.
+
+    The impulse of two unlike colliding bars tends to the exact one as the mesh is refined, with default options. The
+    Courant number is 0.5, or the largest half, quarter and so on of it at which the coarsest mesh runs. With a wrong
+    sign, a force applied twice, an ignored time step or the gap of an earlier step the impulse has another limit.
+    """
+
+    def check_convergence(drawn: tuple[float, float, float]) -> None:
+        errors: list[float] = []
+        certify, courant = verdict.verdict_alone, COURANT
+        for refine in MESHES:
+            case = at_courant(subject.placed(impact((*drawn, refine)), subject.examples[0], partner), courant)
+            try:
+                result = _run_at_stable_step(subject, case, certify)
+            except RunError as stopped:
+                raise CheckFailed(f"the run was {stopped}") from None
+            if result.summary["exact"] is None:
+                raise NotApplicable(f"no exact solution: {result.summary['exact_reason']}")
+            certify, courant = verdict.unasked, result.summary["courant"]
+            errors.append(cast("float", result.summary["exact"]["contacts"]["ab"]["impulse_error"]))
+            if errors[-1] <= min(max(REDUCTION * errors[0], AS_GOOD_AS_EXACT), CLOSE) and len(errors) > 1:
+                return
+        off = ", ".join(f"{per_cent(error)} with {10 * refine}" for error, refine in zip(errors, MESHES, strict=True))
+        raise CheckFailed(f"the impulse does not tend to the exact one: its error is {off} elements in the first bar")
+
+    parameters = st.tuples(st.sampled_from([0.7, 1.0, 1.5]), number(30, 100), number(0.5, 2))
+    for_all(subject, parameters, check_convergence, max(3, subject.draws // 3))
+
+
+def _run_at_stable_step(subject: Subject, case: Entries, certify: verdict.Certify) -> Result:
+    """Return the result of a run, with the step of the case or the largest half, quarter and so on at which it runs."""
+    courant = case["time"]["courant"]
+    while True:
+        try:
+            return subject.run(at_courant(case, courant), certify=certify)
+        except RunError:
+            courant *= 0.5
+            if courant < SMALLEST_COURANT:
+                raise
+
+
+# --------------------------------------------------------------------------------------------------- energy
+
+
+@demand(*PAIRS, in_pairs=True)
+def check_energy_never_grows(subject: Subject, partner: str) -> None:
+    """Energy never grows at a stable step.
+
+    Energy minus the work of loads never grows if the step with closed contacts is stable. Contacts may open and
+    close. The energy includes the energy stored in the contacts if it follows from the law and does not rest on the
+    law's own word. Otherwise the energy never exceeds its initial value and never rises from one state with all
+    contacts open to the next. A scheme that gives bodies steps of their own is exempt, whatever the contact law.
+    """
+    pairs = list(itertools.product(subject.examples, subject.partner_class(partner).examples))
+
+    def check_growth(case: Data, options: Data, partner_options: Data) -> None:
+        full_case = subject.placed(case, options, {"name": partner, **partner_options})
+        if getattr(subject.scheme_of(full_case), "own_steps", False):
+            raise NotApplicable("its internal forces do not act in every step, so contact is not balanced in each")
+        growth = np.inf
+        with contextlib.suppress(RunError):  # the certificate tells whether the step is to blame
+            growth = energy_growth(subject, full_case, subject.run(full_case, certify=verdict.unasked))
+        if growth <= GROWTH_TOLERANCE:
+            return
+        try:
+            certificate = subject.run(full_case).summary["certificate"]
+        except RunError as stopped:
+            must(stopped.result.summary["certificate"]["stable"] != "yes", f"the run was {stopped}")
+            return
+        above_limit = certificate["theta"] is not None and certificate["theta"] >= 1.0
+        allowed = certificate["stable"] not in {"yes", "unknown"} or above_limit
+        must(allowed, f"energy grows by {per_cent(growth)} of its largest value")
+
+    for (options, partner_options), case in itertools.product(pairs, repeated_impacts()):
+        with contextlib.suppress(InputError):
+            check_growth(case, options, partner_options)
+    strategy = st.tuples(bar_chains(), st.sampled_from(pairs))
+    for_all(subject, strategy, lambda drawn: check_growth(drawn[0], *drawn[1]))
+
+
+def energy_growth(subject: Subject, case: Data, result: Result) -> float:
+    """Return the energy growth of a run, relative to its largest energy.
+
+    Raises
+    ------
+    NotApplicable
+        If a law ties meshes.
+    """
+    model = model_of(subject.load(case))
+    laws = [bound_law.linear for bound_law in model.laws]
+    if any(law is not None and np.any(law.rate) and law.sign == "free" and law.active == "all" for law in laws):
+        raise NotApplicable("it is a tie, which takes the gap rate from its ends as it begins")
+    rigid = all(law is not None and law.sign == ">= 0" and not np.any(law.sigma) for law in laws)
+    measured = result.summary["energy_growth"]["quantity"]
+    # Without a stored energy in its name, the quantity is the work of contacts alone, which springs take and give back.
+    without_stored = {"kinetic + elastic - work", "contact work"}
+    contact_energy_known = rigid or (measured not in without_stored and STORED_BY_LAWS not in measured)
+    if model.stages is None and contact_energy_known:
+        return float(result.summary["energy_growth"]["largest"])
+    arrays = result.arrays
+    kinetic, elastic, work = arrays["kinetic_energy"], arrays["elastic_energy"], arrays["external_work"]
+    energy = kinetic + elastic - work
+    if model.facts.dissipates:  # what a lagging viscosity takes swings; contacts are held to what they add
+        energy = energy + arrays["dissipated_energy"]
+    all_open = (arrays["contact_force"] == 0.0).all(axis=1) & (arrays["gap"] >= 0.0).all(axis=1)
+    open_energy = energy[all_open]
+    scale = max(float(np.abs(part).max()) for part in (kinetic, elastic, work))
+    rises = [float(energy.max()) - result.summary["energy"]["initial"]]
+    rises += [float((open_energy - np.minimum.accumulate(open_energy)).max())] if open_energy.size else []
+    return max(rises) / scale if scale else 0.0
+
+
+def repeated_impacts() -> Iterator[Entries]:
+    """Yield cases of unlike bars that strike each other and walls many times, at several Courant numbers."""
+    for courant in COURANTS:
+        time = {"steps": int(240 / courant), "courant": courant}
+        first = bar(7, velocity=0.4)
+        walls = {"left": {"body": "a.left", "wall": -0.01}, "right": {"body": "a.right", "wall": 1.01}}
+        yield {**chain({"a": first}, time=time), "contacts": walls}
+        second = bar(9, 1.5, young=49.0, density=0.05, area=1.3, at=1.0, velocity=-0.3)
+        yield chain({"a": first, "b": second}, wall=2.51, time=time)
+        # a bar of one element between two bars of several elements is struck from both sides
+        left = bar(5, 1.32, young=45.4, density=0.07, area=1.49, velocity=0.79)
+        middle = bar(1, 1.72, young=200.0, density=0.04, at=1.32, velocity=-0.93)
+        right = bar(8, 1.32, young=22.33, density=0.06, area=1.68, at=3.11, velocity=-0.52)
+        yield chain({"a": left, "b": middle, "c": right}, wall=4.47, time=time)
+
+
+# ------------------------------------------------------------------------------------------ units, free flight
+
+
+@demand(*PAIRS)
+@on_chains(push=True)
+def check_units(subject: Subject, case: Entries) -> None:
+    """A change of units changes nothing.
+
+    Results do not depend on the units of length, mass and time. Options are converted by their stated units. A
+    method with a dimensional constant inside it, or an option with a wrong unit, gives another result in other
+    units.
+    """
+    other = subject.placed(draws.converted(case), draws.converted_options(subject))
+
+    def converted_back(base: Result) -> draws.Arrays:
+        arrays = subject.run(other, like=base).arrays
+        return {name: arrays[name] / draws.unit_factor(QUANTITIES[name].unit) for name in COMPARED_BY_KIT}
+
+    draws.must_agree(subject, subject.placed(case), "a change of units", converted_back)
+
+
+@demand(*PAIRS)
+@on_chains(share=2)
+def check_no_contact(subject: Subject, case: Entries) -> None:
+    """Bodies that never meet move freely.
+
+    Bodies whose contacts never close have no contact force: a law does not act at a distance.
+    """
+    open_case = copy.deepcopy({**case, "loads": {}})
+    for index, body in enumerate(open_case["bodies"].values()):
+        body["at"] += 10.0 * index
+        body["velocity"] = abs(body["velocity"]) * (index + 1)
+    for contact in open_case["contacts"].values():
+        if "wall" in contact:
+            contact["wall"] += 10.0 * len(open_case["bodies"]) + 100.0
+    try:
+        apart = subject.run(subject.placed(open_case))
+    except RunError as stopped:
+        must(was_not_started(stopped), f"bodies that never meet: the run was {stopped}")
+        raise
+    must(not apart.arrays["contact_force"].any(), "bodies that never meet have a contact force")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +13,10 @@ from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import FollowingLoad
 from percuss.methods.plugin_calls import answer
 from percuss.testing.draws import STRUCK_WALL, TWO_BARS, bar, bar_chains, chain, for_all, must_balance, on_chains
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, demand
+from percuss.testing.subject import ROUND_OFF, CheckFailed, NotApplicable, Subject, demand, must
 
 TIMES = np.linspace(0.0, 1.0, 41)
 TOLERANCE = 1e-12
-CLOSE = 1e-9
 
 
 @demand("loads")
@@ -34,8 +33,8 @@ def check_amplitude(subject: Subject) -> None:
             amplitude = np.asarray(answer(load, "amplitude", time), dtype=float)
             alone = [float(np.asarray(load.amplitude(time[k : k + 1]))[0]) for k in range(time.size)]
             size = float(np.abs(amplitude).max(initial=1.0))
-            if not np.allclose(amplitude, alone, rtol=0.0, atol=TOLERANCE * size):
-                raise CheckFailed("the amplitude at a time depends on the other times of the array")
+            same = np.allclose(amplitude, alone, rtol=0.0, atol=TOLERANCE * size)
+            must(same, "the amplitude at a time depends on the other times of the array")
 
 
 @demand("loads")
@@ -45,24 +44,19 @@ def check_kinks(subject: Subject) -> None:
     The amplitude is smooth between the times that `kinks` returns, because an exact solution relies on it. Of any
     four neighbouring points, the fourth lies near the parabola through the other three.
     """
-    declares_kinks = False
-    for _, load in subject.made():
-        kinks = load.kinks()
-        if kinks is None:
-            continue
-        declares_kinks = True
+    declared = [(load, kinks) for _, load in subject.made() if (kinks := load.kinks()) is not None]
+    if not declared:
+        raise NotApplicable("`kinks` returns None")
+    for load, kinks in declared:
         times = np.linspace(1e-4, 1.2, 3001)
         near_kink = np.abs(times[:, None] - np.array([*kinks, -1.0])).min(axis=1) < 5 * (times[1] - times[0])
         values = np.asarray(load.amplitude(times), dtype=float)
         bends = np.abs(np.diff(values, 3))
-        clear = ~(near_kink[:-3] | near_kink[1:-2] | near_kink[2:-1] | near_kink[3:])
+        clear = ~np.lib.stride_tricks.sliding_window_view(near_kink, 4).any(axis=1)
         typical = np.median(bends[clear]) if clear.any() else 0.0
         size = float(np.abs(values).max(initial=1e-300))
-        rough = np.flatnonzero(clear & (bends > 1e3 * typical + 1e-4 * size))
-        if rough.size:
-            raise CheckFailed(f"the amplitude has a kink near time {times[rough[0]]:.4g}, and `kinks` does not name it")
-    if not declares_kinks:
-        raise NotApplicable("`kinks` returns None")
+        for rough in np.flatnonzero(clear & (bends > 1e3 * typical + 1e-4 * size)):
+            raise CheckFailed(f"the amplitude has a kink near time {times[rough]:.4g}, and `kinks` does not name it")
 
 
 @demand("loads")
@@ -85,8 +79,9 @@ def check_runs_in_a_case(subject: Subject) -> None:
         case = chain({"a": body}, loads={"push": push}, time={"steps": 400, "courant": 0.5})
         result = subject.run(case)
         must_balance(result)
-        if follows and subject.run(case).summary["momentum"] != result.summary["momentum"]:
-            raise CheckFailed("the run gives another motion the second time")
+        again = subject.run(case) if follows else result
+        same = again.summary["momentum"] == result.summary["momentum"]
+        must(same, "the run gives another motion the second time")
 
 
 @demand("solutions")
@@ -102,67 +97,51 @@ def check_exact_solution(subject: Subject) -> None:
     sole = {key: cls for key, cls in components if key[0] != "solutions" or key[1] == subject.name}
     subject = dataclasses.replace(subject, registry=dataclasses.replace(subject.registry, components=sole))
     for options, engine in subject.made():
-        found = [subject.placed(case, options) for case in (TWO_BARS, STRUCK_WALL)]
-        covered = [
-            case for case in found if engine.covers(cast("Any", contact_problem(model_of(subject.load(case))))) is None
-        ]
+        cases = [subject.placed(case, options) for case in (TWO_BARS, STRUCK_WALL)]
+        problems: list[Any] = [contact_problem(model_of(subject.load(case))) for case in cases]
+        covered = [case for case, problem in zip(cases, problems, strict=True) if engine.covers(problem) is None]
         if not covered:
             raise NotApplicable("it covers neither two bars that meet nor a bar that strikes a wall")
         errors = []
         for refine in (2, 8):
-            result = subject.run({**covered[0], "refine": refine, "time": {"end": 0.03, "courant": 0.5}})
-            if result.summary["exact"] is None:
-                raise CheckFailed(f"no error against it was computed: {result.summary['exact_reason']}")
-            errors.append(cast("float", result.summary["exact"]["displacement_error"]))
-        if not errors[1] < 0.5 * errors[0]:
-            raise CheckFailed(
-                f"a mesh four times finer brings the displacement from {errors[0]:.3g} to {errors[1]:.3g}"
-            )
+            summary: Any = subject.run({**covered[0], "refine": refine, "time": {"end": 0.03, "courant": 0.5}}).summary
+            must(summary["exact"], f"no error against it was computed: {summary['exact_reason']}")
+            errors.append(summary["exact"]["displacement_error"])
+        words = f"a mesh four times finer brings the displacement from {errors[0]:.3g} to {errors[1]:.3g}"
+        must(errors[1] < 0.5 * errors[0], words)
 
 
 def _check_contacts(subject: Subject, case: Entries) -> None:
     """Raise `CheckFailed` unless the contacts of a drawn case press or are open, and its energy is balanced."""
-    solution, end = _solved(subject, case)
-    time = np.linspace(0.0, end, 400, endpoint=False) + end / 1000.0
-    for name, contact in solution.contacts.items():
-        force, gap = np.asarray(contact.force(time)), np.asarray(contact.gap(time))
-        size, travel = float(np.abs(force).max()), float(np.abs(gap).max()) + end
-        if force.min() < -CLOSE * size:
-            raise CheckFailed(f"contact '{name}' pulls with {force.min():.3g}")
-        if gap.min() < -CLOSE * travel:
-            raise CheckFailed(f"the bodies of contact '{name}' overlap by {-gap.min():.3g}")
-        if np.abs(force * gap).max() > CLOSE * size * travel:
-            raise CheckFailed(f"contact '{name}' presses where it is open")
-        if force.max() > (largest := contact.largest_force(0.0, end)) + CLOSE * size:
-            raise CheckFailed(f"contact '{name}' presses with {force.max():.6g}, the stated largest is {largest:.6g}")
-    first, last = (sum(solution.energy(t)) for t in (0.0, end))
-    if abs(last - first - solution.work(end)) > CLOSE * max(first, last, 1e-300):
-        raise CheckFailed(f"energy changes by {last - first:.6g}, the work is {solution.work(end):.6g}")
-
-
-def _solved(subject: Subject, case: Entries) -> tuple[Any, float]:
-    """Return the exact solution of a case and the time up to which the check uses it.
-
-    Raises
-    ------
-    NotApplicable
-        If the solution does not cover the case.
-    CheckFailed
-        If it gives no reason for not covering the case, or for ending early.
-    """
     model = model_of(subject.load(case))
     problem: Any = contact_problem(model)
     engine = subject.make(subject.examples[0])
     reason = engine.covers(problem)
     if reason is not None:
-        if not isinstance(reason, str) or not reason.strip():
-            raise CheckFailed(f"`covers` gives {reason!r}, expected a reason in words or None")
+        in_words = isinstance(reason, str) and reason.strip()
+        must(in_words, f"`covers` gives {reason!r}, expected a reason in words or None")
         raise NotApplicable(f"it covers no drawn case: {reason}")
     end = model.dt * model.steps
     solution = engine.solve(problem, end)
-    if solution.reached < end * (1.0 - CLOSE) and not (isinstance(solution.stopped, str) and solution.stopped.strip()):
-        raise CheckFailed(f"it ends at {solution.reached:.6g} of {end:.6g}, and `stopped` gives no reason")
-    return solution, min(end, solution.reached)
+    in_words = isinstance(solution.stopped, str) and solution.stopped.strip()
+    reached = in_words or solution.reached >= end * (1.0 - ROUND_OFF)
+    must(reached, f"it ends at {solution.reached:.6g} of {end:.6g}, and `stopped` gives no reason")
+    end = min(end, solution.reached)
+    time = np.linspace(0.0, end, 400, endpoint=False) + end / 1000.0
+    for name, contact in solution.contacts.items():
+        force, gap = np.asarray(contact.force(time)), np.asarray(contact.gap(time))
+        size, travel = float(np.abs(force).max()), float(np.abs(gap).max()) + end
+        must(force.min() >= -ROUND_OFF * size, f"contact '{name}' pulls with {force.min():.3g}")
+        must(gap.min() >= -ROUND_OFF * travel, f"the bodies of contact '{name}' overlap by {-gap.min():.3g}")
+        apart = np.abs(force * gap).max() <= ROUND_OFF * size * travel
+        must(apart, f"contact '{name}' presses where it is open")
+        most, stated = force.max(), contact.largest_force(0.0, end)
+        words = f"contact '{name}' presses with {most:.6g}, the stated largest is {stated:.6g}"
+        must(most <= stated + ROUND_OFF * size, words)
+    first, last = (sum(solution.energy(t)) for t in (0.0, end))
+    gained, work = last - first, solution.work(end)
+    balanced = abs(gained - work) <= ROUND_OFF * max(first, last, 1e-300)
+    must(balanced, f"energy changes by {gained:.6g}, the work is {work:.6g}")
 
 
 @demand("measures")
@@ -174,13 +153,11 @@ def check_measure(subject: Subject, case: Entries) -> None:
     `what` states quantity, norm and averaging, because a column without them cannot be interpreted.
     """
     what = getattr(subject.component, "what", "")
-    if not isinstance(what, str) or not what.strip():
-        raise CheckFailed("`what` is empty: say quantity, norm and averaging")
+    must(isinstance(what, str) and what.strip(), "`what` is empty: say quantity, norm and averaging")
     result = subject.run(case)
     before = {name: np.array(values, copy=True) for name, values in result.arrays.items()}
     first, second = (answer(subject.make(subject.options), "of", result) for _ in range(2))
-    if first != second:
-        raise CheckFailed(f"it measures {first!r}, and {second!r} the second time")
+    must(first == second, f"it measures {first!r}, and {second!r} the second time")
     for name, values in before.items():
-        if not np.array_equal(values, result.arrays[name], equal_nan=True):
-            raise CheckFailed(f"it changes {name} of the result")
+        same = np.array_equal(values, result.arrays[name], equal_nan=True)
+        must(same, f"it changes {name} of the result")
