@@ -432,22 +432,24 @@ def _check_solid(solid: SolidKernels) -> None:
 # --------------------------------------------------------------------------------------------------- elements
 
 
-def bodies_of(subject: Subject) -> Iterator[BodyKernels]:
-    """Yield a body of unlike cells for each example of an element; along a line one in one to three dimensions each."""
+def bodies_of(subject: Subject, *, solid: bool | None = None) -> Iterator[BodyKernels]:
+    """Yield a body of unlike cells for each example of an element; along a line one in one to three dimensions each.
+
+    Raises
+    ------
+    NotApplicable
+        If `solid` asks for an element of solids, or for one along a line, and it is another.
+    """
+    if solid and not all(is_solid(element) for _, element in subject.made()):
+        raise NotApplicable("it is an element along a line, or sees the strain of single points")
     elastic: Any = subject.registry.get("materials", DEFAULTS["materials"])
-    solid = elastic(young=2.0, density=3.0, poisson=0.3)
     for _, element in subject.made():
-        if is_solid(element):
-            yield BodyKernels(element, solid, patch(element.cell, subject.registry))
+        if is_solid(element) and solid is not False:
+            material = elastic(young=2.0, density=3.0, poisson=0.3)
+            yield BodyKernels(element, material, patch(element.cell, subject.registry))
         else:
             subject.along_line()
             yield from (BodyKernels(element, elastic(**elastic.examples[0]), line(5, dim)) for dim in (1, 2, 3))
-
-
-def _bars(subject: Subject) -> Iterator[BodyKernels]:
-    """Yield the bodies of an element along a line."""
-    subject.along_line()
-    yield from bodies_of(subject)
 
 
 @demand("elements")
@@ -459,7 +461,7 @@ def check_force_and_energy(subject: Subject) -> None:
     loses momentum or energy. For small strains the force is that of `axial_stiffness`, and each element obtains from
     its material the modulus times its own strain, which a result shows as its stress.
     """
-    for kernels in _bars(subject):
+    for kernels in bodies_of(subject, solid=False):
         kernels.checked_force()
         _check_stretched(kernels)
 
@@ -494,7 +496,7 @@ def check_cells(subject: Subject) -> None:
     The shares of mass of the nodes are positive, add up to 1, and keep the centre of mass of the cell. The volumes
     of its quadrature points add up to the volume of the cell. Two-node elements have none of this.
     """
-    for kernels in _bars(subject):
+    for kernels in bodies_of(subject, solid=False):
         element, body = kernels.element, kernels.body
         if not has_cells(element):
             raise NotApplicable("it is a two-node element, with one point and half of its mass at each node")
@@ -560,19 +562,12 @@ def check_frequency(subject: Subject) -> None:
     It gives the time step: every run is unstable if it is too low, and Courant numbers lose their meaning if it is
     too high.
     """
-    for kernels in _bars(subject):
+    for kernels in bodies_of(subject, solid=False):
         element, material, body = kernels.element, kernels.material, kernels.body
         upper_bound = answer(element, "highest_frequency", body, float(np.sqrt(material.modulus / material.rho)))
         for bound, exact in zip(upper_bound, frequencies_of_cells(element, material, body), strict=True):
             close = exact * (1.0 - 1e-6) <= bound <= 1.5 * exact
             must(close, f"it gives the frequency {bound:.6g} for an element with {exact:.6g}")
-
-
-def _solids(subject: Subject) -> Iterator[BodyKernels]:
-    """Yield a body of uneven cells for each example of an element, with a linear material."""
-    if not all(is_solid(element) for _, element in subject.made()):
-        raise NotApplicable("it is an element along a line, or sees the strain of single points")
-    yield from bodies_of(subject)
 
 
 @demand("elements")
@@ -584,7 +579,7 @@ def check_solid_forces(subject: Subject) -> None:
     force. A uniform strain leaves a node inside without force. Bodies of revolution move along their axis alone, and
     their uniform strain is the same in both directions across it.
     """
-    for kernels in _solids(subject):
+    for kernels in bodies_of(subject, solid=True):
         element, x = kernels.element, kernels.body.mesh.nodes
         size = np.abs(kernels.checked_force()).max()
         BodyKernels(element, FiniteStrain(), kernels.mesh).checked_force()
@@ -605,7 +600,7 @@ def check_finite_rotation(subject: Subject) -> None:
     With a material of finite strain a large rotation gives no force, and the forces of a strained body turn with it. An
     element for small strains that cannot meet this declares it in `expected_failures`.
     """
-    for kernels in _solids(subject):
+    for kernels in bodies_of(subject, solid=True):
         element, x = kernels.element, kernels.body.mesh.nodes
         if kernels.about_axis:
             raise NotApplicable("a body of revolution does not turn")
@@ -623,7 +618,7 @@ def check_solid_masses(subject: Subject) -> None:
     Each node has some of the mass of the body, which is density times volume. No frequency of a body whose nodes move
     by thousandths of a cell is above the highest of a cell by itself at rest, from which the time step follows.
     """
-    for kernels in _solids(subject):
+    for kernels in bodies_of(subject, solid=True):
         element, body, density = kernels.element, kernels.body, kernels.material.rho
         dim = body.mesh.nodes.shape[1]
         wide, *others = np.ptp(body.mesh.nodes, axis=0)  # the patch is a block, whose axis of revolution is at x = 0

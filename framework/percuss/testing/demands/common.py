@@ -214,11 +214,11 @@ def _use(subject: Subject, instance: Any, options: Data) -> Result | None:
     A method whose pair with the default partner is refused runs with the first partner that it may have.
     """
     if subject.family in METHODS:
-        subject.along_line()
         case = {**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}
         partners: list[Data] = [{"name": name, **subject.partner_class(name).examples[0]} for name in subject.partners]
         for partner in [None, *partners]:
             with contextlib.suppress(NotApplicable):
+                subject.along_line()
                 return subject.run(subject.placed(case, options, partner))
     elif subject.family == "shapes":
         instance.mesh(np.zeros(instance.dimension() or 1), 1)

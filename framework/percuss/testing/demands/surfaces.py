@@ -99,16 +99,12 @@ def _check_boundary(subject: Subject, shape: Any, mesh: Mesh) -> None:
     body = BodyMesh(mesh, 1.3, "strain") if shape.dimension() == 2 else BodyMesh(mesh, 1.0)
     volumes = np.asarray(answer(element, "volumes_of_cells", body))
     surfaces = [surface_of(body, name, 0, volumes).surface for name in shape.regions]
-    vectors = [_vector_areas(surface) for surface in surfaces]
-    closed = sum(of_region.sum(axis=0) for of_region in vectors)
+    vectors = np.concatenate([_vector_areas(surface) for surface in surfaces])
+    centres = np.concatenate([surface.positions[surface.facets].mean(axis=1) for surface in surfaces])
     # Of a closed surface the fluxes of x, y and z are its volume each.
-    flux = sum(
-        (of_region * s.positions[s.facets].mean(axis=1)).sum(axis=0)
-        for of_region, s in zip(vectors, surfaces, strict=True)
-    )
-    volume = volumes.sum()
-    encloses = np.abs(closed).max() <= ROUND_OFF and np.abs(np.asarray(flux) - volume).max() <= 1e-2 * volume
-    must(encloses, f"its regions do not enclose its volume {volume:.6g}: they flow {flux}")
+    volume, flux = volumes.sum(), (vectors * centres).sum(axis=0)
+    closed = np.abs(vectors.sum(axis=0)).max() <= ROUND_OFF and np.abs(flux - volume).max() <= 1e-2 * volume
+    must(closed, f"its regions do not enclose its volume {volume:.6g}: they flow {flux}")
 
 
 def _vector_areas(surface: Surface) -> Floats:
@@ -131,7 +127,7 @@ def check_pairing(subject: Subject) -> None:
     turn as one leave the gaps, and moved apart they open by the distance. The answer turns with the surfaces, and is
     the same in a mirror.
     """
-    for dim, pairing in _with_dimensions(subject):
+    for pairing, dim in [(made, dim) for _, made in subject.made() for dim in made.dimensions]:
         seen = []
         turned = np.linalg.qr(uneven(dim, dim))[0]
         for turn in (np.eye(dim), turned, turned * [*[1.0] * (dim - 1), -1.0]):  # one of the last two is a mirror
@@ -201,17 +197,14 @@ def check_patch_test(subject: Subject) -> None:
     their contact if `passes_patch_test` is declared: each node gets the force that it has by the pressure on its own
     surface, so that the stress in both strips is uniform.
     """
-    worst = 0.0
-    for dim, pairing in _with_dimensions(subject):
-        for first, second in (_surfaces(0.0, np.eye(dim)), _surfaces(0.0, np.eye(dim))[::-1]):
-            found = _points(pairing, first, second)
-            forces = np.einsum("p,pij->ij", found.weight, _rows(found, first, second))
-            for surface in (first, second):
-                area = np.bincount(surface.facets.ravel(), surface.of_nodes().ravel())
-                expected = -area[:, None] * surface.normals[0]
-                wrong = np.abs(forces[surface.nodes] - expected).max(axis=1) / area
-                worst = max(worst, float(wrong.max()))
-    if not pairing.passes_patch_test:
+    worst, declared = 0.0, subject.component.passes_patch_test  # type: ignore[attr-defined]
+    for _, first, second, found in _faced(subject, 0.0):
+        forces = np.einsum("p,pij->ij", found.weight, _rows(found, first, second))
+        for surface in (first, second):
+            area = np.bincount(surface.facets.ravel(), surface.of_nodes().ravel())
+            expected = -area[:, None] * surface.normals[0]
+            worst = max(worst, float((np.abs(forces[surface.nodes] - expected).max(axis=1) / area).max()))
+    if not declared:
         hint = "; yet it passes: declare it" if worst <= UNIFORM else f", and pressures are wrong by {worst:.2g}"
         raise NotApplicable(f"it does not declare `passes_patch_test = True`{hint}")
     must(worst <= UNIFORM, f"it declares `passes_patch_test = True`, and pressures at nodes are wrong by {worst:.3g}")
@@ -225,27 +218,27 @@ def check_shares(subject: Subject) -> None:
     `more_points_than_nodes` there are at most as many points as nodes of the first surface: a law without compliance
     needs that.
     """
-    for dim, pairing in _with_dimensions(subject):
-        for first, second in (_surfaces(0.1, np.eye(dim)), _surfaces(0.1, np.eye(dim))[::-1]):
-            found = _points(pairing, first, second)
-            shares = np.einsum("pnd,pd->pn", _rows(found, first, second), found.normal)
-            shares[:, first.nodes] *= -1.0
-            for surface in (first, second):
-                sums = shares[:, surface.nodes].sum(axis=1)
-                farthest = sums[np.abs(sums - 1.0).argmax()]
-                words = f"the shares of a surface in a gap add up to {farthest:.3g}, expected 1"
-                must_vanish(farthest - 1.0, words)
-            words = f"a node has the share {shares.min():.3g} in a gap: declare `convex = False`"
-            must(not pairing.convex or shares.min() >= -ROUND_OFF, words)
-            nodes, points = len(first.nodes), found.gap.size
-            words = f"{nodes} nodes have {points} points: declare `more_points_than_nodes = True`"
-            must(points <= nodes or pairing.more_points_than_nodes, words)
+    for pairing, first, second, found in _faced(subject, 0.1):
+        shares = np.einsum("pnd,pd->pn", _rows(found, first, second), found.normal)
+        shares[:, first.nodes] *= -1.0
+        for surface in (first, second):
+            sums = shares[:, surface.nodes].sum(axis=1)
+            farthest = sums[np.abs(sums - 1.0).argmax()]
+            must_vanish(farthest - 1.0, f"the shares of a surface in a gap add up to {farthest:.3g}, expected 1")
+        words = f"a node has the share {shares.min():.3g} in a gap: declare `convex = False`"
+        must(not pairing.convex or shares.min() >= -ROUND_OFF, words)
+        nodes, points = len(first.nodes), found.gap.size
+        words = f"{nodes} nodes have {points} points: declare `more_points_than_nodes = True`"
+        must(points <= nodes or pairing.more_points_than_nodes, words)
 
 
-def _with_dimensions(subject: Subject) -> Iterator[tuple[int, Any]]:
-    """Yield each example of a pairing with each number of dimensions in which it pairs surfaces."""
+def _faced(subject: Subject, gap: float) -> Iterator[tuple[Any, Surface, Surface, PairedPoints]]:
+    """Yield each example of a pairing, two surfaces that are so far apart, whichever is the first, and their points."""
     for _, pairing in subject.made():
-        yield from ((dim, pairing) for dim in pairing.dimensions)
+        for dim in pairing.dimensions:
+            pair = _surfaces(gap, np.eye(dim))
+            for first, second in (pair, pair[::-1]):
+                yield pairing, first, second, _points(pairing, first, second)
 
 
 def _points(pairing: Any, first: Surface, second: Surface | Wall) -> PairedPoints:
