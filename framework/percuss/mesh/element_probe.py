@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.errors import PluginError
 from percuss.jit import compile_error, compiled_function, jit_disabled, plain
 from percuss.mesh.cells import cells_of, is_solid, points_at_rest, slots_of_material, volumes_of
 from percuss.mesh.materials import MaterialPoints
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import BodyMesh, Floats, Integers
 
 MANY = 2000  # calls of a kernel from which on plain Python takes longer than to load the compiler
+TOGETHER = 150_000  # numbers of the forces that are found together, which stay in the cache
 ACROSS = 4  # column of the stress across a plane, after those of the stress in it
 
 
@@ -113,57 +115,20 @@ def linear_stress(points: MaterialPoints, point: int, strain: float) -> float:
 def find_forces(elements: Elements, material: Any, numbers: Integers, displacement: Floats, forces: Floats) -> None:
     """Set the forces of elements on their nodes at given displacements, (k, nodes, dim) arrays."""
     for k in range(numbers.size):
+        first = numbers[k] * elements.points
+        for point in range(first, first + elements.points):
+            material.calls[point] = 0
+            material.stress[point] = 0.0
         force_of_element(elements, material, numbers[k], displacement[k], forces[k])
-
-
-def find_stiffness(
-    elements: Elements, points: MaterialPoints, numbers: Integers, axes: Floats, size: float, stiffness: Floats,
-    displacement: Floats, back: Floats, forth: Floats,
-) -> None:  # fmt: skip
-    """Set the stiffness of elements about rest, by symmetric differences of their forces.
-
-    Parameters
-    ----------
-    elements, points
-        Elements and material of a body.
-    numbers : (k,) array
-        Numbers of the elements.
-    axes : (m, dim) array
-        Directions in which their nodes move.
-    size
-        How far a node moves back and forth.
-    stiffness : (k, nodes, m, nodes, m) array
-        Component of the force by component of the motion.
-    displacement, back, forth : (nodes, dim) arrays
-        Work space, of which the first is zero.
-    """
-    nodes, dim = displacement.shape
-    for k in range(numbers.size):
-        for moved in range(nodes):
-            for way in range(axes.shape[0]):
-                for d in range(dim):
-                    displacement[moved, d] = -size * axes[way, d]
-                force_of_element(elements, points, numbers[k], displacement, back)
-                for d in range(dim):
-                    displacement[moved, d] = size * axes[way, d]
-                force_of_element(elements, points, numbers[k], displacement, forth)
-                for a in range(nodes):
-                    for m in range(axes.shape[0]):
-                        total = 0.0
-                        for d in range(dim):
-                            total += (back[a, d] - forth[a, d]) * axes[m, d]
-                        stiffness[k, a, m, moved, way] = total / (2.0 * size)
-            for d in range(dim):
-                displacement[moved, d] = 0.0
 
 
 # ------------------------------------------------------------------------------------------------------ probe
 
 
 @functools.lru_cache(maxsize=64)
-def _bound(kernel: Kernel, filled: tuple[tuple[Kernel, Any], ...], *, jit: bool) -> Kernel:
-    """Return a kernel with the kernels of element and material, compiled or in plain Python; bound once a process."""
-    return compiled_function(kernel, dict(filled)) if jit else plain(kernel, dict(filled))
+def _bound(filled: tuple[tuple[Kernel, Any], ...], *, jit: bool) -> Kernel:
+    """Return `find_forces` with the kernels of element and material, compiled or plain; bound once a process."""
+    return (compiled_function if jit else plain)(find_forces, dict(filled))
 
 
 class ElementProbe:
@@ -202,7 +167,7 @@ class ElementProbe:
             filled |= {force_of_element: force_of_line, slots.internal_force: element.internal_force}
             arrays, geometry = answer(element, "bind", body), np.zeros(0)
         self._elements = Elements(arrays, geometry, float(body.section), self._weights.shape[1])
-        self._filled: dict[Any, Any] = filled
+        self._filled = tuple(filled.items())
         count, size = self._weights.size, max(1, self._dimension**2)
         stress, strain = np.zeros((count, size + (size == ACROSS))), np.zeros((count, size))
         self._answers = Answers(points, in_space, np.zeros(count, dtype=np.int64), stress, strain)
@@ -216,7 +181,7 @@ class ElementProbe:
         return self._forces(np.array([number]), np.reshape(displacement, (1, *self._shape))).ravel()
 
     def stiffness(self, numbers: Integers, axes: Floats, size: float) -> Floats:
-        """Return the stiffness of elements about rest, by symmetric differences of their forces.
+        """Return the symmetric stiffness of elements about rest, by differences of their forces back and forth.
 
         Parameters
         ----------
@@ -231,12 +196,28 @@ class ElementProbe:
         -------
         (k, nodes * m, nodes * m) array
             Components of the forces by components of the motions.
+
+        Raises
+        ------
+        PluginError
+            If a force is not finite.
         """
-        count, (nodes, ways) = len(numbers), (self._shape[0], len(axes))
-        stiffness, work = np.empty((count, nodes, ways, nodes, ways)), np.zeros((3, *self._shape))
-        calls = 2 * nodes * ways * count
-        self._call(find_stiffness, calls, self._answers.points, numbers, axes, size, stiffness, *work)
-        return stiffness.reshape(count, nodes * ways, nodes * ways)
+        nodes, dim = self._shape
+        forth = size * np.kron(np.eye(nodes), axes).reshape(-1, nodes, dim)
+        both, count = np.concatenate([-forth, forth]), len(forth)
+        step = min(len(numbers), max(1, TOGETHER // both.size))
+        motions, stiffness = np.tile(both, (step, 1, 1)), np.empty((len(numbers), count, count))
+        for first in range(0, len(numbers), step):
+            moved = np.repeat(numbers[first : first + step], 2 * count)
+            forces = self._forces(moved, motions[: moved.size], calls=2 * count * len(numbers))
+            if not np.isfinite(forces).all():
+                k = np.argwhere(~np.isfinite(forces))[0, 0]
+                fault, place = self.fault(moved[k], motions[k])
+                raise PluginError(f"{fault}, in cell {moved[k]}", place)
+            back, forth = np.moveaxis((forces.reshape(-1, dim) @ axes.T).reshape(-1, 2, count, count), 1, 0)
+            along = (back - forth) / (2.0 * size)
+            stiffness[first : first + step] = 0.5 * (along + along.swapaxes(1, 2))
+        return stiffness
 
     def stresses(self, numbers: Integers, displacements: Floats, states: Floats | None = None) -> Floats:
         """Return the stress in elements at several times, the mean over the volume of each; of solids Cauchy's.
@@ -293,31 +274,20 @@ class ElementProbe:
     ) -> Floats:
         """Return the forces of elements, (k, nodes, dim); compiled code finds them if there are many calls in all."""
         answers, forces = self._answers, np.zeros((len(numbers), *self._shape))
-        for kept in self._views:
-            kept[numbers] = 0
         if state is not None and state.size:
             before = np.zeros((*self._weights.shape, state.shape[-1]))
             before[numbers] = state
             before = read_only(before.reshape(answers.points.before.shape))
             answers = answers._replace(points=answers.points._replace(before=before))
-        self._call(find_forces, calls, answers, numbers, np.ascontiguousarray(displacement), forces)
-        return forces
-
-    def _call(self, kernel: Kernel, calls: int, material: Any, *arguments: object) -> None:
-        """Call a kernel that calls the element so often, compiled if that is often.
-
-        What the material answers is kept if it is handed over as `Answers`.
-        """
-        filled = self._filled
-        if not isinstance(material, Answers):
-            filled = {**filled, self._slot: filled[stress_of_material]}
+        arguments = self._elements, answers, numbers, np.ascontiguousarray(displacement), forces
         if calls >= MANY and self._compiles:
             self._compiles = False
             with suppress(*compile_error()):  # the march says why, where it cannot compile the kernels either
-                _bound(kernel, tuple(filled.items()), jit=True)(self._elements, material, *arguments)
+                _bound(self._filled, jit=True)(*arguments)
                 self._compiles = True
-                return
-        _bound(kernel, tuple(filled.items()), jit=False)(self._elements, material, *arguments)
+                return forces
+        _bound(self._filled, jit=False)(*arguments)
+        return forces
 
     def _cauchy(self, stress: Floats, gradient: Floats) -> Floats:
         """Return Cauchy's stress, (..., 3, 3), from what a solid material returns and the displacement gradient.
