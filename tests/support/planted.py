@@ -516,13 +516,17 @@ def half_or_nothing(self, element_mass, lumping, in_contact):
     return nodal
 
 
-def one_sided_inverse(self, element_mass, lumping):
-    """Couple the nodes the more the farther along: a body that moves as a whole does not show it."""
+def coupled(element_mass, lumping, taken):
+    """Return an inverse that couples the nodes beside each element: a body that moves as a whole does not show it."""
     masses = lumped(element_mass, lumping)
-    taken = np.linspace(0.05, 0.1, element_mass.size) * element_mass
     diagonal = (masses - np.append(taken, 0.0) - np.append(0.0, taken)) / masses**2
     beside = taken / (masses[:-1] * masses[1:])
     return diags_array([beside, diagonal, beside], offsets=[-1, 0, 1])
+
+
+def one_sided_inverse(self, element_mass, lumping):
+    """Couple the nodes the more the farther along."""
+    return coupled(element_mass, lumping, np.linspace(0.05, 0.1, element_mass.size) * element_mass)
 
 
 def leaning(self, element_mass, lumping):
@@ -538,6 +542,14 @@ plant(
 )  # fmt: skip
 plant("half-or-nothing", "total-mass", "in a unit of 1/", Lumped, nodal_in_contact=half_or_nothing)
 plant("one-sided-inverse", "inverse-mass", "counted from the other end", Lumped, inverse=one_sided_inverse)
+plant(
+    "indefinite-inverse", "inverse-mass", "not positive definite", Lumped,
+    inverse=lambda self, element_mass, lumping: coupled(element_mass, lumping, 9.0 * element_mass),
+)  # fmt: skip
+plant(
+    "inverse-of-another-mass", "inverse-mass", "M^-1 m is", Lumped,
+    inverse=lambda self, *given: diags_array(1.0 / (1.1 * lumped(*given))),
+)  # fmt: skip
 plant("never-finer", "mesh", "`element_count` is", Bar, mesh=lambda self, at, refine: Bar.mesh(self, at, 1))
 plant("at-the-origin", "mesh", "does not start", Bar, mesh=lambda self, at, refine: Bar.mesh(self, 0.0 * at, refine))
 

@@ -156,7 +156,7 @@ def _ends(model: Model, p: int) -> tuple[list[tuple[float, float]], Floats, Floa
     step = ClosedStep(motions, model.dt, [p])
     if not step.linear():
         raise PercussError(f"{contact}: the step is not linear while it is closed")
-    bodies = [model.bodies.bar_at(node) for node in ends]
+    bodies = [model.bodies.at(node) for node in ends]
     taken = {constraint.node for constraint in motions.constraints}.union(points.node[points.point != p].tolist())
     if taken.intersection(ends) or any(body.count < 2 for body in bodies):
         needed = "ends that move freely, in one contact, with two elements behind"

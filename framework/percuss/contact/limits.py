@@ -42,7 +42,7 @@ def stiffness_limits(bodies: Bodies, points: PointArrays, over_the_run: Iterable
         moved.append(np.stack([rows.point[moves], rows.node[moves]]))
     point, node = np.unique(np.concatenate(moved, axis=1), axis=1)
     if bodies.of_lines:
-        return partial(_limits_of_ends, list(bodies.bars.values()), points, point, node)
+        return partial(_limits_of_ends, list(bodies.values()), points, point, node)
     return _SurfaceLimits(bodies, points, node).at
 
 

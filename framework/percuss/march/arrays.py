@@ -13,7 +13,7 @@ from percuss.contact.state_variables import StateVariables
 from percuss.march.parts import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
 from percuss.mesh import cell_kernels
-from percuss.mesh.block import Block
+from percuss.mesh.cell_kernels import Block
 from percuss.mesh.cells import cell_arrays, element_slots, has_cells, is_solid, parameters_of, slots_of_material
 from percuss.methods.plugin_calls import answer, read_only
 from percuss.record_arrays import empty_records, record_array

@@ -15,7 +15,7 @@ from percuss.mesh import size_limits
 from percuss.mesh.body import Body
 from percuss.mesh.cell_stiffness import frequencies_of_cells
 from percuss.mesh.cells import volumes_of
-from percuss.mesh.masses import ends_at_contacts, inverse_mass, nodal_masses
+from percuss.mesh.masses import ends_at_contacts, masses_of
 from percuss.methods.interfaces import BodyMesh
 from percuss.methods.plugin_calls import answer, read_only
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 TURNS: dict[int, tuple[list[int], list[int]]] = {1: ([], []), 2: ([0], [1]), 3: ([1, 2, 0], [2, 0, 1])}
 
 
-class Bodies(Mapping[str, Body]):
+class Bodies(dict[str, Body]):
     """The bodies of a model by name, in the order of the case.
 
     Attributes
@@ -46,8 +46,7 @@ class Bodies(Mapping[str, Body]):
     """
 
     def __init__(self, bodies: list[Body]) -> None:
-        self._bodies = bodies
-        self._by_name = {body.name: body for body in bodies}
+        super().__init__((body.name, body) for body in bodies)
         self._starts = [body.start for body in bodies]
         self.mass: Floats = read_only(np.concatenate([body.mass for body in bodies]))
         self.nodes: Floats = read_only(np.concatenate([body.mesh.nodes for body in bodies]))
@@ -55,15 +54,6 @@ class Bodies(Mapping[str, Body]):
         self.omega = max(float(body.frequency.max()) for body in bodies)
         self.couples_nodes = any(body.inverse is not None for body in bodies)
         self.why_not_linear = "; ".join(filter(None, (body.why_not_linear for body in bodies)))
-
-    def __getitem__(self, name: str) -> Body:
-        return self._by_name[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._by_name)
-
-    def __len__(self) -> int:
-        return len(self._bodies)
 
     @cached_property
     def mass_of_dofs(self) -> Floats:
@@ -106,33 +96,20 @@ class Bodies(Mapping[str, Body]):
     @cached_property
     def about_axis(self) -> bool:
         """Whether all bodies are bodies of revolution."""
-        return all(body.spec.plane == "axisymmetric" for body in self._bodies)
+        return all(body.spec.plane == "axisymmetric" for body in self.values())
 
     @cached_property
     def of_lines(self) -> bool:
         """Whether all bodies are along lines."""
-        return all(body.is_bar for body in self._bodies)
+        return all(body.is_bar for body in self.values())
 
     @cached_property
-    def bars(self) -> Mapping[str, Body]:
-        """The bodies, where all are bars.
-
-        Raises
-        ------
-        TypeError
-            If one of them is no bar.
-        """
-        if not self.of_lines:
-            raise TypeError("only bars have this")
-        return self
+    def _in_order(self) -> list[Body]:
+        return list(self.values())
 
     def at(self, node: int) -> Body:
         """Return the body that contains a node."""
-        return self._bodies[bisect.bisect_right(self._starts, node) - 1]
-
-    def bar_at(self, node: int) -> Body:
-        """Return the bar that contains a node."""
-        return self.bars[self.at(node).name]
+        return self._in_order[bisect.bisect_right(self._starts, node) - 1]
 
     def mobility(self, node: int) -> float:
         """Return the acceleration of a node by a unit force on it, 1/m where the mass is diagonal [1/mass]."""
@@ -166,7 +143,7 @@ def bodies_of(case: Case) -> Bodies:
         velocity = np.asarray(spec.velocity, dtype=float)
         if velocity.ndim == 0:  # along the body; a body along no line has none by default
             velocity = velocity * (mesh.direction if mesh.line is not None else np.zeros(mesh.nodes.shape[1]))
-        mass, may_lack_mass = nodal_masses(case, spec, view, in_contact.get(name, frozenset()))
+        masses = masses_of(case, spec, view, in_contact.get(name, ()))
         if mesh.line is None:
             stiffness, frequency = np.zeros(0), frequencies_of_cells(spec.element, spec.material, view)
         else:
@@ -179,13 +156,13 @@ def bodies_of(case: Case) -> Bodies:
             spec=spec,
             mesh=mesh,
             start=bodies[-1].stop if bodies else 0,
-            mass=mass,
+            mass=masses.nodal,
             frequency=frequency,
             stiffness=stiffness,
             volumes=volumes_of(spec.element, view),
             velocity=velocity,
-            may_lack_mass=may_lack_mass,
-            inverse=inverse_mass(case, spec, view, mass),
+            may_lack_mass=masses.may_be_zero,
+            inverse=masses.inverse,
         )
         bodies.append(body)
     size_limits.check_bodies(case, bodies)

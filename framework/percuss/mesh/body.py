@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.mesh.cell_stiffness import cell_stiffness, stiffness_of_cells
-from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of, modulus_of
+from percuss.mesh.cell_stiffness import assembled, stiffness_of_cells
+from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of
 from percuss.mesh.eigenvalues import as_bands, highest_of_bands
 from percuss.mesh.surfaces import BodySurface, surface_of
-from percuss.methods.interfaces import BodyMesh, Floats, Integers, LoadedEnd, Mesh
+from percuss.methods.interfaces import BodyMesh, Floats, Integers, LoadedEnd, Mesh, SolidMaterial
+from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
     from percuss.case.specs import BodySpec
@@ -191,17 +192,20 @@ class Body:
     @property
     def modulus(self) -> float:
         """The largest tangent modulus, of a longitudinal wave in a body that is no bar [force/length^2]."""
-        return modulus_of(self.spec.material, self.view)
+        material = self.spec.material
+        if isinstance(material, SolidMaterial) and not self.is_bar:
+            return float(answer(material, "wave_modulus", self.view.plane_of_material))
+        return material.modulus
 
     def stiffness_matrix(self) -> Any:
         """Return the stiffness about rest as a sparse array, (nodes * dim, nodes * dim) [force/length].
 
         That of a bar is along it, with a linear material.
         """
-        if not self.is_bar:
-            return stiffness_of_cells(self.spec.element, self.spec.material, self.view)
         from scipy.sparse import kron
 
+        if not self.is_bar:
+            return stiffness_of_cells(self.spec.element, self.spec.material, self.view)
         along = np.outer(self.mesh.direction, self.mesh.direction)
         return self.axial_stiffness if along.size == 1 else kron(self.axial_stiffness, along)
 
@@ -252,16 +256,10 @@ class Body:
     @property
     def axial_stiffness(self) -> Any:
         """The stiffness along a bar with a linear material, sparse, (nodes, nodes) [force/length]; it is not kept."""
-        from scipy.sparse import csr_array, diags_array
-
-        if not self.of_cells:
-            diagonal = np.append(self.stiffness, 0.0)
-            diagonal[1:] += self.stiffness
-            return csr_array(diags_array([-self.stiffness, diagonal, -self.stiffness], offsets=[-1, 0, 1]))
-        found = cell_stiffness(self.spec.element, self.spec.material, self.view)
-        matrices, cells = found.matrices[found.kind], cells_of(self.mesh)
-        rows, columns = np.broadcast_arrays(cells[:, :, None], cells[:, None, :])
-        return csr_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(self.mass.size, self.mass.size))
+        if self.of_cells:
+            return stiffness_of_cells(self.spec.element, self.spec.material, self.view)
+        matrices = self.stiffness[:, None, None] * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        return assembled(matrices, cells_of(self.mesh), self.mass.size)
 
 
 def in_space(vectors: Floats) -> Floats:

@@ -63,16 +63,24 @@ def cell_stiffness(element: Element, material: Material, body: BodyMesh) -> Cell
 
 
 def stiffness_of_cells(element: Element, material: Material, body: BodyMesh) -> Any:
-    """Return the stiffness of a body as a sparse array, (nodes * dim, nodes * dim) [force/length]."""
+    """Return the stiffness of a body as a sparse array [force/length], of a bar along it.
+
+    It is an (n, n) array with n = nodes * dim, of a bar n = nodes.
+    """
+    cells, count = cells_of(body.mesh), len(body.mesh.nodes)
+    found = cell_stiffness(element, material, body)
+    ways = found.matrices.shape[1] // cells.shape[1]  # of the motion of a node
+    dofs = (cells[:, :, None] * ways + np.arange(ways)).reshape(len(cells), -1)
+    return assembled(found.matrices[found.kind], dofs, ways * count)
+
+
+def assembled(matrices: Floats, dofs: Integers, size: int) -> Any:
+    """Return the sum of matrices of cells, each at its degrees of freedom, as a sparse array of a size."""
     from scipy.sparse import csr_array
 
-    cells, (count, dim) = cells_of(body.mesh), body.mesh.nodes.shape
-    found = cell_stiffness(element, material, body)
-    # SciPy would copy wider numbers, which takes longer than all else.
-    dofs = (cells[:, :, None] * dim + np.arange(dim)).reshape(len(cells), -1).astype(np.int32)
-    values = found.matrices[found.kind]
-    row, column = (np.broadcast_to(d, values.shape).ravel() for d in (dofs[:, :, None], dofs[:, None, :]))
-    return csr_array((values.ravel(), (row, column)), shape=(count * dim, count * dim))
+    dofs = dofs.astype(np.int32)  # SciPy would copy wider numbers, which takes longer than all else
+    row, column = (np.broadcast_to(d, matrices.shape).ravel() for d in (dofs[:, :, None], dofs[:, None, :]))
+    return csr_array((matrices.ravel(), (row, column)), shape=(size, size))
 
 
 def frequencies_of_cells(element: Element, material: Material, body: BodyMesh) -> Floats:

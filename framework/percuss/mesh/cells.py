@@ -52,18 +52,6 @@ def points_at_rest(element: Element, material: Material, body: BodyMesh) -> Mate
     return MaterialPoints(read_only(parameters_of(element, material, body)), read_only(before), before.copy())
 
 
-def modulus_of(material: Material, body: BodyMesh) -> float:
-    """Return the largest tangent modulus of a body, of a longitudinal wave where the body is no bar."""
-    if isinstance(material, SolidMaterial) and body.mesh.line is None:
-        return float(answer(material, "wave_modulus", body.plane_of_material))
-    return material.modulus
-
-
-def modulus_of_bar(material: Material) -> float:
-    """Return the largest tangent modulus of a bar of a material, nan of a material of solids alone."""
-    return float("nan") if material.stress is None else material.modulus
-
-
 def mesh_of_element(element: Element, mesh: Mesh) -> Mesh:
     """Return the mesh of a body: that of its shape, with the nodes that its element has between its ends.
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.methods.blame import breach
 from percuss.methods.interfaces import FollowingLoad
 from percuss.methods.plugin_calls import answer
 
@@ -247,8 +246,6 @@ def _followers(
                 problems.append(case.problem(("loads", spec.name), message, advice))
             owners.setdefault(node, spec.name)
             numbers = answer(spec.load, "numbers", body.loaded_end(node))
-            for motion in ((0.0, 0.0, 0.0), (1e-3, 1e-6, -1e-3)):
-                answer(spec.load, "follow", numbers, *motion)
             yield Follower(node, direction, spec, column, type(spec.load).follow, tuple(map(float, numbers)))
 
 
@@ -297,9 +294,6 @@ def amplitude(spec: LoadSpec, time: Floats, dt: float, *, average: bool) -> Floa
     start = -math.inf if average and spec.start <= 0 else spec.start
     clock = np.clip(time, spec.start, spec.stop) - (spec.start if math.isfinite(spec.start) else 0.0)
     values = np.asarray(answer(spec.load, "amplitude", clock), dtype=float)
-    if values.shape != time.shape:
-        message = f"amplitude returned numbers of shape {values.shape}, expected {time.shape}"
-        raise breach(spec.load, "amplitude", message)
     if not average:
         return values
     half = 0.5 * dt

@@ -81,10 +81,7 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
     path: tuple[str, ...] = ("bodies", spec.name)
     amount = f"more in body '{spec.name}' than the machine can hold"
     try:
-        count = answer(shape, "element_count", refine)
-        if count is None:
-            dim = start.size if type(shape).cell != "line" else 1
-            count = len(cells_of(answer(shape, "mesh", start, 1))) * refine**dim if refine > 1 else 0
+        count = answer(shape, "element_count", refine) or 0
         nodes = {"triangle": 0.5, "tetra": 0.25}.get(shape.cell, 1.0)  # for each element
         if has_cells(spec.element) and shape.cell == "line":
             nodes = answer(spec.element, "reference_nodes").size - 1

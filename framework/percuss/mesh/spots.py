@@ -8,7 +8,6 @@ import numpy as np
 
 from percuss.case.specs import Spot
 from percuss.case.type_words import found
-from percuss.mesh.cells import cells_of
 from percuss.methods.interfaces import REFERENCE_CELLS
 
 if TYPE_CHECKING:
@@ -17,10 +16,10 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.errors import Problem
     from percuss.mesh.body import Body
-    from percuss.methods.interfaces import Floats, Mesh
+    from percuss.methods.interfaces import Floats, Mesh, ReferenceCell
 
 OUTSIDE = 1e-9  # of a cell; a point that lies so far outside is on its boundary
-NEWTON = 20  # steps of the search for the place of a point in a quadrilateral or a hexahedron
+NEWTON = 20  # steps of the search for the place of a point in a cell
 
 
 def outside(case: Case, bodies: Mapping[str, Body]) -> Iterator[Problem]:
@@ -28,11 +27,9 @@ def outside(case: Case, bodies: Mapping[str, Body]) -> Iterator[Problem]:
     for i, one in enumerate(case.record.probes or ()):
         if isinstance(one, Spot) and not shares_at(bodies[one.body], one):
             least, largest = (corner.tolist() for corner in bodies[one.body].extent)
-            message, path = (
-                f"expected a point of body '{one.body}', found {found(one.at)}",
-                ("record", "probes", i, "at"),
-            )
-            yield case.problem(path, message, f"The body lies between {least} and {largest}.")
+            message = f"expected a point of body '{one.body}', found {found(one.at)}"
+            advice = f"The body lies between {least} and {largest}."
+            yield case.problem(("record", "probes", i, "at"), message, advice)
 
 
 def shares_at(body: Body, spot: Any) -> list[tuple[int, float]]:
@@ -56,26 +53,22 @@ def shares_in(mesh: Mesh, point: Floats) -> list[tuple[int, float]]:
         k = int(np.clip(np.searchsorted(place, along) - 1, 0, len(place) - 2))
         part = float((along - place[k]) / (place[k + 1] - place[k]))
         return [(k, 1.0 - part), (k + 1, part)]
-    cells = cells_of(mesh)
+    ((kind, cells),) = mesh.cells.items()
     corners = mesh.nodes[cells]
     slack = OUTSIDE * np.ptp(corners, axis=1).max(axis=1)[:, None]
     near = (corners.min(axis=1) <= point + slack) & (corners.max(axis=1) >= point - slack)
     for cell in np.flatnonzero(near.all(axis=1)):
-        shares = _shares(corners[cell], point)
+        shares = _shares(REFERENCE_CELLS[kind], corners[cell], point)
         if shares.min() >= -OUTSIDE:
             return list(zip(cells[cell].tolist(), shares.tolist(), strict=True))
     return []
 
 
-def _shares(corners: Floats, point: Floats) -> Floats:
-    """Return the shape functions of a cell at a point; negative ones if it lies outside."""
-    count, dim = corners.shape
-    if count == dim + 1:  # a triangle or a tetrahedron
-        shares: Floats = np.linalg.solve(np.vstack([corners.T, np.ones(count)]), np.append(point, 1.0))
-        return shares
-    cell, at = REFERENCE_CELLS["quad" if dim == 2 else "hexahedron"], np.zeros((1, dim))
+def _shares(cell: ReferenceCell, corners: Floats, point: Floats) -> Floats:
+    """Return the shape functions of a cell at a point; one of them is negative if it lies outside."""
+    at = np.zeros((1, point.size))
     for _ in range(NEWTON):
         shapes, slopes = cell.shape_functions(at)
         at = at - np.linalg.solve(corners.T @ slopes[0], shapes[0] @ corners - point)
-    outside = float(np.abs(at).max()) - 1.0
-    return np.array([-outside]) if outside > OUTSIDE else cell.shape_functions(at)[0][0]
+    shares: Floats = cell.shape_functions(at)[0][0]
+    return shares

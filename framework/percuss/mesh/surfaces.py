@@ -120,9 +120,6 @@ def _cells_behind(cells: Integers, facets: Integers, nodes: int) -> Integers:
         count, width = of.shape
         return csr_array((np.ones(of.size), of.ravel(), width * np.arange(count + 1)), shape=(count, nodes))
 
-    shared = (incidence(facets) @ incidence(cells).T).tocsr()
-    found = shared.data == facets.shape[1]
-    rows = np.repeat(np.arange(len(facets)), np.diff(shared.indptr))[found]
-    behind = np.full(len(facets), -1, dtype=np.int64)
-    behind[rows] = shared.indices[found]
+    facet, cell = (incidence(facets) @ incidence(cells).T == facets.shape[1]).nonzero()
+    behind: Integers = cell[np.argsort(facet)]
     return behind

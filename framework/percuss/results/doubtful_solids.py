@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.case.quantities import percent
 from percuss.mesh.body import in_space
-from percuss.mesh.cells import cells_of, is_solid, modulus_of_bar
+from percuss.mesh.cells import cells_of, is_solid
 from percuss.methods.interfaces import REFERENCE_CELLS
 from percuss.results.seams import in_brackets, seams
 
@@ -34,7 +34,8 @@ def why_too_stiff(body: Body) -> str:
     element, said = body.spec.element, f"body '{body.name}' is"
     if not getattr(element, "locks", False):
         return ""
-    if body.modulus / modulus_of_bar(body.spec.material) > NEARLY_INCOMPRESSIBLE:
+    material = body.spec.material
+    if material.stress is not None and body.modulus / material.modulus > NEARLY_INCOMPRESSIBLE:
         return f"{said} almost incompressible, where {element.name} locks: it is too stiff"
     long = _length_of_cells_over_thickness(body)
     # Cells that cannot bend shear instead: G (l/h)^2 / E of plane stress, and G / E is a quarter at least.

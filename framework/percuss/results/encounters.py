@@ -37,7 +37,7 @@ class End:
 
 def _ends(model: Model) -> Iterator[End]:
     """Yield the ends of all bodies."""
-    for body in model.bodies.bars.values():
+    for body in model.bodies.values():
         for region, (nodes, outward, _) in body.mesh.regions.items():
             if len(nodes) == 1:
                 yield End(f"{body.name}.{region}", body, body.start + nodes[0], outward, body.mesh.nodes[nodes[0]])

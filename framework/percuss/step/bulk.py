@@ -10,8 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from percuss.jit import Kernel, called
-from percuss.mesh.block import Block
-from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells, energy_of_points
+from percuss.mesh.cell_kernels import Block, add_up_forces, energy_of_cells, energy_of_points
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import energy, internal_force, unbound
 from percuss.record_arrays import Records

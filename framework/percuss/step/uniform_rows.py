@@ -130,7 +130,7 @@ def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> Any:
     boundary_nodes
         The nodes at which contacts, loads, supports or probes act.
     """
-    bodies = list(model.bodies.bars.values()) if model.bodies.of_lines else []
+    bodies = list(model.bodies.values()) if model.bodies.of_lines else []
     ends = {node for body in bodies for node in (body.start, body.stop - 1)}
     bars = []
     if (

@@ -223,7 +223,7 @@ def refusals(model: Model) -> Iterator[Problem | RefusedPair]:
     if not massless.any():
         return
     name, integrator = case.method.mass.name, case.method.integrator.name
-    for body in model.bodies.bars.values():
+    for body in model.bodies.values():
         if not all(body.mass[beside - body.start] > 0.0 for beside in body.ends_without_mass.values()):
             message = f"expected a node with mass beside each end without mass of body '{body.name}', found none"
             yield case.problem(("method", "mass"), message, "Give the body more elements.")
