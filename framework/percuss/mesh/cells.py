@@ -11,7 +11,6 @@ from percuss.mesh import cell_kernels
 from percuss.mesh.cell_kernels import Cells
 from percuss.mesh.materials import MaterialPoints, material_slots, solid_slots
 from percuss.methods import slots
-from percuss.methods.blame import breach
 from percuss.methods.interfaces import BodyMesh, CellElement, Lumping, Mesh, SolidElement, SolidMaterial
 from percuss.methods.plugin_calls import answer, read_only
 
@@ -65,9 +64,6 @@ def mesh_of_element(element: Element, mesh: Mesh) -> Mesh:
     if not isinstance(element, CellElement) or mesh.line is None:
         return mesh
     places = np.asarray(answer(element, "reference_nodes"), dtype=float)
-    if element.cell != kind_of(places.size):
-        message = f"has {places.size} nodes, and its `cell` says {element.cell!r}, expected {kind_of(places.size)!r}"
-        raise breach(element, "reference_nodes", message)
     order, count = places.size - 1, mesh.lengths.size
     along = np.argsort(places)  # the nodes of a cell in the order in which they stand along the line
     nodes = np.empty((count, order, mesh.nodes.shape[1]))
@@ -80,11 +76,6 @@ def mesh_of_element(element: Element, mesh: Mesh) -> Mesh:
         regions={name: _moved(region, order) for name, region in mesh.regions.items()},
         cells={element.cell: cells},
     )
-
-
-def kind_of(nodes: int) -> str:
-    """Return the kind of a line cell of `nodes` nodes, named as VTK and meshio name it."""
-    return "line" if nodes == 2 else f"line{nodes}"
 
 
 def _moved(region: Region, order: int) -> Region:
@@ -115,10 +106,6 @@ def lumping_of(element: Element, body: BodyMesh) -> Lumping:
     if not isinstance(element, CellElement):
         return Lumping.of_line(len(cells_of(body.mesh)))
     shares, cells = np.asarray(answer(element, "mass_shares", body), dtype=float), cells_of(body.mesh)
-    if shares.shape not in (cells.shape, cells.shape[1:]):
-        raise breach(
-            element, "mass_shares", f"mass_shares returned {shares.shape[-1]} shares of {cells.shape[1]} nodes"
-        )
     return Lumping(np.broadcast_to(shares, cells.shape), cells, body.mesh.nodes.shape[0])
 
 
@@ -142,6 +129,7 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
     cells = [cells_of(body.mesh) for body in bodies]
     volumes = [volumes_of(element, body) for body in bodies]
     nodes_of_cell, dim = cells[0].shape[1], bodies[0].mesh.nodes.shape[1]
+    gradient = (element.dimension**2,) if isinstance(element, SolidElement) else ()
     shared = Cells(
         rule=answer(element, "rule"),
         cells=np.concatenate(cells).astype(np.uint32),
@@ -155,11 +143,7 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
         strains=np.zeros((0, 0)),
     )
     locked: Cells = read_only(shared)
-    return locked._replace(
-        strains=np.zeros(
-            (2, volumes[0].shape[1], *((element.dimension**2,) if isinstance(element, SolidElement) else ()))
-        ),
-    )
+    return locked._replace(strains=np.zeros((2, volumes[0].shape[1], *gradient)))
 
 
 def element_slots(element: Any) -> dict[Any, Any]:

@@ -78,24 +78,19 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
         If the nodes do not fit into memory, or a cell is so small or large that its volume cannot be computed.
     """
     start, shape, refine = np.asarray(spec.at, dtype=float), spec.shape, case.refine
-    path: tuple[str, ...] = ("bodies", spec.name)
-    amount = f"more in body '{spec.name}' than the machine can hold"
     try:
         count = answer(shape, "element_count", refine) or 0
         nodes = {"triangle": 0.5, "tetra": 0.25}.get(shape.cell, 1.0)  # for each element
         if has_cells(spec.element) and shape.cell == "line":
             nodes = answer(spec.element, "reference_nodes").size - 1
         size = bytes_of_nodes(count * nodes, start.size, of_bar=shape.cell == "line")
-        if refine > 1 and not why_too_large(size / refine):
-            path = ("refine",)
         if not (too_large := why_too_large(size)):
             return _mesh_of_shape(case, spec, start)
-        amount = f"{count:.4g} in body '{spec.name}', which {too_large}"
     except OptionError as error:
         raise InputError([case.problem(("refine",), str(error), "")]) from error
-    except MemoryError:
-        pass
-    raise TooLargeError([case.problem(path, f"expected elements that fit into memory, found {amount}", "Take fewer.")])
+    path = ("refine",) if refine > 1 and not why_too_large(size / refine) else ("bodies", spec.name)
+    message = f"expected elements that fit into memory, found {count:.4g} in body '{spec.name}', which {too_large}"
+    raise TooLargeError([case.problem(path, message, "Take fewer.")])
 
 
 def _mesh_of_shape(case: Case, spec: BodySpec, start: Floats) -> Mesh:
@@ -148,14 +143,10 @@ def check_bodies(case: Case, bodies: Sequence[Body]) -> None:
             if within_limits(values).all():
                 continue
             first = int(np.argmin(within_limits(values)))
-            value, advice = float(values[first]), UNITS
-            message = f"expected {quantity} between {BOUNDS}, found {value:.6g}"
-            if source and not value > 0:
-                message, advice = (
-                    f"expected {quantity} greater than 0, found {value:.6g} at {first}, from {source[0]}",
-                    source[1],
-                )
-            own = ("velocity",) if quantity == "a velocity" else ()
-            problems.append(case.problem(("bodies", body.name, *own), message, advice, any_inside=True))
+            expected, advice = f"between {BOUNDS}, found {values[first]:.6g}", UNITS
+            if source and not values[first] > 0:
+                expected, advice = f"greater than 0, found {values[first]:.6g} at {first}, from {source[0]}", source[1]
+            path = ("bodies", body.name, "velocity") if quantity == "a velocity" else ("bodies", body.name)
+            problems.append(case.problem(path, f"expected {quantity} {expected}", advice, any_inside=True))
             break
     refuse_if_any(problems)

@@ -215,6 +215,11 @@ def _of_elements(*more: int) -> Callable[..., None]:
     return check
 
 
+def _mass_shares(returned: Returned, body: BodyMesh) -> None:
+    shape = np.shape(next(iter(body.mesh.cells.values())))
+    returned.expect(*(shape if np.ndim(returned.value) == 2 else shape[1:]))
+
+
 def _of_nodes(returned: Returned, _element_mass: Floats, lumping: Lumping, *_: object) -> None:
     returned.expect(lumping.nodes)
 
@@ -231,7 +236,7 @@ CHECKS: dict[tuple[str, str], Callable[..., None]] = {
     ("elements", "bind"): lambda returned, _body: returned.expect_arrays(),
     ("elements", "rule"): lambda returned: returned.expect_arrays(),
     ("elements", "reference_nodes"): lambda returned: returned.expect(-1),
-    ("elements", "mass_shares"): lambda returned, _body: returned.expect(*[-1] * np.ndim(returned.value)),
+    ("elements", "mass_shares"): _mass_shares,
     ("elements", "volumes"): _of_elements(-1),
     ("elements", "geometry"): lambda returned, body: _of_elements(*[-1] * (np.ndim(returned.value) - 1))(
         returned, body
