@@ -47,6 +47,7 @@ class Bodies(dict[str, Body]):
 
     def __init__(self, bodies: list[Body]) -> None:
         super().__init__((body.name, body) for body in bodies)
+        self._in_order = bodies
         self._starts = [body.start for body in bodies]
         self.mass: Floats = read_only(np.concatenate([body.mass for body in bodies]))
         self.nodes: Floats = read_only(np.concatenate([body.mesh.nodes for body in bodies]))
@@ -102,10 +103,6 @@ class Bodies(dict[str, Body]):
     def of_lines(self) -> bool:
         """Whether all bodies are along lines."""
         return all(body.is_bar for body in self.values())
-
-    @cached_property
-    def _in_order(self) -> list[Body]:
-        return list(self.values())
 
     def at(self, node: int) -> Body:
         """Return the body that contains a node."""

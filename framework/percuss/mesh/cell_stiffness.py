@@ -52,13 +52,10 @@ def cell_stiffness(element: Element, material: Material, body: BodyMesh) -> Cell
     PluginError
         If a force is not finite.
     """
-    mesh, cells, modulus = body.mesh, cells_of(body.mesh), None
-    axes = np.eye(mesh.nodes.shape[1])
-    if mesh.line is not None:
-        axes, modulus = mesh.direction[None], material.modulus
-    size = PROBING_STRAIN * float(np.ptp(mesh.nodes[cells], axis=1).max())
+    modulus = None if body.mesh.line is None else material.modulus
+    size = PROBING_STRAIN * float(np.ptp(body.mesh.nodes[cells_of(body.mesh)], axis=1).max())
     first, kind = kinds_of_cells(body)
-    matrices = ElementProbe(element, material, body, modulus).stiffness(first, axes, size)
+    matrices = ElementProbe(element, material, body, modulus).stiffness(first, size)
     return CellStiffness(matrices, kind, first)
 
 

@@ -147,6 +147,7 @@ class ElementProbe:
     def __init__(self, element: Any, material: Any, body: BodyMesh, modulus: float | None = None) -> None:
         self._element, self._material = element, material
         self._plane, self._shape = body.plane, (cells_of(body.mesh).shape[1], body.mesh.nodes.shape[1])
+        self._axes = np.eye(self._shape[1]) if body.mesh.line is None else body.mesh.direction[None]
         self._dimension = element.dimension if is_solid(element) else 0  # of its stresses
         self._slot: Any = {0: slots.stress, 2: slots.stress_2d, 3: slots.stress_3d}[self._dimension]
         self._weights = np.array(volumes_of(element, body))  # of the points, in the mean stress
@@ -180,29 +181,27 @@ class ElementProbe:
         """Return the force of an element on its nodes at their displacements, (nodes * dim,) both."""
         return self._forces(np.array([number]), np.reshape(displacement, (1, *self._shape))).ravel()
 
-    def stiffness(self, numbers: Integers, axes: Floats, size: float) -> Floats:
+    def stiffness(self, numbers: Integers, size: float) -> Floats:
         """Return the symmetric stiffness of elements about rest, by differences of their forces back and forth.
 
         Parameters
         ----------
         numbers : (k,) array
             Numbers of the elements.
-        axes : (m, dim) array
-            Directions in which their nodes move.
         size
-            How far a node moves back and forth.
+            How far a node moves back and forth, in each direction of space, of a bar along it.
 
         Returns
         -------
         (k, nodes * m, nodes * m) array
-            Components of the forces by components of the motions.
+            Components of the forces by components of the motions, in m directions.
 
         Raises
         ------
         PluginError
             If a force is not finite.
         """
-        nodes, dim = self._shape
+        (nodes, dim), axes = self._shape, self._axes
         forth = size * np.kron(np.eye(nodes), axes).reshape(-1, nodes, dim)
         both, count = np.concatenate([-forth, forth]), len(forth)
         step = min(len(numbers), max(1, TOGETHER // both.size))

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 # the factor is rounded, and so is each of the operations that made the number, some 2e-16 each.
 ROUND_OFF = 1e-12
 DIRECTION_TOLERANCE = 1e-9  # part of a unit vector beyond the directions of constraints that is round-off
+FREE_TO_FOLLOW = "An end that follows is free along the load, and has one such load; add their forces in one."
 
 
 def latest(instant: Any) -> Any:
@@ -154,34 +155,39 @@ class SupportsAndLoads(NamedTuple):
 
 def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Problem]) -> SupportsAndLoads:
     """Return the supports and loads of a case; those that do not fit together are added to `problems`."""
-    constraints: list[Constraint] = []
+    constraints = list(_supports(case, bodies))
     nodal_forces: list[NodalForce] = []
+    followers: list[Follower] = []
     body_forces: list[BodyForce] = []
-    for body in bodies.values():
-        held = dict.fromkeys(
-            (node, axis)
-            for region, along in body.spec.supports
-            for node, _ in body.places(region)
-            for axis in (range(case.dimension) if along is None else (along,))
-        )
-        constraints += [Constraint(node, np.eye(case.dimension)[axis], None, 0) for node, axis in held]
-    for column, spec in enumerate(case.loads.values(), start=1):
-        for body, region in _targets(spec, bodies):
+    # An end that follows must be free of all drives: such loads come last.
+    numbered = enumerate(case.loads.values(), start=1)
+    for column, spec in sorted(numbered, key=lambda one: isinstance(one[1].load, FollowingLoad)):
+        targets = _targets(spec, bodies)
+        if isinstance(spec.load, FollowingLoad) and (wrong := _why_not_following(spec, targets)):
+            problems.append(case.problem(("loads", spec.name), *wrong))
+            continue
+        for body, region in targets:
             direction = _direction(spec, body)
             if direction is None:
                 message = f"missing (body '{body.name}' has no direction of its own)"
                 problems.append(case.problem(("loads", spec.name, "direction"), message, "Give a vector."))
             elif spec.acts_as == "velocity":
-                drives = [Constraint(node, direction, spec, column) for node, _ in body.places(region)]
-                obstacle = next(filter(None, (_obstacle_to(drive, constraints) for drive in drives)), "")
-                if not obstacle:
-                    constraints += drives
-                    continue
-                message = f"expected an end free along the direction of the drive, found {obstacle} there"
-                advice = "An end is fixed or driven, once at a time and along perpendicular directions."
-                problems.append(case.problem(("loads", spec.name), message, advice))
+                nodes = [node for node, _ in body.places(region)]
+                obstacles = (_obstacle_to(spec, node, direction, constraints) for node in nodes)
+                if obstacle := next(filter(None, obstacles), ""):
+                    message = f"expected an end free along the direction of the drive, found {obstacle} there"
+                    advice = "An end is fixed or driven, once at a time and along perpendicular directions."
+                    problems.append(case.problem(("loads", spec.name), message, advice))
+                else:
+                    constraints += [Constraint(node, direction, spec, column) for node in nodes]
             elif isinstance(spec.load, FollowingLoad):
-                continue
+                node = body.node(region)
+                others = (f"the load '{one.load.name}'" for one in followers if one.node == node)
+                if obstacle := _obstacle_to(spec, node, direction, constraints) or next(others, ""):
+                    message = f"expected an end that can follow, found {obstacle} there"
+                    problems.append(case.problem(("loads", spec.name), message, FREE_TO_FOLLOW))
+                numbers = map(float, answer(spec.load, "numbers", body.loaded_end(node)))
+                followers.append(Follower(node, direction, spec, column, type(spec.load).follow, tuple(numbers)))
             elif spec.acts_as in {"pressure", "traction"} and region and not body.area_of(region):
                 message = f"expected a region with an area, found '{body.name}.{region}' on the axis of revolution"
                 problems.append(case.problem(("loads", spec.name), message, "Give a force."))
@@ -192,12 +198,19 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
             else:
                 share = 1.0 if spec.acts_as == "acceleration" else 1.0 / float(body.mass.sum())
                 body_forces.append(BodyForce(body.number, share * direction, spec))
-    return SupportsAndLoads(
-        tuple(constraints),
-        tuple(nodal_forces),
-        tuple(_followers(case, bodies, constraints, problems)),
-        tuple(body_forces),
-    )
+    return SupportsAndLoads(tuple(constraints), tuple(nodal_forces), tuple(followers), tuple(body_forces))
+
+
+def _supports(case: Case, bodies: Mapping[str, Body]) -> Iterator[Constraint]:
+    """Yield the supports: of each node every direction once."""
+    for body in bodies.values():
+        held = dict.fromkeys(
+            (node, axis)
+            for region, along in body.spec.supports
+            for node, _ in body.places(region)
+            for axis in (range(case.dimension) if along is None else (along,))
+        )
+        yield from (Constraint(node, np.eye(case.dimension)[axis], None, 0) for node, axis in held)
 
 
 def _on_region(spec: LoadSpec, body: Body, region: str, direction: Floats) -> Iterator[tuple[int, Floats]]:
@@ -211,42 +224,20 @@ def _on_region(spec: LoadSpec, body: Body, region: str, direction: Floats) -> It
         yield node, (body.mass[node - body.start] if spec.acts_as == "acceleration" else share * area) * direction
 
 
-def _followers(
-    case: Case, bodies: Mapping[str, Body], constraints: Sequence[Constraint], problems: list[Problem]
-) -> Iterator[Follower]:
-    """Return the loads that follow the motion of an end; those that cannot are added to `problems`."""
-    owners: dict[int, str] = {}
-    for column, spec in enumerate(case.loads.values(), start=1):
-        if not isinstance(spec.load, FollowingLoad):
-            continue
-        targets = _targets(spec, bodies)
-        if spec.acts_as != "force":
-            message = f"expected a force, as {spec.load.name} follows the motion of an end, found as: {spec.acts_as}"
-            problems.append(case.problem(("loads", spec.name), message, "Leave out `as`."))
-        elif (unlike := next((body for body, _ in targets if not body.is_bar), None)) is not None:
-            message = f"expected bodies along a line with {spec.load.name}, found '{unlike.name}'"
+def _why_not_following(spec: LoadSpec, targets: Sequence[tuple[Body, str]]) -> tuple[str, str] | None:
+    """Return why a load cannot follow the motion of what it acts on, and what to do; None if it can."""
+    name = spec.load.name
+    if spec.acts_as != "force":
+        return f"expected a force, as {name} follows the motion of an end, found as: {spec.acts_as}", "Leave out `as`."
+    for body, _ in targets:
+        if not body.is_bar:
             advice = "It follows the motion of the end of a bar, which other bodies do not have."
-            problems.append(case.problem(("loads", spec.name), message, advice))
-        elif len(targets) != 1 or not targets[0][1]:
-            found = "none" if not spec.on else ", ".join(map(str, spec.on))
-            message = f"expected one end to act on, as {spec.load.name} follows its motion, found {found}"
-            advice = f"Give one end, as `on: {targets[0][0].name}.left`, and each further end a load of its own."
-            problems.append(case.problem(("loads", spec.name), message, advice))
-        else:
-            body, region = targets[0]
-            direction = _direction(spec, body)
-            if direction is None:  # which is told already
-                continue
-            node = body.node(region)
-            held = Constraint(node, direction, spec, column)
-            obstacle = _obstacle_to(held, constraints) or (f"the load '{owners[node]}'" if node in owners else "")
-            if obstacle:
-                message = f"expected an end that can follow, found {obstacle} there"
-                advice = "An end that follows is free along the load, and has one such load; add their forces in one."
-                problems.append(case.problem(("loads", spec.name), message, advice))
-            owners.setdefault(node, spec.name)
-            numbers = answer(spec.load, "numbers", body.loaded_end(node))
-            yield Follower(node, direction, spec, column, type(spec.load).follow, tuple(map(float, numbers)))
+            return f"expected bodies along a line with {name}, found '{body.name}'", advice
+    if len(targets) == 1 and targets[0][1]:
+        return None
+    found = "none" if not spec.on else ", ".join(map(str, spec.on))
+    advice = f"Give one end, as `on: {targets[0][0].name}.left`, and each further end a load of its own."
+    return f"expected one end to act on, as {name} follows its motion, found {found}", advice
 
 
 def _targets(spec: LoadSpec, bodies: Mapping[str, Body]) -> list[tuple[Body, str]]:
@@ -271,16 +262,12 @@ def _direction(spec: LoadSpec, body: Body) -> Floats | None:
     return direction / np.linalg.norm(direction)
 
 
-def _obstacle_to(drive: Constraint, constraints: Sequence[Constraint]) -> str:
-    """Return the support or drive that already prescribes the motion of a drive, in words; empty if there is none."""
-    for existing in constraints:
-        if existing.node != drive.node or drive.load is None:
-            continue
-        apart = existing.load is not None and (
-            existing.load.stop <= drive.load.start or drive.load.stop <= existing.load.start
-        )
-        if not apart and abs(float(existing.direction @ drive.direction)) >= 1e-12:
-            return "a fixed end" if existing.load is None else f"the load '{existing.load.name}'"
+def _obstacle_to(spec: LoadSpec, node: int, direction: Floats, constraints: Sequence[Constraint]) -> str:
+    """Return the support or drive that already prescribes the motion of a node, in words; empty if there is none."""
+    for one in constraints:
+        apart = one.load is not None and (one.load.stop <= spec.start or spec.stop <= one.load.start)
+        if one.node == node and not apart and abs(float(one.direction @ direction)) >= 1e-12:
+            return "a fixed end" if one.load is None else f"the load '{one.load.name}'"
     return ""
 
 

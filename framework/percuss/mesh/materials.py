@@ -20,8 +20,8 @@ class MaterialPoints(NamedTuple):
     after: Floats  # (points, state variables) as the present step leaves them
 
 
-def material_stress(parameters: Floats, strain: float) -> float:
-    """Return the stress at `strain` (slot for the kernel of a material)."""
+def material_stress(parameters: Floats, strain: Any) -> Any:
+    """Return the stress at a strain or a displacement gradient (slot for the kernel of a material)."""
     unbound()
 
 
@@ -35,8 +35,8 @@ def material_energy(parameters: Floats, before: float, after: float) -> float:
     unbound()
 
 
-def stress(material: MaterialPoints, point: int, strain: float) -> float:
-    """Return the stress of a point of a material without state variables."""
+def stress(material: MaterialPoints, point: int, strain: Any) -> Any:
+    """Return the stress of a point, at its strain or displacement gradient, of a material without state variables."""
     return material_stress(material.parameters, strain)
 
 
@@ -59,24 +59,14 @@ def no_energy(material: MaterialPoints, point: int, before: float, after: float)
     return 0.0
 
 
-def solid_stress_of_gradient(parameters: Floats, gradient: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the stress of a displacement gradient (slot for the kernel of a solid material)."""
-    unbound()
-
-
 def stored_by_gradient(parameters: Floats, gradient: Floats) -> float:
     """Return the stored energy per volume (slot for the kernel of a solid material)."""
     unbound()
 
 
-def solid_stress(material: MaterialPoints, point: int, gradient: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the stress of a point of a solid material."""
-    return solid_stress_of_gradient(material.parameters, gradient)
-
-
 def linear_energy_2d(material: MaterialPoints, point: int, before: Floats, after: Floats) -> float:
     """Return half the product of stress before and gradient after of a linear material in two dimensions."""
-    stress = solid_stress_of_gradient(material.parameters, (before[0], before[1], before[2], before[3]))
+    stress = material_stress(material.parameters, (before[0], before[1], before[2], before[3]))
     total = 0.0
     for k in range(4):
         total += stress[k] * after[k]
@@ -88,7 +78,7 @@ def linear_energy_3d(material: MaterialPoints, point: int, before: Floats, after
     gradient = (
         before[0], before[1], before[2], before[3], before[4], before[5], before[6], before[7], before[8],
     )  # fmt: skip
-    stress = solid_stress_of_gradient(material.parameters, gradient)
+    stress = material_stress(material.parameters, gradient)
     total = 0.0
     for k in range(9):
         total += stress[k] * after[k]
@@ -105,8 +95,8 @@ def solid_slots(material: Any, dimension: int) -> dict[Any, Callable[..., Any]]:
     """Return the slots of a solid element's kernels that a material, or its class, fills, and what fills them."""
     flat = dimension == 2
     filled = {
-        slots.stress_2d if flat else slots.stress_3d: solid_stress,
-        solid_stress_of_gradient: material.stress_2d if flat else material.stress_3d,
+        slots.stress_2d if flat else slots.stress_3d: stress,
+        material_stress: material.stress_2d if flat else material.stress_3d,
     }
     if material.linear:
         return filled | {slots.energy_density: linear_energy_2d if flat else linear_energy_3d}
