@@ -389,10 +389,9 @@ def test_no_file_knows_a_place_on_somebodys_machine():
 
 
 ABOUT_LINES = {
-    "certificate/waves.py",
     "contact/contact_problem.py",
     "results/encounters.py",
-    "step/parts/ends_without_mass.py", "step/parts/followers.py", "step/uniform_rows.py",
+    "step/parts/followers.py", "step/uniform_rows.py",
     "testing/demands/bodies.py", "testing/demands/surfaces.py",
 }  # fmt: skip
 # Where bars and other bodies part: their meshes, contact points, operators and refusals, and how they are described.

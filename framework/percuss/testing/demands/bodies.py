@@ -21,7 +21,7 @@ from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.cell_stiffness import frequencies_of_cells
 from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of
 from percuss.mesh.element_probe import ElementProbe
-from percuss.mesh.materials import MaterialPoints, solid_slots, solid_stress
+from percuss.mesh.materials import MaterialPoints, solid_slots, stress
 from percuss.methods import slots
 from percuss.methods.interfaces import BodyMesh, Floats, Lumping, Mass, Material, Mesh, Region, SolidMaterial
 from percuss.methods.plugin_calls import answer
@@ -134,7 +134,7 @@ def solid_kernels(material: Any) -> Iterator[SolidKernels]:
         except ValueError:  # of a bar alone, or not in this plane
             continue
         filled, none = solid_slots(material, dim), np.zeros((1, 0))
-        kernels = (plain(kernel, filled) for kernel in (solid_stress, filled[slots.energy_density]))
+        kernels = (plain(kernel, filled) for kernel in (stress, filled[slots.energy_density]))
         modulus = float(answer(material, "wave_modulus", plane))
         yield SolidKernels(dim, plane, modulus, MaterialPoints(parameters, none, none), *kernels)
 
