@@ -681,6 +681,7 @@ element(
     "wrong-volume", "cells", "do not add up to its volume", QuadraticBarElement,
     volumes=lambda self, body: 0.5 * QuadraticBarElement.volumes(self, body),
 )  # fmt: skip
+element("of-another-kind", "cells", "`cell` is 'line4', and it has 3 nodes", QuadraticBarElement, cell="line4")
 element(
     "lopsided", "cells", "the centre of mass", QuadraticBarElement,
     mass_shares=lambda self, body: np.array([2.0, 1.0, 3.0]) / 6.0,

@@ -399,7 +399,7 @@ PART_THERE = {
     "case/case.py", "certificate/matrices.py", "certificate/closed_step.py", "cli/run.py",
     "contact/limits.py", "contact/pairs.py",
     "march/estimate.py", "march/recording.py", "march/refusals.py",
-    "mesh/bodies.py", "mesh/body.py", "mesh/cell_stiffness.py", "mesh/cells.py",
+    "mesh/bodies.py", "mesh/body.py", "mesh/cell_stiffness.py", "mesh/cells.py", "mesh/element_probe.py",
     "mesh/loads.py", "mesh/size_limits.py", "mesh/spots.py", "mesh/stresses.py", "mesh/surfaces.py",
     "methods/interfaces/body.py",
     "methods/plugin_calls.py", "reporting/case_figure.py", "reporting/explanation.py", "results/assemble.py",

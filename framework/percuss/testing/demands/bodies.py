@@ -491,7 +491,7 @@ def _check_stretched(kernels: BodyKernels) -> None:
 
 @demand("elements")
 def check_cells(subject: Subject) -> None:
-    """A cell keeps its mass and its centre.
+    """A cell keeps its mass and its centre, and its kind tells how many nodes it has.
 
     The shares of mass of the nodes are positive, add up to 1, and keep the centre of mass of the cell. The volumes
     of its quadrature points add up to the volume of the cell. Two-node elements have none of this.
@@ -503,6 +503,8 @@ def check_cells(subject: Subject) -> None:
         places, shares = np.asarray(element.reference_nodes()), np.asarray(element.mass_shares(body))
         right = shares.shape == places.shape and (shares > 0).all() and abs(shares.sum() - 1.0) <= EXACT
         must(right, f"its {places.size} nodes have the shares {shares} of its mass")
+        kind = "line" if places.size == 2 else f"line{places.size}"
+        must(element.cell == kind, f"`cell` is {element.cell!r}, and it has {places.size} nodes")
         centre = float(shares @ places)
         must_vanish(centre - 0.5, f"the centre of mass of a cell is at {centre:.6g} of its length", EXACT)
         whole = body.section * body.mesh.lengths
