@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.contact.prisms import prism_problem
+from percuss.contact.contact_problem import contact_problem
 from percuss.march.model_of_case import model_of
 from percuss.results.exact_only import run_exact
 
@@ -168,7 +168,7 @@ NONE = {
 @pytest.mark.parametrize("name", NONE)
 def test_what_is_no_row_of_prisms_is_not_judged_by_bars(name):
     bodies, contacts, loads, said = NONE[name]
-    reason = prism_problem(model_of(case(bodies, contacts, loads)))
+    reason = contact_problem(model_of(case(bodies, contacts, loads)))
     assert isinstance(reason, str)
     assert said in reason
 
@@ -302,7 +302,7 @@ PARTS = {
 def test_a_row_of_prisms_meets_acts_and_is_held_with_its_whole_faces_alone(name, tmp_path):
     bodies, contacts, loads, said = PARTS[name]
     (tmp_path / "part.py").write_text(PART, encoding="utf-8")
-    reason = prism_problem(model_of(case(bodies, contacts, loads, plugins=[tmp_path / "part.py"])))
+    reason = contact_problem(model_of(case(bodies, contacts, loads, plugins=[tmp_path / "part.py"])))
     assert said in reason if said else not isinstance(reason, str)
 
 
@@ -310,7 +310,7 @@ def test_a_row_of_prisms_is_recorded_with_its_whole_faces_alone(tmp_path):
     (tmp_path / "part.py").write_text(PART, encoding="utf-8")
     found = case(FALLS, WALL, plugins=[tmp_path / "part.py"])
     for probe, judged in (("a.right", True), ("a.top", True), ("a.tophalf", True), ("a.righthalf", False)):
-        problem = prism_problem(model_of(found.with_overrides({"record.probes": [probe]})))
+        problem = contact_problem(model_of(found.with_overrides({"record.probes": [probe]})))
         assert isinstance(problem, str) != judged, probe
 
 
@@ -375,7 +375,7 @@ def test_the_modulus_of_a_prism_is_that_along_its_axis(axis, across, modulus, tm
     found = percuss.load({
         "percuss": 1, "bodies": bodies, "contacts": UP if upright else SEAM, "time": {"courant": 0.5, "end": 0.8},
     }, plugins=[tmp_path / "sheet.py"])  # fmt: skip
-    problem = prism_problem(model_of(found))
+    problem = contact_problem(model_of(found))
     if modulus is None:
         assert "shears" in problem
         return

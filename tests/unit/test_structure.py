@@ -389,7 +389,7 @@ def test_no_file_knows_a_place_on_somebodys_machine():
 
 
 ABOUT_LINES = {
-    "contact/contact_problem.py",
+    "contact/contact_problem.py", "contact/prisms.py",
     "results/encounters.py",
     "step/parts/followers.py", "step/uniform_rows.py",
     "testing/demands/bodies.py", "testing/demands/surfaces.py",

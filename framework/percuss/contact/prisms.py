@@ -1,13 +1,12 @@
-"""Prisms that move along their axis alone: bars in all but their cells, whose contact problem is that of bars.
+"""Bodies as bars: bars themselves, and prisms that move along their axis alone, which are bars in all but their cells.
 
-A body is one if it is in one piece, its boundary is two equal plane faces across the axis and sides along it, and
+A solid is a prism if it is in one piece, its boundary is two equal plane faces across the axis and sides along it, and
 nothing moves across: the material does not contract, or rollers hold the sides. Its modulus is that of a strain along
 the axis alone. What acts on a face acts on all of it, and faces in contact cover each other.
 """
 
 from __future__ import annotations
 
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,12 +15,9 @@ from percuss.case.type_words import found
 from percuss.mesh.cells import pieces_of
 from percuss.mesh.surfaces import boundary_of, whole_surface
 from percuss.methods.blame import plain_function
-from percuss.methods.interfaces import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
-from percuss.methods.plugin_calls import answer, read_only
+from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
     from percuss.contact.model import Model
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats, Integers, Surface
@@ -42,10 +38,12 @@ class Prism(NamedTuple):
     start: float  # place of its start along the axis
     length: float
     area: float
-    modulus: float
+    modulus: float | None  # None of a bar, whose material has it
 
     def at_start(self, region: str, used: str) -> bool:
         """Return whether a region is the face at the start; `used` says what for."""
+        if self.body.is_bar:
+            return self.body.node(region) == self.body.start
         surface = self.body.surface(region).surface
         looks, place = _looks(surface, self.axis), (surface.positions @ self.axis - self.start) / self.length
         said = f"'{self.body.name}.{region}', which is {used}, "
@@ -55,46 +53,40 @@ class Prism(NamedTuple):
             raise NotARowOfPrisms(f"{said}has not the area of its face")
         return bool(looks[0] < 0.0)
 
+    def check_recorded(self, region: str) -> None:
+        """Refuse a region of a prism that is recorded and is neither one of its faces nor on its sides."""
+        if not self.body.is_bar and (_looks(self.body.surface(region).surface, self.axis) != 0.0).any():
+            self.at_start(region, "recorded")
 
-def prism_problem(model: Model) -> ContactProblem | str:
-    """Return the contact problem of a case as that of bars, or why it is none."""
-    try:
-        return _problem(model)
-    except NotARowOfPrisms as reason:
-        return str(reason)
+    def along(self, vector: Floats, load: str) -> Floats:
+        """Return the vector of a load along the axis; that on a bar may have any direction."""
+        if self.body.is_bar:
+            return vector
+        if _across(vector, self.axis) > ROUND_OFF * np.linalg.norm(vector):
+            raise NotARowOfPrisms(f"load '{load}' acts across the axis")
+        along: Floats = (vector @ self.axis) * self.axis
+        return along
 
 
-def _problem(model: Model) -> ContactProblem:
-    """Return the contact problem of a case as that of bars."""
+def prisms_of(model: Model) -> dict[str, Prism]:
+    """Return the bodies of a model as bars, by name.
+
+    Raises
+    ------
+    NotARowOfPrisms
+        If a solid is no prism.
+    """
+    if model.bodies.of_lines:
+        return {body.name: _bar(body) for body in model.bodies.values()}
     axis = _axis(model)
     supports = [one for one in model.loads.constraints if one.load is None]
     held = {(support.node, int(support.direction.argmax())) for support in supports}
-    prisms = {body.name: _prism(body, axis, held) for body in model.bodies.values()}
-    problem = ContactProblem(
-        bodies=MappingProxyType(
-            {
-                body.name: ProblemBody(
-                    name=body.name,
-                    shape=body.spec.shape,
-                    material=body.spec.material,
-                    area=prisms[body.name].area,
-                    length=prisms[body.name].length,
-                    direction=read_only(axis),
-                    velocity=read_only(body.velocity),
-                    modulus=prisms[body.name].modulus,
-                )
-                for body in model.bodies.values()
-            }
-        ),
-        contacts=tuple(_contacts(model, prisms, axis)),
-        fixed=tuple(_fixed(model, prisms, axis)),
-        loads=tuple(_loads(model, prisms, axis)),
-    )
-    for probe in model.case.recorded_ends:
-        region = getattr(probe, "region", "")
-        if region and (_looks(model.bodies[probe.body].surface(region).surface, axis) != 0.0).any():  # no side
-            prisms[probe.body].at_start(region, "recorded")
-    return problem
+    return {body.name: _prism(body, axis, held) for body in model.bodies.values()}
+
+
+def _bar(body: Body) -> Prism:
+    axis, length = body.mesh.direction, float(body.mesh.lengths.sum())
+    return Prism(body, axis, float(body.mesh.nodes[0] @ axis), length, body.spec.section, None)
 
 
 def _axis(model: Model) -> Floats:
@@ -183,33 +175,25 @@ def _stress_along(body: Body, axis: Floats) -> tuple[Floats, Floats]:
     return np.reshape(stress, (pull.size, pull.size)) / strain, pull
 
 
-def _contacts(model: Model, prisms: dict[str, Prism], axis: Floats) -> Iterator[ProblemContact]:
-    """Yield the contacts of faces that cover each other, and of faces with walls across the axis."""
-    for number, (name, spec) in enumerate(model.case.contacts.items()):
-        gaps = model.contact_points.gap[model.contact_points.contact == number]
-        ends = [BodyEnd(side.body, prisms[side.body].at_start(side.region, "in contact")) for side in spec.sides]
-        if np.ptp(gaps) > ROUND_OFF * min(prisms[end.body].length for end in ends):
-            raise NotARowOfPrisms(f"the gap of contact '{name}' differs from place to place")
-        if len({end.at_start for end in ends}) != len(ends):
-            raise NotARowOfPrisms(f"the faces of contact '{name}' look the same way")
-        if len(ends) > 1 and not _cover(
-            [model.bodies[side.body] for side in spec.sides], [side.region for side in spec.sides], axis
-        ):
-            raise NotARowOfPrisms(f"the faces of contact '{name}' do not cover each other")
-        normal = -axis if ends[0].at_start else axis
-        yield ProblemContact(name, tuple(ends), read_only(normal), float(gaps[0]))
+def check_faces(contact: str, sides: tuple[tuple[Prism, str], ...]) -> None:
+    """Refuse a contact of the faces of two prisms, by prism and region, that do not cover each other."""
+    if len({prism.at_start(region, "in contact") for prism, region in sides}) != len(sides):
+        raise NotARowOfPrisms(f"the faces of contact '{contact}' look the same way")
+    if len(sides) > 1 and not _cover(sides):
+        raise NotARowOfPrisms(f"the faces of contact '{contact}' do not cover each other")
 
 
-def _cover(bodies: Sequence[Body], regions: Sequence[str], axis: Floats) -> bool:
+def _cover(sides: tuple[tuple[Prism, str], ...]) -> bool:
     """Return whether two faces across an axis cover each other: whether they have the same rim.
 
     The rim of a face is the edges of its facets that no other of them has, in a plane their ends.
     """
+    axis = sides[0][0].axis
     plane = np.linalg.svd(axis[None])[2][1:].T
     rims = []
-    for body, region in zip(bodies, regions, strict=True):
-        ((kind, facets),) = body.mesh.regions[region].facets.items()
-        rims.append(body.mesh.nodes[boundary_of(kind, np.asarray(facets))] @ plane)
+    for prism, region in sides:
+        ((kind, facets),) = prism.body.mesh.regions[region].facets.items()
+        rims.append(prism.body.mesh.nodes[boundary_of(kind, np.asarray(facets))] @ plane)
     size = ROUND_OFF * max(float(np.abs(rim).max()) for rim in rims)
     if axis.size == 2:
         one, other = (np.sort(rim, axis=None) for rim in rims)
@@ -229,39 +213,3 @@ def _lies_on(edges: Floats, others: Floats, slack: float) -> bool:
         places.append(np.clip(ahead @ end.T - (ahead * edges[:, 0]).sum(axis=1)[:, None], 0.0, length[:, None]))
     shared = (np.abs(places[1] - places[0]) * on).sum(axis=1)
     return bool(np.abs(shared - length).max() <= slack)
-
-
-def _fixed(model: Model, prisms: dict[str, Prism], axis: Floats) -> Iterator[BodyEnd]:
-    """Yield the faces that are held along the axis."""
-    for body in model.bodies.values():
-        for region, along in body.spec.supports:
-            part = 1.0 if along is None else abs(axis[along])
-            if part > ROUND_OFF:
-                end = BodyEnd(body.name, prisms[body.name].at_start(region, "held along the axis"))
-                if part < 1.0 - ROUND_OFF:
-                    raise NotARowOfPrisms(f"'{body.name}.{region}' is held in a direction oblique to the axis")
-                yield end
-
-
-def _loads(model: Model, prisms: dict[str, Prism], axis: Floats) -> Iterator[ProblemLoad]:
-    """Yield the loads on faces and on whole bodies."""
-    for spec in model.case.loads.values():
-        vectors: dict[tuple[str, BodyEnd | None], tuple[Any, Floats]] = {}
-        for address in spec.on:
-            if address.region:
-                body = model.bodies[address.body]
-                end = BodyEnd(body.name, prisms[body.name].at_start(address.region, "loaded"))
-                nodes = {node for node, _ in body.places(address.region)}
-                forces = [one.force for one in model.loads.on_nodes if one.load is spec and one.node in nodes]
-                drives = [one.direction for one in model.loads.constraints if one.load is spec and one.node in nodes]
-                quantity = spec.acts_as if spec.acts_as in {"velocity", "acceleration"} else "force"
-                vectors[body.name, end] = quantity, drives[0] if drives else np.sum(forces, axis=0)
-        for force in model.loads.body_forces:
-            if force.load is spec:
-                name = list(model.bodies)[force.body]
-                vectors[name, None] = "acceleration", force.acceleration
-        for (name, place), (quantity, vector) in vectors.items():
-            if _across(vector, axis) > ROUND_OFF * np.linalg.norm(vector):
-                raise NotARowOfPrisms(f"load '{spec.name}' acts across the axis")
-            along = read_only((vector @ axis) * axis)
-            yield ProblemLoad(spec.name, spec.load, name, place, quantity, along, spec.start, spec.stop)
