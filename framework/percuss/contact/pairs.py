@@ -6,7 +6,6 @@ A bar end meets one other end, or a wall, at one point. Surfaces of solids meet 
 from __future__ import annotations
 
 import math
-from itertools import compress
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -17,7 +16,7 @@ from percuss.contact.points import TOUCHING, PointArrays, joined, no_points
 from percuss.contact.rows import added_up
 from percuss.errors import Problem
 from percuss.mesh.loads import ROUND_OFF
-from percuss.methods.interfaces import Surface, Wall
+from percuss.methods.interfaces import PairedPoints, Surface, Wall
 from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from percuss.mesh.body import Body
     from percuss.mesh.loads import Held
     from percuss.mesh.surfaces import BodySurface
-    from percuss.methods.interfaces import Floats, Integers, PairedPoints
+    from percuss.methods.interfaces import Floats, Integers
 
 ROUND_OFF_SHARE = 1e-12  # of the largest share of a node in a gap; a smaller one is round-off and left out
 
@@ -42,20 +41,92 @@ def points_of(case: Case, bodies: Mapping[str, Body], held: Held, problems: list
     for number, spec in enumerate(case.contacts.values()):
         sides = [bodies[side.body] for side in spec.sides]
         meet = _ends_that_meet if all(body.is_bar for body in sides) else _surfaces_that_meet
-        made = meet(case, number, spec, sides, held)
-        if isinstance(made, Problem):
-            problems.append(made)
+        paired = meet(case, spec, sides)
+        if isinstance(paired, PairedPoints):
+            parts.append(_points_of(number, spec, sides, paired, held))
         else:
-            parts.append(made)
+            problems.append(paired)
     return joined(parts)
+
+
+def _points_of(number: int, spec: ContactSpec, sides: Sequence[Body], paired: PairedPoints, held: Held) -> PointArrays:
+    """Return the paired points of a contact as arrays, with the properties of the sides that yield."""
+    surfaces, points = _surfaces_of(spec, sides), paired.gap.size
+    yields = np.stack(
+        [
+            ~held.along(one.surface.nodes[one.surface.facets[facets]], paired.normal)
+            for one, facets in zip(surfaces, paired.facets.T, strict=False)
+        ]
+    )
+    yields |= ~yields.any(axis=0)
+    behind = [_behind(*side) for side in zip(sides, surfaces, paired.facets.T, strict=False)]
+    stiffness, frequency = np.swapaxes(behind, 0, 1)
+    (softest, soft), (slowest, slow) = (_smallest(values, yields) for values in (stiffness, frequency))
+    # rho A h / 2 = 2 (EA/h) / omega^2; of two sides of the same stiffness that of the lighter one
+    mass, _ = _smallest(2.0 * stiffness * paired.weight / frequency**2, yields & soft)
+    count, node, value = _entries(paired)
+    met = surfaces[-1].surface
+    return PointArrays(
+        names=(spec.name,) * points,
+        laws=(spec.law,) * points,
+        contact=np.full(points, number),
+        count=count,
+        node=node,
+        value=value,
+        normal=paired.normal,
+        at_wall=np.full(points, len(surfaces) == 1),
+        gap=np.where(paired.gap <= TOUCHING * _height(surfaces), 0.0, paired.gap),
+        stiffness=softest * paired.weight,
+        frequency=slowest,
+        mass=mass,
+        equal_sides=(soft & slow | ~yields).all(axis=0),
+        weight=paired.weight,
+        facet=np.ptp(met.positions[met.facets], axis=1).max(axis=1)[paired.facets[:, len(surfaces) - 1]],
+    )
+
+
+def _surfaces_of(spec: ContactSpec, sides: Sequence[Body]) -> list[BodySurface]:
+    return [body.surface(side.region) for body, side in zip(sides, spec.sides, strict=True)]
+
+
+def _height(surfaces: Sequence[BodySurface]) -> float:
+    """Return the height of the lowest cell behind surfaces."""
+    return min(float(surface.heights.min()) for surface in surfaces)
+
+
+def _behind(body: Body, surface: BodySurface, facets: Integers) -> tuple[Floats, Floats]:
+    """Return EA/h, that of an area of 1 of a solid, and 2c/h of the cells behind facets, one for each facet."""
+    if body.is_bar:
+        (node,) = surface.surface.nodes.tolist()
+        return np.array([body.end_stiffness(node)]), body.frequency[[body.end_element(node)]]
+    heights = surface.heights[facets]
+    return body.modulus / heights, 2.0 * math.sqrt(body.modulus / body.spec.material.rho) / heights
+
+
+def _smallest(values: Floats, yields: Any) -> tuple[Floats, Any]:
+    """Return the smallest value of the sides of each point that yield, (P,), and which sides have it, (sides, P)."""
+    smallest: Floats = np.where(yields, values, np.inf).min(axis=0)
+    return smallest, values <= smallest * (1.0 + ROUND_OFF)
+
+
+def _entries(paired: PairedPoints) -> tuple[Integers, Integers, Floats]:
+    """Return the number of nodes of each point, and node and value of each, one entry a node of a point."""
+    points = paired.gap.size
+    point = np.repeat(np.arange(points), np.diff(paired.start))
+    nodes = int(paired.node.max(initial=0)) + 1
+    key, value = added_up(point * nodes + paired.node, paired.value)
+    point, node = np.divmod(key, nodes)
+    # A share of round-off couples points that share no node, or not, as the units have it.
+    size, largest = np.abs(value).max(axis=1), np.zeros(points)
+    np.maximum.at(largest, point, size)
+    kept = size >= ROUND_OFF_SHARE * largest[point]
+    return np.bincount(point[kept], minlength=points), node[kept], value[kept]
 
 
 # ------------------------------------------------------------------------------------------------------- ends of bars
 
 
-def _ends_that_meet(
-    case: Case, number: int, spec: ContactSpec, sides: Sequence[Body], held: Held
-) -> PointArrays | Problem:
+def _ends_that_meet(case: Case, spec: ContactSpec, sides: Sequence[Body]) -> PairedPoints | Problem:
     """Return the point at which two ends meet, or an end and a wall; or why they cannot."""
     path = ("contacts", spec.name)
     normal = sides[0].mesh.regions[spec.sides[0].region].outward
@@ -85,37 +156,19 @@ def _ends_that_meet(
             message = f"expected two ends on one line, found {spec.sides[1]} {offset:.6g} beside {spec.sides[0].body}"
             advice = "Move one of the bodies (`at`) or turn it (`direction`)."
             return case.problem((*path, "between"), message, advice)
-    elements = [body.end_element(node) for body, node in zip(sides, nodes, strict=True)]
-    size = min(float(body.mesh.lengths[element]) for body, element in zip(sides, elements, strict=True))
-    if gap < -TOUCHING * size:
+    if gap < -TOUCHING * _height(_surfaces_of(spec, sides)):
         advice = f"Move them apart by {-gap:.12g}, or drop the contact."
         facing = _facing_ends(sides, spec)
         message = f"expected bodies apart or touching, found an overlap of {-gap:.6g}"
         return case.problem(path, message, f"Did you mean the ends [{', '.join(facing)}]?" if facing else advice)
-    yielding = (~held.along(np.array(nodes)[:, None], np.tile(normal, (len(nodes), 1)))).tolist()
-    yielding = yielding if any(yielding) else [True] * len(sides)
-    stiffness = [body.end_stiffness(node) for body, node in compress(zip(sides, nodes, strict=True), yielding)]
-    frequency = [float(body.frequency[end]) for body, end in compress(zip(sides, elements, strict=True), yielding)]
-    softest = min(stiffness)
-    alike = [k for k, value in enumerate(stiffness) if value <= softest * (1.0 + ROUND_OFF)]
-    equal = len(alike) == len(stiffness) and bool(np.ptp(frequency) <= ROUND_OFF * max(frequency))
-    return PointArrays(
-        names=(spec.name,),
-        laws=(spec.law,),
-        contact=np.array([number]),
-        count=np.array([len(nodes)]),
+    return PairedPoints(
+        gap=np.array([gap]),
+        weight=np.ones(1),
+        normal=normal[None],
+        facets=np.zeros((1, 2), dtype=np.int64),
+        start=np.array([0, len(nodes)]),
         node=np.array(nodes),
         value=np.array([-normal, normal])[: len(nodes)],
-        normal=normal[None],
-        at_wall=np.array([len(nodes) == 1]),
-        gap=np.array([0.0 if gap <= TOUCHING * size else gap]),
-        stiffness=np.array([softest]),
-        frequency=np.array([min(frequency)]),
-        # rho A h / 2 = 2 (EA/h) / omega^2; of two sides of the same stiffness that of the lighter one
-        mass=np.array([min(2.0 * stiffness[k] / frequency[k] ** 2 for k in alike)]),
-        equal_sides=np.array([equal]),
-        weight=np.ones(1),
-        facet=np.array([math.inf]),
     )
 
 
@@ -146,15 +199,13 @@ def _wall_gap(spec: ContactSpec, position: Floats, normal: Floats, direction: Fl
 # ----------------------------------------------------------------------------------------------- surfaces of solids
 
 
-def _surfaces_that_meet(
-    case: Case, number: int, spec: ContactSpec, sides: Sequence[Body], held: Held
-) -> PointArrays | Problem:
+def _surfaces_that_meet(case: Case, spec: ContactSpec, sides: Sequence[Body]) -> PairedPoints | Problem:
     """Return the contact points of two surfaces, or of a surface and a wall; or what is wrong with them."""
     path = ("contacts", spec.name)
     if any(body.is_bar for body in sides):
         message = f"expected two bars or two other bodies, found {spec.sides[0]} and {spec.sides[1]}"
         return case.problem(path, message, "Contact of a bar with another body is not built.")
-    surfaces = [body.surface(side.region) for body, side in zip(sides, spec.sides, strict=True)]
+    surfaces = _surfaces_of(spec, sides)
     first, pairing = surfaces[0].surface, cast("Any", spec.pairing)
     if (problem := _why_not_paired(case, spec, surfaces)) is not None:
         return problem
@@ -162,48 +213,14 @@ def _surfaces_that_meet(
     paired: PairedPoints = answer(pairing, "points", first, second)
     if not paired.gap.size:
         return case.problem(path, "expected surfaces that face each other, found no point of one that meets the other")
-    size = min(float(surface.heights.min()) for surface in surfaces)
     deepest = float(paired.gap.min())
-    if deepest < -TOUCHING * size:
+    if deepest < -TOUCHING * _height(surfaces):
         place = found(np.round(_place_of(paired, int(paired.gap.argmin()), first), 9).tolist())
         message = (
             f"expected bodies apart or touching, found an overlap of {-deepest:.6g} at {place} (by {pairing.name})"
         )
         return case.problem(path, message, f"Move them apart by {-deepest:.12g}, or drop the contact.")
-    yields = np.stack(
-        [
-            ~held.along(one.surface.nodes[one.surface.facets[facets]], paired.normal)
-            for one, facets in zip(surfaces, paired.facets.T, strict=False)
-        ]
-    )
-    yields |= ~yields.any(axis=0)
-    moduli = [body.modulus / one.heights[at] for body, one, at in zip(sides, surfaces, paired.facets.T, strict=False)]
-    frequencies = [
-        2.0 * math.sqrt(body.modulus / body.spec.material.rho) / one.heights[at]
-        for body, one, at in zip(sides, surfaces, paired.facets.T, strict=False)
-    ]
-    (stiffness, alike), (frequency, of_frequency) = (_smallest(values, yields) for values in (moduli, frequencies))
-    count, node, value = _entries(paired)
-    met = surfaces[-1].surface
-    sizes = np.ptp(met.positions[met.facets], axis=1).max(axis=1)
-    points = paired.gap.size
-    return PointArrays(
-        names=(spec.name,) * points,
-        laws=(spec.law,) * points,
-        contact=np.full(points, number),
-        count=count,
-        node=node,
-        value=value,
-        normal=paired.normal,
-        at_wall=np.full(points, len(surfaces) == 1),
-        gap=np.where(paired.gap <= TOUCHING * size, 0.0, paired.gap),
-        stiffness=stiffness * paired.weight,
-        frequency=frequency,
-        mass=2.0 * stiffness * paired.weight / frequency**2,
-        equal_sides=alike & of_frequency,
-        weight=paired.weight,
-        facet=sizes[paired.facets[:, len(surfaces) - 1]],
-    )
+    return paired
 
 
 def _why_not_paired(case: Case, spec: ContactSpec, surfaces: Sequence[BodySurface]) -> Problem | None:
@@ -221,27 +238,6 @@ def _why_not_paired(case: Case, spec: ContactSpec, surfaces: Sequence[BodySurfac
         message = f"expected a pairing of surfaces in {dim} dimensions, found {pairing.name}"
         return case.problem(path, message, "`percuss plugins` lists the others.")
     return None
-
-
-def _entries(paired: PairedPoints) -> tuple[Integers, Integers, Floats]:
-    """Return the number of nodes of each point, and node and value of each, one entry a node of a point."""
-    points = paired.gap.size
-    point = np.repeat(np.arange(points), np.diff(paired.start))
-    nodes = int(paired.node.max(initial=0)) + 1
-    key, value = added_up(point * nodes + paired.node, paired.value)
-    point, node = np.divmod(key, nodes)
-    # A share of round-off couples points that share no node, or not, as the units have it.
-    size, largest = np.abs(value).max(axis=1), np.zeros(points)
-    np.maximum.at(largest, point, size)
-    kept = size >= ROUND_OFF_SHARE * largest[point]
-    return np.bincount(point[kept], minlength=points), node[kept], value[kept]
-
-
-def _smallest(values: Sequence[Floats], yields: Any) -> tuple[Floats, Any]:
-    """Return the smallest value of the sides of each point that yield, (P,), and whether these are alike, (P,)."""
-    smallest: Floats = np.where(yields, values, np.inf).min(axis=0)
-    largest = np.where(yields, values, 0.0).max(axis=0)
-    return smallest, largest - smallest <= ROUND_OFF * largest
 
 
 def unlike_sides(case: Case, bodies: Mapping[str, Body]) -> list[str]:
