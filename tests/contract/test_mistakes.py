@@ -51,7 +51,7 @@ IN_A_RUN = {
         "nodal returned a ndarray of complex128, expected numbers of shape (4,)",
     ),
     "a linear law": (
-        "contact.bind", "return LinearLaw(at='end', sigma=np.ones(7), active='all')", "has shape (7,), expected (1,)",
+        "contact.bind", "return LinearLaw(at='end', sigma=np.ones(7), active='all')", "of shape (7,), expected (1,)",
     ),
     "nothing": ("contact.bind", "return None", "bind returned nothing, expected LinearLaw"),
     "writes": ("element.bind", "body.mesh.lengths[0] = 9.0", "bind changes an array that it was handed"),

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from percuss.contact.law_trials import kernel_of
 from percuss.jsonable import Entries
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LinearLaw
-from percuss.methods.plugin_calls import answer, as_numbers, read_only
+from percuss.methods.plugin_calls import Returned, answer, read_only
 
 COEFFICIENTS = ("sigma", "gap", "rate", "acceleration")
+# The words that each of the other fields of a linear law may have.
+WORDS = {name: get_args(hint) for name, hint in get_type_hints(LinearLaw).items() if get_origin(hint) is Literal}
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,23 +77,24 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
     ValueError
         If the options of the law do not fit together or do not fit its points.
     """
-    bound, resolved = answer(law, "bind", points, dt), law.resolved(points, dt)
+    bound, kind = answer(law, "bind", points, dt), type(law)
     linear = broadcast(bound, points, law) if isinstance(bound, LinearLaw) else None
-    if linear is None:
-        if not (isinstance(bound, tuple) and hasattr(bound, "_fields")):
-            returned = "nothing" if bound is None else f"a {type(bound).__name__}"
-            expected = "LinearLaw, or a NamedTuple of what its kernel `multipliers` needs"
-            raise breach(law, "bind", f"bind returned {returned}, expected {expected}")
-        bound = read_only(bound)
+    if linear is None and not hasattr(bound, "_fields"):
+        returned = "nothing" if bound is None else f"a {type(bound).__name__}"
+        expected = "LinearLaw, or a NamedTuple of what its kernel `multipliers` needs"
+        raise breach(law, "bind", f"bind returned {returned}, expected {expected}")
+    if linear is None and not hasattr(kind, "multipliers"):
+        missing = "the class has no static method `multipliers(bound, trial, multiplier)`"
+        raise breach(law, "bind", f"bind returned no LinearLaw, and {missing}")
     return BoundLaw(
         law=law,
         where=where,
         points=points,
         linear=linear,
         during=linear.during if linear is not None else None,
-        kernel=kernel_of(law) if linear is None else None,
-        kernel_data=bound if linear is None else None,
-        resolved=resolved,
+        kernel=kind.multipliers if linear is None else None,  # type: ignore[attr-defined]
+        kernel_data=read_only(bound) if linear is None else None,
+        resolved=law.resolved(points, dt),
     )
 
 
@@ -105,47 +107,19 @@ def broadcast(linear_law: LinearLaw, points: ContactPoints, law: ContactLaw) -> 
         If a coefficient is out of bounds or has the wrong shape, or an option is unknown.
     """
     count = len(points.names)
-    values = np.empty((len(COEFFICIENTS), count))
-    for field, row in zip(COEFFICIENTS, values, strict=True):
-        value = as_numbers(getattr(linear_law, field))
-        if value is None:
-            raise breach(law, "bind", f"LinearLaw.{field} is {getattr(linear_law, field)!r}, expected real numbers")
-        if value.shape not in {(), (count,)}:
-            message = f"LinearLaw.{field} has shape {value.shape}, expected ({count},) or a number"
-            raise breach(law, "bind", message)
-        row[:] = value
-    finite = np.isfinite(values).all(axis=1)
-    if not finite.all():
-        raise breach(law, "bind", f"LinearLaw.{COEFFICIENTS[int(np.argmin(finite))]} is not finite")
-    values.flags.writeable = False
-    coefficients: Entries = dict(zip(COEFFICIENTS, values, strict=True))
+    coefficients: Entries = {}
+    for name in COEFFICIENTS:
+        value = getattr(linear_law, name)
+        Returned(law, "bind", value, f" LinearLaw.{name} as").expect(*((count,) if np.ndim(value) else ()))
+        coefficients[name] = read_only(np.full(count, value, dtype=float))
     if (coefficients["sigma"] < 0).any():
         raise breach(law, "bind", "LinearLaw.sigma is negative, expected a compliance of at least 0")
-    for field, allowed in (
-        ("at", ("explicit", "end")),
-        ("active", ("gap < 0", "all")),
-        ("sign", ("free", ">= 0")),
-    ):
-        if getattr(linear_law, field) not in allowed:
-            message = f"LinearLaw.{field} is {getattr(linear_law, field)!r}, expected one of {allowed}"
+    for name, allowed in WORDS.items():
+        if (word := getattr(linear_law, name)) not in allowed:
+            raise breach(law, "bind", f"LinearLaw.{name} is {word!r}, expected one of {allowed}")
+    if (during := linear_law.during) is not None:
+        during = np.asarray(during, dtype=float)
+        if during.ndim != 2 or during.shape[1] != 2 or not (during[:, 0] <= during[:, 1]).all():
+            message = f"LinearLaw.during is {during}, expected pairs (start, stop), stop not before start"
             raise breach(law, "bind", message)
-    return linear_law._replace(during=_intervals(linear_law, law), **coefficients)
-
-
-def _intervals(linear_law: LinearLaw, law: ContactLaw) -> Floats | None:
-    """Return the (K, 2) intervals of time in which a linear law is active, None if it always is.
-
-    Raises
-    ------
-    PluginError
-        If they are not pairs (start, stop) with stop not before start.
-    """
-    if linear_law.during is None:
-        return None
-    during = as_numbers(linear_law.during)
-    if during is not None and during.size == 0:
-        return np.zeros((0, 2))
-    if during is None or during.ndim != 2 or during.shape[1] != 2 or not (during[:, 0] <= during[:, 1]).all():
-        message = f"LinearLaw.during is {linear_law.during!r}, expected pairs (start, stop), stop not before start"
-        raise breach(law, "bind", message)
-    return during
+    return linear_law._replace(during=during, **coefficients)

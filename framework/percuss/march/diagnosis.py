@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from percuss.contact.law_trials import describe_state, fault_of_nan, kernel_of
+from percuss.contact.law_trials import describe_state, fault_of_nan
 from percuss.errors import PercussError, PluginError
 from percuss.march.stop import Stop
 from percuss.mesh.element_probe import ElementProbe
@@ -76,9 +76,8 @@ def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, .
         state = np.concatenate([trial.gap, trial.predicted_gap, trial.rate, trial.predicted_rate])
         if np.isnan(multiplier).any() and np.isfinite(state).all():
             point = int(np.isnan(multiplier).argmax())
-            did, remedy = fault_of_nan(kernel, bound, trial, point)
             contact = contacts[point]
-            fault = did.format(f"contact '{contact}'")
+            fault, remedy = fault_of_nan(kernel, bound, trial, point, f"contact '{contact}'")
             cause = f"the kernel was called with {describe_state(trial, point)}: {remedy}"
             raise NoMultiplier(contact, f"law {law} {fault}", cause)
 
@@ -100,7 +99,7 @@ def repeat_in_python(march: Marching, amplitudes: object, step: int) -> BaseExce
         Number of the step.
     """
     arrays, compiled = march.arrays, march.kernels
-    kernels = iter([kernel_of(law.law) for law in arrays.kernel_laws])
+    kernels: Any = iter([law.kernel for law in arrays.kernel_laws])
     names = iter([(law.law.name, law.points.names) for law in arrays.kernel_laws])
     actions = [
         dataclasses.replace(action, slots={multipliers: probing_kernel(next(kernels), *next(names))})
