@@ -57,11 +57,11 @@ def _body(prism: Prism) -> ProblemBody:
 
 def _contacts(model: Model, prisms: Mapping[str, Prism]) -> Iterator[ProblemContact]:
     """Yield the contacts of ends, or of faces that cover each other, and those with walls across the axis."""
-    first = np.searchsorted(model.contact_points.contact, np.arange(len(model.case.contacts) + 1))
-    for (name, spec), start, stop in zip(model.case.contacts.items(), first[:-1], first[1:], strict=True):
+    points = model.contact_points
+    for number, (name, spec) in enumerate(model.case.contacts.items()):
         sides = tuple((prisms[side.body], side.region) for side in spec.sides)
         ends = tuple(BodyEnd(prism.body.name, prism.at_start(region, "in contact")) for prism, region in sides)
-        gaps, (front, _) = model.contact_points.gap[start:stop], sides[0]
+        gaps, (front, _) = points.gap[points.contact == number], sides[0]
         if np.ptp(gaps) > ROUND_OFF * min(prism.length for prism, _ in sides):
             raise NotARowOfPrisms(f"the gap of contact '{name}' differs from place to place")
         if not front.body.is_bar:

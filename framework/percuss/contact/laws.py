@@ -12,6 +12,7 @@ from percuss.contact.bound_law import BoundLaw, bind_law
 from percuss.errors import Problem, refuse_if_any
 from percuss.methods.blame import said_by
 from percuss.methods.interfaces import ContactLaw, ContactPoints
+from percuss.methods.plugin_calls import read_only
 
 if TYPE_CHECKING:
     from percuss.contact.model import Model
@@ -23,9 +24,7 @@ def points_of_law(model: Model, where: Sequence[int], dt: float) -> ContactPoint
     delassus, sums = model.largest_delassus
 
     def column(values: Any) -> Any:
-        array = values[at]
-        array.flags.writeable = False
-        return array
+        return read_only(values[at])
 
     return ContactPoints(
         names=tuple(points.names[p] for p in at),

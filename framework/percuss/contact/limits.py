@@ -13,8 +13,7 @@ from percuss.mesh.eigenvalues import as_bands, highest_ritz_value
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from percuss.contact.points import PointArrays
-    from percuss.contact.rows import Rows
+    from percuss.contact.points import PointArrays, Rows
     from percuss.mesh.bodies import Bodies
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats, Integers
@@ -65,7 +64,7 @@ def _limits_of_ends(bodies: Iterable[Body], points: PointArrays, point: Integers
         ends = [end for end in (body.start, body.stop - 1) if end < uses.size and uses[end] > 0]
         if ends:
             step = min(dt, LARGEST_COURANT * 2.0 / body.highest_frequency)
-            stiffness = body.stiffness if not body.of_cells else body.axial_stiffness.data
+            stiffness = body.axial_stiffness.data if body.of_cells else body.stiffness
             inverse = body.mass if body.inverse is None else body.inverse.data
             arrays = [array.tobytes() for array in (body.mass, inverse, stiffness)]
             alike = (step, *(end - body.start for end in ends), *arrays)
@@ -93,54 +92,42 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
     ends
         The end nodes in contact, one or both.
     """
-    if (inverse := body.inverse) is not None:
-        matrix = as_bands(4.0 / dt**2 * inverse - inverse @ body.axial_stiffness @ inverse)
-        return _reserves(matrix, [node - body.start for node in ends], ends, lower=True, coupling=inverse)
-    banded = np.zeros((2, body.mass.size))
-    if body.of_cells:
+    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+
+    reserves = dict.fromkeys(ends, np.inf)
+    heavy = [node for node in ends if body.carrier(node) == node]
+    if not heavy:
+        return reserves
+    # Only ends of two-node elements are without mass, and carried by the node beside them.
+    first, last = (int(body.carrier(node) != node) for node in (body.start, body.stop - 1))
+    if (coupling := body.inverse) is not None:  # C B C with C = M^-1, which has few diagonals
+        banded = as_bands(4.0 / dt**2 * coupling - coupling @ body.axial_stiffness @ coupling)
+    elif body.of_cells:
         banded = -as_bands(body.axial_stiffness)
         banded[0] += 4.0 / dt**2 * body.mass
     else:
-        banded[0, 1:] = body.stiffness
-        banded[1] = 4.0 / dt**2 * body.mass
+        banded = np.stack([np.append(0.0, body.stiffness), 4.0 / dt**2 * body.mass])
         banded[1, :-1] -= body.stiffness
         banded[1, 1:] -= body.stiffness
-    lower = body.of_cells
-    # Only ends of two-node elements are without mass, and carried by the node beside them.
-    first, last = (int(body.carrier(node) != node) for node in (body.start, body.stop - 1))
-    reserves = dict.fromkeys(ends, np.inf)
-    if rest := [node for node in ends if body.carrier(node) == node]:
-        places = [node - body.start - first for node in rest]
-        reserves |= _reserves(banded[:, first : banded.shape[1] - last], places, rest, lower=lower)
-    return reserves
-
-
-def _reserves(
-    banded: Floats, places: Sequence[int], ends: Sequence[int], *, lower: bool, coupling: Any = None
-) -> dict[int, float]:
-    """Return `end_reserves` at the nodes `ends`, which are the rows `places` of a banded matrix.
-
-    Where the mass couples nodes, that matrix is ``C ((4/dt^2) M - K) C`` with C = M^-1, which is `coupling`.
-    """
-    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-
+    lower = body.of_cells or coupling is not None
+    banded = banded[:, first : banded.shape[1] - last]
     try:
         factor = cholesky_banded(banded, lower=lower, check_finite=False)
     except LinAlgError:  # with nodal masses other than lumped ones the free body may be unstable at this step
-        return dict.fromkeys(ends, 0.0)
-    unit = np.zeros((banded.shape[1], len(ends)))
-    unit[places, np.arange(len(ends))] = 1.0
+        return reserves | dict.fromkeys(heavy, 0.0)
+    places, unit = [node - body.start - first for node in heavy], np.zeros((banded.shape[1], len(heavy)))
+    unit[places, np.arange(len(heavy))] = 1.0
     if coupling is not None:
         compliance = coupling @ cho_solve_banded((factor, lower), coupling @ unit)
     else:
         compliance = cho_solve_banded((factor, lower), unit)
-    stiffness = np.linalg.inv(compliance[list(places)])
+    stiffness = np.linalg.inv(compliance[places])
     diagonal = np.diag(stiffness)
-    if len(ends) == 2:
+    if len(heavy) == 2:
         # The matrix [[a, c], [c, b]] minus (1 - |c| / sqrt(a b)) times its diagonal is positive semi-definite, so
         # that this fraction of the diagonal is a safe lower bound.
         diagonal = diagonal * (1.0 - abs(stiffness[0, 1]) / np.sqrt(stiffness[0, 0] * stiffness[1, 1]))
-    return {node: float(r) for node, r in zip(ends, diagonal, strict=True)}
+    return reserves | dict(zip(heavy, diagonal.tolist(), strict=True))
 
 
 # ----------------------------------------------------------------------------------------------- surfaces of solids

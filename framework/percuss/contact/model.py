@@ -13,8 +13,7 @@ import numpy as np
 
 from percuss.contact.features import together
 from percuss.contact.limits import stiffness_limits
-from percuss.contact.points import LAW, NOTHING, PointArrays
-from percuss.contact.rows import Rows, law_records, rows_of
+from percuss.contact.points import LAW, NOTHING, PointArrays, Rows, law_records, rows_of
 from percuss.mesh.loads import acts_at, latest
 from percuss.methods.interfaces import LeapFrog, Stages
 
@@ -138,27 +137,13 @@ class Model:
         do not split the run.
         """
         total = self.steps + 1
-        instants = [
-            instant
-            for constraint in self.loads.constraints
-            if constraint.load is not None
-            for instant in (constraint.load.start, constraint.load.stop)
-        ]
+        instants = [t for one in self.loads.constraints if one.load for t in (one.load.start, one.load.stop)]
         if laws:
-            instants += [
-                instant
-                for bound_law in self.laws
-                if bound_law.during is not None
-                for instant in bound_law.during.ravel()
-            ]
-        cuts = {0, total}
-        for instant in instants:
-            if math.isfinite(instant):
-                # The change takes effect in the first step whose midpoint lies after the instant, as in `acts_at`.
-                step = math.floor(latest(instant) / self.dt + 0.5)
-                cuts.add(min(max(step, 0), total))
-        edges = sorted(cuts)
-        return list(itertools.pairwise(edges))
+            instants += [t for one in self.laws if one.during is not None for t in one.during.ravel().tolist()]
+        finite = np.array([t for t in instants if math.isfinite(t)])
+        # The change takes effect in the first step whose midpoint lies after the instant, as in `acts_at`.
+        cuts = np.clip(np.floor(latest(finite) / self.dt + 0.5), 0, total).astype(int)
+        return list(itertools.pairwise(sorted({0, total, *cuts.tolist()})))
 
     def active_constraints(self, midpoint: float) -> tuple[int, ...]:
         """Return the numbers of the supports and drives that act in the step around `midpoint`."""

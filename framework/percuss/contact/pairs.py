@@ -12,8 +12,7 @@ import numpy as np
 
 from percuss.case.specs import Plane
 from percuss.case.type_words import found
-from percuss.contact.points import TOUCHING, PointArrays, joined, no_points
-from percuss.contact.rows import added_up
+from percuss.contact.points import TOUCHING, PointArrays, added_up, joined, no_points
 from percuss.errors import Problem
 from percuss.mesh.loads import ROUND_OFF
 from percuss.methods.interfaces import PairedPoints, Surface, Wall

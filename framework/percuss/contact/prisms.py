@@ -79,8 +79,7 @@ def prisms_of(model: Model) -> dict[str, Prism]:
     if model.bodies.of_lines:
         return {body.name: _bar(body) for body in model.bodies.values()}
     axis = _axis(model)
-    supports = [one for one in model.loads.constraints if one.load is None]
-    held = {(support.node, int(support.direction.argmax())) for support in supports}
+    held = {(one.node, int(one.direction.argmax())) for one in model.loads.constraints if one.load is None}
     return {body.name: _prism(body, axis, held) for body in model.bodies.values()}
 
 

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats, Integers
 
+# A law or a material, the number of its points, and the weight of each of these in an energy.
+Owner = tuple[Any, int, Any]
+
 
 @dataclass(frozen=True, eq=False)
 class StateVariables:
@@ -47,31 +50,34 @@ class StateVariables:
     @staticmethod
     def of(model: Model, kernel_laws: Sequence[BoundLaw]) -> StateVariables:
         """Return the state variables of a run, all zeros; bodies of the same kind stand one after the other."""
-        laws = sum(len(bound_law.where) * bound_law.law.state for bound_law in kernel_laws)
         bodies = sorted(
             (body for body in model.bodies.values() if body.spec.material.state > 0),
             key=lambda body: (_kind(body), body.number),
         )
-        sizes = [body.volumes.size * body.spec.material.state for body in bodies]
-        edges = list(itertools.accumulate(sizes, initial=laws))
-        places = {body.number: place for body, place in zip(bodies, itertools.pairwise(edges), strict=True)}
-        of_bodies = [(body.spec.material, places[body.number], body.volumes.ravel()) for body in bodies]
-        of_laws, first, size = [], 0, edges[-1]
-        for bound_law in kernel_laws:
-            stop = first + len(bound_law.where) * bound_law.law.state
-            of_laws.append((bound_law.law, (first, stop), 1.0))
-            first = stop
+        of_laws: list[Owner] = [(one.law, len(one.where), 1.0) for one in kernel_laws]
+        of_bodies: list[Owner] = [(body.spec.material, body.volumes.size, body.volumes.ravel()) for body in bodies]
+        edges = list(itertools.accumulate((n * one.state for one, n, _ in (*of_laws, *of_bodies)), initial=0))
+        first, size = edges[len(of_laws)], edges[-1]
+        places = dict(zip((body.number for body in bodies), itertools.pairwise(edges[len(of_laws) :]), strict=True))
 
-        def weights(fact: str, owners: Sequence[tuple[Any, tuple[int, int], Any]]) -> Floats:
+        def weights(fact: str, owners: Sequence[Owner], start: int) -> Floats:
             out = np.zeros(size if any(getattr(owner, fact) is not None for owner, _, _ in owners) else 0)
-            for owner, (start, stop), weight in owners:
+            for owner, points, weight in owners:
+                stop = start + points * owner.state
                 if (variable := getattr(owner, fact)) is not None:
                     out[start + variable : stop : owner.state] = weight
+                start = stop
             return out
 
-        stored, dissipated = weights("stored_in", of_bodies), weights("dissipated_in", of_bodies)
-        stored_by_laws = weights("stored_in", of_laws)
-        return StateVariables(np.zeros(size), np.zeros(size), stored, dissipated, stored_by_laws, places, laws)
+        return StateVariables(
+            before=np.zeros(size),
+            after=np.zeros(size),
+            stored=weights("stored_in", of_bodies, first),
+            dissipated=weights("dissipated_in", of_bodies, first),
+            stored_by_laws=weights("stored_in", of_laws, 0),
+            places=places,
+            laws=first,
+        )
 
     def of_laws(self) -> tuple[Floats, Floats]:
         """Return the variables of the laws, before and after the present step."""
@@ -79,14 +85,10 @@ class StateVariables:
 
     def of_bodies(self, bodies: Sequence[Body]) -> tuple[Floats, Floats]:
         """Return the variables of bodies of one kind, (points, variables) each; `before` is read-only."""
-        state = bodies[0].spec.material.state
-        points = sum(body.volumes.size for body in bodies)
-        if state == 0:
-            return np.zeros((points, 0)), np.zeros((points, 0))
-        start = self.places[bodies[0].number][0]
-        before, after = (
-            array[start : start + points * state].reshape(points, state) for array in (self.before, self.after)
-        )
+        state, points = bodies[0].spec.material.state, sum(body.volumes.size for body in bodies)
+        start, _ = self.places.get(bodies[0].number, (0, 0))
+        place = slice(start, start + points * state)
+        before, after = (array[place].reshape(points, state) for array in (self.before, self.after))
         before.flags.writeable = False
         return before, after
 

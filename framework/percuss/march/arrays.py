@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contact.points import NEVER
-from percuss.contact.rows import carry_over, point_records
+from percuss.contact.points import NEVER, carry_over, point_records
 from percuss.contact.state_variables import StateVariables
 from percuss.march.parts import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
@@ -26,8 +25,7 @@ from percuss.step.records import BOUNDARY_DOF, CONSTRAINT, NODAL_FORCE, NOW, SHA
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
     from percuss.contact.model import Model
-    from percuss.contact.points import Points
-    from percuss.contact.rows import Rows
+    from percuss.contact.points import Points, Rows
     from percuss.methods.interfaces import Array, Floats
 
 

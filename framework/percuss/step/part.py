@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Generic, Self, TypeVar
 
 if TYPE_CHECKING:
     from percuss.contact.model import Model
-    from percuss.contact.rows import Rows
+    from percuss.contact.points import Rows
     from percuss.contact.state_variables import StateVariables
     from percuss.methods.interfaces import Array, Floats, Integers
     from percuss.step.actions import Action

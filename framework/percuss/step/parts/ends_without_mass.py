@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.contact.features import ELASTIC, EVERY_STEP, Feature
-from percuss.contact.points import BY_CURRENT, BY_END, FROM_PART, NOTHING, Points
-from percuss.contact.rows import law_records
+from percuss.contact.points import BY_CURRENT, BY_END, FROM_PART, NOTHING, Points, law_records
 from percuss.errors import Problem, RefusedPair
 from percuss.mesh.masses import BALANCE
 from percuss.methods.interfaces import ContactState, LeapFrog
