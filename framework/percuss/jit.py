@@ -15,7 +15,8 @@ import threading
 import time
 import types
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -48,29 +49,28 @@ NOTICES: list[Callable[[bool], None]] = []
 # ------------------------------------------------------------------------------------------------------------- marks
 
 
-def called(function: AnyKernel) -> AnyKernel:
-    """Mark a function that is compiled once and called; copied into its callers it would compile for too long."""
-    function.called = True  # type: ignore[attr-defined]
-    return function
+def compiled_with(**options: object) -> Callable[[AnyKernel], AnyKernel]:
+    """Return a mark that gives a function options of the compiler, or a slot those of the kernel in it."""
+
+    def mark(function: AnyKernel) -> AnyKernel:
+        function.options = options  # type: ignore[attr-defined]
+        return function
+
+    return mark
 
 
-def fused(function: AnyKernel) -> AnyKernel:
-    """Mark a function in which products are added without being rounded first, if the processor can do so.
-
-    Each of its sums may contain one product only, so that the compiler has no choice: it computes the same bits in
-    every copy, whether for one number or for several at once.
-    """
-    function.fused = True  # type: ignore[attr-defined]
-    return function
-
-
-def merged(slot: AnyKernel) -> AnyKernel:
-    """Mark a slot whose kernel, with all that it calls, merges with its caller before the compiler optimises anything.
-
-    The compiler then knows how often the loops of the kernel run, where the caller knows it.
-    """
-    slot.merged = True  # type: ignore[attr-defined]
-    return slot
+# The function is compiled once and called, unless its caller is itself copied into callers; copied into all of them it
+# would compile for too long.
+called = compiled_with(forceinline=None)
+# Products are added without being rounded first, if the processor can do so. Each sum of the function may contain one
+# product only, so that the compiler has no choice: it computes the same bits in every copy, whether for one number or
+# for several at once.
+fused = compiled_with(fastmath={"contract": True})
+# The function is a sum, whose terms may be added in any order, which is faster.
+reduction = compiled_with(fastmath={"nsz": True, "reassoc": True})
+# The kernel in this slot, with all that it calls, merges with its caller before the compiler optimises anything. The
+# compiler then knows how often the loops of the kernel run, where the caller knows it.
+merged = compiled_with(inline="always")
 
 
 # ----------------------------------------------------------------------------------------------------------- binding
@@ -114,7 +114,7 @@ class Binder:
     allocates
         Whether kernels of plug-ins may allocate arrays, which needs reference counts.
     inline
-        Whether functions are copied into their callers.
+        Option by which functions are copied into their callers; empty if they are not.
     checked
         Whether kernels of plug-ins check array indices against the size of the array.
     """
@@ -122,15 +122,15 @@ class Binder:
     slots: Mapping[Kernel, Any]
     jit: bool = True
     allocates: bool = False
-    inline: bool = True
+    inline: Data = field(default_factory=lambda: {"forceinline": True})
     checked: bool = False
-    _merges: bool = False  # whether functions merge with their callers, as in a slot that is `merged`
     _done: dict[object, Bound | None] = field(default_factory=dict)
 
-    def bind(self, function: Kernel, *, reduction: bool = False) -> Bound:
+    def bind(self, function: Kernel, options: Data = MappingProxyType({})) -> Bound:
         """Return a copy of a function with its slots filled, and with bound copies of all functions that it calls.
 
-        The terms of the sum of a `reduction` may be added in any order.
+        The options of the compiler, beside those of its mark, are percuss's own, also of a function with
+        ``@numba.njit``.
         """
         source, found = plain_function(function), self._done.get(function)
         if found is not None:
@@ -139,23 +139,20 @@ class Binder:
             return Bound(function, getattr(function, "__name__", ""))
         self._done[function] = None
         names = _names(source.__code__)
-        read = {name: source.__globals__[name] for name in sorted(names) if name in source.__globals__}
-        parts = {name: part for name, value in read.items() if (part := self._part(value, names))}
-        cells = [cell.cell_contents for cell in source.__closure__ or ()]
-        closure = [self._part(value, names) or Bound(value, _text(value)) for value in cells]
+        read = {name: self._part(source.__globals__[name], names) for name in sorted(names & source.__globals__.keys())}
+        closure = [self._part(cell.cell_contents, names) for cell in source.__closure__ or ()]
         copy = types.FunctionType(
             source.__code__,
-            source.__globals__ | {name: part.value for name, part in parts.items()},
+            source.__globals__ | {name: part.value for name, part in read.items()},
             source.__name__,
             source.__defaults__,
             tuple(types.CellType(part.value) for part in closure),
         )
-        copy.__module__, copy.__kwdefaults__, copy.__doc__ = source.__module__, source.__kwdefaults__, source.__doc__
+        copy.__kwdefaults__ = source.__kwdefaults__
         bound = Bound(copy)
         if self.jit:
-            options = self._options(function, source, reduction=reduction or getattr(function, "reduction", False))
-            digests = [(name, parts[name].digest if name in parts else _text(value)) for name, value in read.items()]
-            digest = _digest(_about(source), sorted(options.items()), digests, [part.digest for part in closure])
+            options = self._options(source, {**getattr(function, "options", {}), **options})
+            digest = _digest(_about(source), sorted(options.items()), _digests(read), [part.digest for part in closure])
             copy.__name__ = copy.__qualname__ = f"{source.__name__}_{digest}"
             bound = Bound(copy, digest, options)
         self._done[function] = bound
@@ -165,59 +162,55 @@ class Binder:
         """Return whether the code that was bound reaches a function."""
         return function in self._done
 
-    def callee(self, function: Kernel, *, reduction: bool = False) -> Bound:
-        """Return a function as `bind` does, for compiled callers compiled alone."""
-        bound = self.bind(function, reduction=reduction)
-        compiles = self.jit and isinstance(bound.value, types.FunctionType)
-        return bound._replace(value=_callee(bound)) if compiles else bound
+    def callee(self, function: Kernel, options: Data = MappingProxyType({})) -> Bound:
+        """Return a function as `bind` does, for compiled callers compiled alone; Python would crash if it called it."""
+        bound = self.bind(function, options)
+        if not self.jit or not isinstance(bound.value, types.FunctionType):
+            return bound
+        import numba
 
-    def _part(self, value: Any, names: frozenset[str]) -> Bound | None:
-        """Return what stands in for a value that a function reads, or None to keep the value."""
+        key = bound.digest, bound.value.__code__
+        if key not in _CALLEES:
+            usable = {name: value for name, value in bound.options.items() if name not in _UNKNOWN}
+            wrappers = {name: True for name in ("no_cpython_wrapper", "no_cfunc_wrapper") if name not in _UNKNOWN}
+            _CALLEES[key] = numba.njit(**usable, **wrappers)(bound.value)
+        return bound._replace(value=_CALLEES[key])
+
+    def _part(self, value: Any, names: frozenset[str]) -> Bound:
+        """Return what stands in for a value that a function reads: a bound function, a copy of a module, or itself."""
         if isinstance(value, types.ModuleType):
             return self._module(value, names)
         slot = self.slots.get(value) if isinstance(value, types.FunctionType) else None
         if isinstance(slot, Bound):
             return slot
-        maker, kernel, reduction = self, slot or value, getattr(value, "reduction", False)
-        if getattr(value, "merged", False):
-            maker = replace(maker, _merges=self.inline, _done={})
+        if slot is None and plain_function(value) is None:
+            return Bound(value, _text(value))
+        maker, kernel, options = self, slot or value, getattr(value, "options", {})
+        if "inline" in options:  # which all that the kernel calls is given too
+            maker, options = replace(maker, inline=self.inline and options, _done={}), {}
         if isinstance(slot, Filled):
             maker, kernel = replace(maker, slots={**self.slots, **dict(slot.slots)}, _done={}), slot.kernel
-        if slot is None and plain_function(value) is None:
-            return None
-        return maker.callee(kernel, reduction=reduction)
+        return maker.callee(kernel, options)
 
-    def _module(self, module: types.ModuleType, names: frozenset[str]) -> Bound | None:
-        """Return a copy of a module in which its functions among `names` are bound; None of one that numba knows."""
+    def _module(self, module: types.ModuleType, names: frozenset[str]) -> Bound:
+        """Return a copy of a module in which its functions among `names` are bound; itself if numba knows it."""
         if module.__name__.split(".")[0] in FOREIGN or module in self._done:
-            return None
+            return Bound(module)
         self._done[module] = None  # prevents endless recursion where modules import each other
-        read = {name: getattr(module, name) for name in sorted(names) if hasattr(module, name)}
-        parts = {name: part for name, value in read.items() if (part := self._part(value, names))}
+        read = {name: self._part(getattr(module, name), names) for name in sorted(names) if hasattr(module, name)}
         del self._done[module]
         copy = types.ModuleType(module.__name__)
-        vars(copy).update(vars(module) | {name: part.value for name, part in parts.items()})
-        digests = [(name, parts[name].digest if name in parts else _text(value)) for name, value in read.items()]
-        return Bound(copy, _digest(digests))
+        vars(copy).update(vars(module) | {name: part.value for name, part in read.items()})
+        return Bound(copy, _digest(_digests(read)))
 
-    def _options(self, function: Any, source: types.FunctionType, *, reduction: bool) -> Entries:
-        """Return the options of the compiler, of a jitted function those of its author too."""
-        own = is_of_the_loop(source.__code__.co_filename)
-        options: Entries = {"boundscheck": True} if self.checked and not own else {}
-        if hasattr(function, "targetoptions"):
-            author = {name: value for name, value in function.targetoptions.items() if name != "nopython"}
-            if isinstance(flags := author.get("fastmath"), set):
-                author["fastmath"] = tuple(sorted(flags))
-            return options | author
-        # Always set, because otherwise the option of the calling function applies. The loop allocates nothing.
-        options |= {"error_model": "numpy", "nogil": True, "_nrt": self.allocates and not own}
-        if self.inline and not getattr(function, "called", False):
-            options |= {"inline": "always"} if self._merges else {"forceinline": True}
-        if reduction:
-            options["fastmath"] = ("nsz", "reassoc")
-        elif getattr(function, "fused", False):
-            options["fastmath"] = ("contract",)
-        return options
+    def _options(self, source: types.FunctionType, marked: Data) -> Entries:
+        """Return the options of the compiler; what is not set, or None in a mark, is as in the calling function."""
+        of_plugin = not is_of_the_loop(source.__code__.co_filename)
+        options: Entries = {"error_model": "numpy", "nogil": True, "_nrt": self.allocates and of_plugin}
+        if self.checked and of_plugin:
+            options["boundscheck"] = True
+        options |= {**self.inline, **marked}
+        return {name: value for name, value in options.items() if value is not None}
 
 
 def plain_function(value: object) -> types.FunctionType | None:
@@ -251,6 +244,10 @@ def _text(value: object) -> str:
     return f"{type(value).__name__} {value!r}" if isinstance(value, SIMPLE) else ""
 
 
+def _digests(parts: Mapping[str, Bound]) -> list[tuple[str, str]]:
+    return [(name, part.digest) for name, part in parts.items()]
+
+
 def _digest(*about: object) -> str:
     return content_digest(repr(about).encode())[:16]
 
@@ -281,20 +278,9 @@ def _versions() -> str:
 
 # --------------------------------------------------------------------------------------------------------- compiling
 
-# What this process has compiled or loaded, by digest and code, and of entries by the types of their arguments.
+# What this process has compiled or loaded, by digest and code, and of entries by what they are and their types.
 _CALLEES: dict[tuple[str, types.CodeType], Kernel] = {}
-_ENTRIES: dict[tuple[str, types.CodeType], dict[tuple[Any, ...], Kernel]] = {}
-
-
-def _callee(bound: Bound) -> Kernel:
-    """Return a bound function for compiled callers alone; a call from Python would crash the process."""
-    import numba
-
-    key = bound.digest, bound.value.__code__
-    if key not in _CALLEES:
-        wrapped = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        _CALLEES[key] = numba.njit(**_usable({**bound.options, **wrapped}))(bound.value)
-    return _CALLEES[key]
+_ENTRIES: dict[tuple[Any, ...], Any] = {}
 
 
 def entry(bound: Bound, decorate: Callable[..., Any], signature: Any) -> Any:
@@ -309,34 +295,48 @@ def entry(bound: Bound, decorate: Callable[..., Any], signature: Any) -> Any:
     signature
         The types of its arguments, for `numba.cfunc` also that of its result.
     """
-    silent = not NOTICES or _stored(bound.value.__name__)
-    with compiler(), nullcontext() if silent else announced():
-        try:
-            return _decorated(bound, decorate, signature)
-        except KeyError:
-            if not _drop_unknown_options():
-                raise
-            return _decorated(bound, decorate, signature)
+    key = bound.digest, bound.value.__code__, decorate, signature
+    with LOCK:
+        if key not in _ENTRIES:
+            silent = not NOTICES or _stored(bound.value.__name__)
+            with compiler(), nullcontext() if silent else announced():
+                _ENTRIES[key] = _compiled(bound, decorate, signature)
+        return _ENTRIES[key]
 
 
-def _decorated(bound: Bound, decorate: Callable[..., Any], signature: Any) -> Any:
+def _compiled(bound: Bound, decorate: Callable[..., Any], signature: Any) -> Any:
+    """Compile an entry, without options that this version of numba does not know, and store it where that works."""
     import numba
 
-    options = {name: value for name, value in _usable(bound.options).items() if name != "forceinline"}
     before, folder = numba.config.CACHE_DIR, cache_folder()
-    if folder is not None and os.access(folder, os.W_OK):
-        numba.config.CACHE_DIR = str(folder)  # numba reads it in the decorator
+    stores = folder is not None and os.access(folder, os.W_OK)
+    while True:
+        left_out = {*_UNKNOWN, "forceinline"}
+        options = {name: value for name, value in bound.options.items() if name not in left_out}
         try:
-            return decorate(signature, cache=True, **options)(bound.value)
-        except Exception as error:  # no source, a full disk, damaged files: it is compiled without them
-            if isinstance(error, (KeyError, *compile_error())):
+            numba.config.CACHE_DIR = str(folder) if stores else before  # numba reads it in the decorator
+            return decorate(signature, cache=stores, **options)(bound.value)
+        except Exception as error:
+            if isinstance(error, KeyError) and _leave_out_unknown(error):
+                continue
+            if not stores or isinstance(error, compile_error()):
                 raise
+            stores = False  # no source, a full disk, damaged files: it is compiled without them
             for file in _stored(bound.value.__name__):
-                with suppress(OSError):
-                    file.unlink()
+                file.unlink(missing_ok=True)
         finally:
             numba.config.CACHE_DIR = before
-    return decorate(signature, **options)(bound.value)
+
+
+def _leave_out_unknown(error: KeyError) -> bool:
+    """Leave out the undocumented options that numba refuses with this error; return whether there are any."""
+    left = UNDOCUMENTED - _UNKNOWN
+    unknown = {name for name in left if name in str(error).partition("Known options")[0]} or left
+    _UNKNOWN.update(unknown)
+    for kernel in _CALLEES.values():
+        for name in unknown:
+            kernel.targetoptions.pop(name, None)  # type: ignore[attr-defined]
+    return bool(unknown)
 
 
 def _stored(name: str) -> list[Path]:
@@ -345,22 +345,17 @@ def _stored(name: str) -> list[Path]:
     return [] if folder is None else list(folder.glob(f"*/*.{name}-*"))
 
 
+@dataclass(frozen=True)
 class Compiled:
     """A bound function, compiled for the types of its arguments when it is first called with them."""
 
-    def __init__(self, bound: Bound) -> None:
-        self.bound = bound
-        self._known = _ENTRIES.setdefault((bound.digest, bound.value.__code__), {})
+    bound: Bound
 
     def of(self, arguments: tuple[object, ...]) -> Kernel:
         """Return the function compiled for the types of these arguments."""
         import numba
 
-        kinds = tuple(map(numba.typeof, arguments))
-        with LOCK:
-            if kinds not in self._known:
-                self._known[kinds] = entry(self.bound, numba.njit, kinds)
-            return self._known[kinds]
+        return cast("Kernel", entry(self.bound, numba.njit, tuple(map(numba.typeof, arguments))))
 
     def __call__(self, *arguments: object, **named: object) -> Any:
         """Call the function."""
@@ -390,7 +385,7 @@ def compiled_function(function: AnyKernel, slots: Mapping[Kernel, Any] = Mapping
     if jit_disabled():
         return function
     with compiler():
-        return cast("AnyKernel", Compiled(Binder(slots, allocates=True, inline=False).bind(function)))
+        return cast("AnyKernel", Compiled(Binder(slots, allocates=True, inline={}).bind(function)))
 
 
 def compile_error() -> tuple[type[Exception], ...]:
@@ -410,46 +405,9 @@ def jit_disabled() -> bool:
     return bool(numba.config.DISABLE_JIT)
 
 
-def _usable(options: Data) -> Entries:
-    """Return options as numba takes them, without those that its version does not know."""
-    usable = {name: value for name, value in options.items() if name not in _UNKNOWN}
-    if isinstance(flags := usable.get("fastmath"), tuple):  # a set has no order, which a digest needs
-        usable["fastmath"] = set(flags)
-    return usable
-
-
-def _drop_unknown_options() -> bool:
-    """Leave out the undocumented options that this version of numba does not know; return whether there are any."""
-    import numba
-
-    found = set()
-    for name in UNDOCUMENTED - _UNKNOWN:
-        try:
-            numba.njit("void()", **{name: False})(_nothing)
-        except KeyError:
-            found.add(name)
-    for kernel in _CALLEES.values():
-        for name in found:
-            kernel.targetoptions.pop(name, None)  # type: ignore[attr-defined]
-    _UNKNOWN.update(found)
-    return bool(found)
-
-
-def _nothing() -> None:
-    pass
-
-
 # ------------------------------------------------------------------------------------------------------------- clock
 
-
-class _Clock(threading.local):
-    """Compile-time clock of each thread: seconds spent so far, and the depth of contexts that are counted."""
-
-    seconds = 0.0
-    depth = 0
-
-
-_CLOCK = _Clock()
+_COMPILING: ContextVar[float] = ContextVar("_COMPILING", default=0.0)
 
 
 def compile_seconds() -> float:
@@ -457,22 +415,19 @@ def compile_seconds() -> float:
 
     The difference of two readings is the time spent in between.
     """
-    return _CLOCK.seconds
+    return _COMPILING.get()
 
 
 class Stopwatch:
     """A stopwatch for the parts of a run that measures compile time separately."""
 
     def __init__(self) -> None:
-        self.began = self._lap_began = time.perf_counter()
-        self._compiled_before = self._lap_compiled = compile_seconds()
+        self._began, self._compiled_before = self._lap = time.perf_counter(), compile_seconds()
 
     def lap(self) -> float:
         """Return the seconds since the last call that were not spent compiling."""
-        now, compiled = time.perf_counter(), compile_seconds()
-        seconds = (now - self._lap_began) - (compiled - self._lap_compiled)
-        self._lap_began, self._lap_compiled = now, compiled
-        return max(seconds, 0.0)
+        (began, compiled), self._lap = self._lap, (time.perf_counter(), compile_seconds())
+        return self._lap[0] - began - (self._lap[1] - compiled)
 
     def compiled(self) -> float:
         """Return the seconds spent compiling since the beginning."""
@@ -480,7 +435,7 @@ class Stopwatch:
 
     def total(self) -> float:
         """Return the seconds since the beginning, compile time included."""
-        return time.perf_counter() - self.began
+        return time.perf_counter() - self._began
 
 
 @contextmanager
@@ -502,12 +457,9 @@ def compiler() -> Iterator[None]:
     Ctrl-C is told at its end: LLVM calls Python back and loses its errors.
     """
     beat()
-    began = time.perf_counter()
-    _CLOCK.depth += 1
+    began, before = time.perf_counter(), _COMPILING.get()
     try:
         with LOCK, interrupted_afterwards():
             yield
     finally:
-        _CLOCK.depth -= 1
-        if _CLOCK.depth == 0:
-            _CLOCK.seconds += time.perf_counter() - began
+        _COMPILING.set(before + time.perf_counter() - began)

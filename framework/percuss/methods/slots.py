@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NoReturn
 
-from percuss.jit import merged
+from percuss.jit import merged, reduction
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Trial
@@ -89,13 +89,10 @@ def internal_force(*arguments: object) -> None:
     unbound()
 
 
+@reduction
 def energy(*arguments: object) -> float:
     """Return the staggered strain energy of consecutive elements; a slot for the kernel of the body's element."""
     unbound()
-
-
-# This is a sum over elements, so the compiler may add its terms in any order, which is faster.
-energy.reduction = True  # type: ignore[attr-defined]
 
 
 @merged

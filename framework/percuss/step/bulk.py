@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from percuss.jit import Kernel, called
+from percuss.jit import Kernel, called, reduction
 from percuss.mesh.cell_kernels import Block, add_up_forces, energy_of_cells, energy_of_points
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import energy, internal_force, unbound
@@ -238,6 +238,7 @@ def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, accel
         u[i] += dt * v[i]
 
 
+@reduction
 def power(force: Floats, v: Floats) -> float:
     """Return the power of forces on consecutive nodes."""
     total = 0.0
@@ -246,18 +247,13 @@ def power(force: Floats, v: Floats) -> float:
     return total
 
 
-power.reduction = True  # type: ignore[attr-defined]
-
-
+@reduction
 def momentum_along(mass: Floats, v: Floats, component: int, dim: int) -> float:
     """Return the momentum of consecutive nodes along one component."""
     total = 0.0
     for i in range(component, v.size, dim):
         total += mass[i] * v[i]
     return total
-
-
-momentum_along.reduction = True  # type: ignore[attr-defined]
 
 
 def add_momentum_of_nodes(data: Bulk, body: int, first: int, stop: int, v: Floats) -> None:
@@ -285,12 +281,10 @@ def add_kinetic_energy(data: Masses, n: int, u: Floats, v: Floats, a: Floats) ->
     data.totals[0].kinetic_energy += kinetic(data.mass, v[: data.mass.size])
 
 
+@reduction
 def kinetic(mass: Floats, v: Floats) -> float:
     """Return the kinetic energy ``v M v / 2``."""
     total = 0.0
     for i in range(v.size):
         total += mass[i] * v[i] * v[i]
     return 0.5 * total
-
-
-kinetic.reduction = True  # type: ignore[attr-defined]

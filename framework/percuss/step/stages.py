@@ -68,7 +68,6 @@ class StageAmplitudes(NamedTuple):
     speed: Floats  # (T, 2, columns) prescribed velocities at t_n and t_{n+1}
 
 
-@called
 def take_step(numbers: object, system: System, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
     """Make one step of the integrator (slot for its kernel)."""
     raise NotImplementedError

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.jit import fused
+from percuss.jit import fused, reduction
 from percuss.methods.blame import is_foreign
 from percuss.record_arrays import Records, record_array
 
@@ -74,6 +74,7 @@ def add_energies(data: UniformRows, n: int, u: Floats, v: Floats, a: Floats) -> 
     data.totals[0].elastic_energy += 0.5 * elastic
 
 
+@reduction
 def sum_of_squares(v: Floats) -> float:
     """Return the sum of the squares of velocities."""
     total = 0.0
@@ -82,9 +83,7 @@ def sum_of_squares(v: Floats) -> float:
     return total
 
 
-sum_of_squares.reduction = True  # type: ignore[attr-defined]
-
-
+@reduction
 def sum_of_elongations(u: Floats, v: Floats, dt: float) -> float:
     """Return the sum over the elements of a bar of the product of their elongations after and before the step."""
     total = 0.0
@@ -92,9 +91,6 @@ def sum_of_elongations(u: Floats, v: Floats, dt: float) -> float:
         after = u[i + 1] - u[i]
         total += after * (after - dt * (v[i + 1] - v[i]))
     return total
-
-
-sum_of_elongations.reduction = True  # type: ignore[attr-defined]
 
 
 @fused
