@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import math
 import multiprocessing
 import sys
 
@@ -45,11 +44,11 @@ def admitted(family: str, offer: object) -> type[Component]:
     parameters = vars(offer).get("__dataclass_params__")
     if parameters is None or not parameters.frozen:
         raise PluginError(f"{name} is not a frozen dataclass; put @dataclass(frozen=True) above it")
+    if not NAME_PATTERN.fullmatch(offer.name):
+        raise PluginError(f"{name} has the name {offer.name!r}; a letter, then letters, digits, _ and -")
     _check_signatures(contract, offer)
     if issubclass(offer, ContactLaw | Material):
         _check_state(offer)
-    if not isinstance(offer.name, str) or not NAME_PATTERN.fullmatch(offer.name):
-        raise PluginError(f"{name} has the name {offer.name!r}; a letter, then letters, digits, _ and -")
     return offer
 
 
@@ -76,12 +75,12 @@ def _check_signatures(contract: type[Component], component: type[Component]) -> 
         function = plain_function(inspect.getattr_static(component, name, None))
         if not inspect.isfunction(function):
             continue
-        parameters = inspect.signature(function).parameters.values()
-        required = [p for p in parameters if p.default is p.empty and p.kind not in {p.VAR_POSITIONAL, p.VAR_KEYWORD}]
-        most = math.inf if any(p.kind is p.VAR_POSITIONAL for p in parameters) else len(parameters)
-        if not len(required) <= len(arguments) <= most:
-            signature = f"{name}({', '.join(map(str, parameters))})"
-            raise PluginError(f"{component.__name__}.{signature} is called as {name}({', '.join(arguments)})")
+        signature = inspect.signature(function)
+        try:
+            signature.bind(*arguments)
+        except TypeError:
+            shown = f"{component.__name__}.{name}{signature.replace(return_annotation=signature.empty)}"
+            raise PluginError(f"{shown} is called as {name}({', '.join(arguments)})") from None
 
 
 def _check_state(component: type[ContactLaw | Material]) -> None:

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from percuss.errors import PercussError, PluginError
-from percuss.jit import Kernel
 from percuss.methods.blame import breach, described, is_foreign, line_in_plugin
 from percuss.methods.interfaces import BodyMesh, Component, Exact, Floats, Lumping, Mesh, PairedPoints, Surface
 
@@ -74,22 +73,10 @@ def read_only(value: Any) -> Any:
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
         arrays = {name: read_only(item) for name, item in fields.items() if isinstance(item, np.ndarray | tuple)}
         return dataclasses.replace(value, **arrays) if arrays else value
-    return mapped(read_only, value) if isinstance(value, tuple) else value
-
-
-def mapped(function: Kernel, *values: Any) -> Any:
-    """Return nested tuples with the answer of `function` to the corresponding entries of `values` in their place.
-
-    Raises
-    ------
-    ValueError
-        If the tuples differ in length.
-    """
-    first = values[0]
-    if not isinstance(first, tuple):
-        return function(*values)
-    parts = [mapped(function, *entries) for entries in zip(*values, strict=True)]
-    return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
+    if isinstance(value, tuple):
+        parts = [read_only(part) for part in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    return value
 
 
 # ---------------------------------------------------------------------------------------- checks of the answers

@@ -76,22 +76,14 @@ class Registry:
         PluginError
             If one of `files` is missing, fails, or registers something wrong or a name that is taken.
         """
-        given: dict[Path, SingleFile] = {}
         with LOCK:  # Another thread could find a module half imported, or import it a second time.
-            for file in files:
-                read = SingleFile.read(Path(file))
-                given.setdefault(read.path, read)
-            return _load(_environment(), tuple(given.values()))
+            read = dict.fromkeys(SingleFile.read(Path(file)) for file in files)
+            return _load(_environment(), tuple(read))
 
     @property
     def files(self) -> tuple[Path, ...]:
         """Paths of the single-file plug-ins."""
         return tuple(file.path for file in self.single_files)
-
-    @property
-    def families(self) -> tuple[str, ...]:
-        """The families of components."""
-        return tuple(FAMILIES)
 
     def names(self, family: str) -> list[str]:
         """Return the names of a family, sorted.
@@ -204,7 +196,7 @@ def _add_file(manager: PluginManager, file: SingleFile, chosen: dict[Key, _Regis
     """Add the components of a single file to `chosen`; raise PluginError with all mistakes in the file."""
     broken: list[Broken] = []
     with _isolate(broken, file.source):
-        for registered in _components_of(manager, _import_file(file), file.source, broken):
+        for registered in _components_of(manager, file.module(), file.source, broken):
             with _isolate(broken, file.source, culprit=registered.component):
                 if registered.key in chosen or registered.key in clashes:
                     owners = clashes.get(registered.key) or (chosen[registered.key].source,)
@@ -213,15 +205,6 @@ def _add_file(manager: PluginManager, file: SingleFile, chosen: dict[Key, _Regis
     if broken:
         lines = (f"{fault.file or file.path}: {fault.error}" for fault in broken)
         raise PluginError("\n".join(lines).replace(str(file.path), file.given))
-
-
-def _import_file(file: SingleFile) -> ModuleType:
-    """Return the module of a single-file plug-in, which is imported once for each content."""
-    name = file.source.module
-    if name not in sys.modules:
-        PLUGIN_MODULES.add(name)
-        file.import_as(name)
-    return sys.modules[name]
 
 
 def _components_of(manager: PluginManager, plugin: Any, source: Provenance, broken: list[Broken]) -> list[_Registered]:

@@ -11,6 +11,7 @@ from types import ModuleType
 from percuss.digest import content_digest
 from percuss.errors import PluginError, nearest, shortened
 from percuss.files import found_instead
+from percuss.methods.blame import PLUGIN_MODULES
 from percuss.methods.provenance import Provenance, display_path
 
 
@@ -77,13 +78,12 @@ class SingleFile:
         stem = re.sub(r"[^A-Za-z0-9_]", "_", self.path.stem)
         return Provenance("", self.digest[:12], f"percuss_file_{stem}_{unique}", str(self.path))
 
-    @property
-    def files(self) -> dict[str, bytes]:
-        """Content of the plug-in by its name."""
-        return {self.path.name: self.content}
-
-    def import_as(self, name: str) -> None:
-        """Import the file as the module called `name`."""
+    def module(self) -> ModuleType:
+        """Return the module of the file, which is imported once for each content."""
+        name = self.source.module
+        if name in sys.modules:
+            return sys.modules[name]
+        PLUGIN_MODULES.add(name)
         module = ModuleType(name)
         module.__file__ = str(self.path)
         sys.modules[name] = module  # Dataclasses and pickle look the module up there.
@@ -93,3 +93,4 @@ class SingleFile:
         except BaseException:
             del sys.modules[name]
             raise
+        return module

@@ -268,9 +268,5 @@ class Component(ABC):
                     f"{cls.__name__}.{option} has no annotation, so that no case can set it: write "
                     f"`{option}: {type(value).__name__} = {value!r}`, or {option.upper()} for a constant"
                 )
-        if not NAME_PATTERN.fullmatch(cls.name):
-            raise TypeError(
-                f"{cls.__name__} has the name {cls.name!r}: start with a letter, then letters, digits, _, -"
-            )
         if sys.flags.optimize < 2 and not (vars(cls).get("__doc__") or "").strip():  # `python -OO` drops docstrings
             raise TypeError(f"{cls.__name__} has no docstring: give formula, source and stability limit")
