@@ -10,12 +10,16 @@ def main() -> None:
     folder = os.path.dirname(os.path.realpath(sys.argv[0]))  # noqa: PTH120
     if not sys.flags.safe_path and os.path.realpath(sys.path[0]) == folder:
         del sys.path[0]
-    from percuss.process import begin
+    from percuss.process import INTERRUPTED, begin
 
     begin()
-    from percuss.cli.main import main as run
+    try:
+        from percuss.cli.main import main as run
 
-    run()
+        run()
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)
 
 
 if __name__ == "__main__":

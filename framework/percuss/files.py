@@ -104,9 +104,12 @@ def replacing(path: str | os.PathLike[str], suffix: str) -> Iterator[Path]:
     target = Path(path)
     temporary = _temporary_beside(target, suffix)
     try:
-        with writing(target):
-            yield temporary
-            temporary.replace(target)
+        yield temporary
+        temporary.replace(target)
+    except OSError as error:
+        if error.errno not in CANNOT_BE_WRITTEN:
+            raise
+        raise unwritten(target, str(error.strerror)) from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -121,23 +124,6 @@ def _temporary_beside(target: Path, suffix: str) -> Path:
         reason = getattr(error, "strerror", None) or str(error)
         raise wrong_input(str(target), f"cannot write here: {reason}", "Name another file or folder.") from error
     return temporary
-
-
-@contextmanager
-def writing(target: Path) -> Iterator[None]:
-    """Turn the errors of a disk that is full or broken into one message about the target, which is not written then.
-
-    Raises
-    ------
-    UnwrittenError
-        If the disk cannot be written to.
-    """
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in CANNOT_BE_WRITTEN:
-            raise
-        raise unwritten(target, str(error.strerror)) from error
 
 
 def unwritten(target: Path, reason: str) -> UnwrittenError:

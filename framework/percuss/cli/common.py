@@ -19,7 +19,7 @@ from percuss.errors import InputError, PercussError, Problem, UnwrittenError, pr
 from percuss.files import expect_writable
 from percuss.heartbeat import beat, heard_by
 from percuss.methods.blame import described, line_in_plugin, plugin_faults
-from percuss.process import INTERRUPTED, ctrl_c_raises
+from percuss.process import INTERRUPTED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -199,8 +199,7 @@ def reporting(as_json: bool) -> Iterator[Answer]:
 def _ctrl_c_ends_it() -> Iterator[None]:
     """End the command at Ctrl-C, with the line of the plug-in in which it was at work, if it was in one."""
     try:
-        with ctrl_c_raises():
-            yield
+        yield
     except KeyboardInterrupt as interrupt:
         where = line_in_plugin(interrupt)
         print(f"interrupted{f' in {where}' if where else ''}", file=sys.stderr)
