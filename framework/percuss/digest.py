@@ -10,7 +10,7 @@ import functools
 import hashlib
 import os
 import platform
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 from percuss.files import PACKAGE
@@ -20,21 +20,12 @@ COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "scipy")
 SOURCES = {".py", ".toml"}
 SHOWN_ALONE = {"cli", "reporting", "testing"}  # rooms of percuss on which no number of a run depends
 OF_THE_LOOP = ("contact", "mesh", "step", "methods/slots.py", "jit.py", "digest.py")  # what is compiled, and how
-# Environment variables of numba with these prefixes change no number.
-HARMLESS_PREFIXES = (
-    "NUMBA_CACHE", "NUMBA_DEBUG", "NUMBA_DUMP", "NUMBA_NUM_THREADS", "NUMBA_WARNINGS", "NUMBA_COLOR",
-    "NUMBA_FULL_TRACEBACKS", "NUMBA_SHOW_HELP", "NUMBA_HIGHLIGHT", "NUMBA_DISABLE_PERFORMANCE", "NUMBA_TRACE",
-    "NUMBA_ENABLE_PROFILING", "NUMBA_DEVELOPER_MODE", "NUMBA_JIT_COVERAGE", "NUMBA_GDB", "NUMBA_THREADING_LAYER",
-)  # fmt: skip
 # Environment variables with these prefixes can change numbers.
 NUMERIC_PREFIXES = (
-    "NUMBA_",
-    "NPY_DISABLE_CPU",
-    "NPY_ENABLE_CPU",
-    "OPENBLAS_CORETYPE",
-    "MKL_CBWR",
+    "NUMBA_CPU_", "NUMBA_DISABLE_INTEL_SVML", "NUMBA_DISABLE_JIT", "NUMBA_ENABLE_AVX", "NUMBA_LOOP_VECTORIZE",
+    "NUMBA_OPT", "NUMBA_SLP_VECTORIZE", "NPY_DISABLE_CPU", "NPY_ENABLE_CPU", "OPENBLAS_CORETYPE", "MKL_CBWR",
     "MKL_ENABLE_INSTRUCTIONS",
-)
+)  # fmt: skip
 
 
 def content_digest(content: bytes) -> str:
@@ -53,7 +44,7 @@ def source_digest(file: str) -> str:
     if path.is_relative_to(PACKAGE):
         return loop_digest() if is_of_the_loop(file) else own_digest()
     if not path.is_file():
-        return _digest((), path)
+        return _digest(path)
     folder = path.parent
     while (folder / "__init__.py").is_file():
         path, folder = folder, folder.parent
@@ -62,7 +53,7 @@ def source_digest(file: str) -> str:
 
 @functools.cache
 def _package_digest(path: Path) -> str:
-    return _digest(_sources(path), path)
+    return _digest(path, [path])
 
 
 @functools.cache
@@ -75,14 +66,13 @@ def is_of_the_loop(file: str) -> bool:
 @functools.cache
 def loop_digest() -> str:
     """Return the digest of percuss's own sources from which the time loop is compiled."""
-    return _digest((file for part in OF_THE_LOOP for file in _sources(PACKAGE / part)), PACKAGE)
+    return _digest(PACKAGE, [PACKAGE / part for part in OF_THE_LOOP])
 
 
 @functools.cache
 def own_digest() -> str:
     """Return the digest of percuss's own sources on which a number may depend."""
-    files = (file for file in _sources(PACKAGE) if file.relative_to(PACKAGE).parts[0] not in SHOWN_ALONE)
-    return _digest(files, PACKAGE)
+    return _digest(PACKAGE, [part for part in sorted(PACKAGE.iterdir()) if part.name not in SHOWN_ALONE])
 
 
 def surroundings() -> dict[str, str]:
@@ -93,24 +83,16 @@ def surroundings() -> dict[str, str]:
 
 def numeric_settings() -> dict[str, str]:
     """Return variables of the environment that can change numbers, and the digest of numba's settings file."""
-    settings = {
-        name: value
-        for name, value in sorted(os.environ.items())
-        if name.startswith(NUMERIC_PREFIXES) and not name.startswith(HARMLESS_PREFIXES)
-    }
+    settings = {name: value for name, value in sorted(os.environ.items()) if name.startswith(NUMERIC_PREFIXES)}
     file = Path(".numba_config.yaml")
     if file.is_file():
         settings[file.name] = content_digest(file.read_bytes())
     return settings
 
 
-def _sources(path: Path) -> Iterator[Path]:
-    """Yield a file, or all sources in a folder and those below it, in order."""
-    files = [path] if path.is_file() else sorted(path.rglob("*"))
-    yield from (file for file in files if file.suffix in SOURCES and file.is_file())
-
-
-def _digest(files: Iterable[Path], root: Path) -> str:
-    """Return the digest of files, by their places below `root`."""
-    read = (f"{file.relative_to(root).as_posix()}\0{content_digest(file.read_bytes())}\0" for file in files)
+def _digest(root: Path, parts: Iterable[Path] = ()) -> str:
+    """Return the digest of all sources in files and folders, in order and by their places below `root`."""
+    files = (file for part in parts for file in ([part] if part.is_file() else sorted(part.rglob("*"))))
+    sources = (file for file in files if file.suffix in SOURCES and file.is_file())
+    read = (f"{file.relative_to(root).as_posix()}\0{content_digest(file.read_bytes())}\0" for file in sources)
     return content_digest("".join(read).encode())

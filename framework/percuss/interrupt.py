@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
+
+# Events of the contexts that this process is in, from the outermost on, and whether Ctrl-C raises an error there too.
+_WAITING: list[tuple[threading.Event, bool]] = []
 
 
 @contextmanager
@@ -26,50 +29,37 @@ def interruptible(*, at_once: bool = False) -> Iterator[threading.Event]:
     if threading.current_thread() is not threading.main_thread():
         yield event
         return
-    previous_handler = signal.getsignal(signal.SIGINT)
-
-    signal.signal(signal.SIGINT, _SetEvents(event, previous_handler, at_once))
+    usual: Any = signal.getsignal(signal.SIGINT)
+    if not _WAITING:
+        signal.signal(signal.SIGINT, partial(_set_events, usual))
+    _WAITING.append((event, at_once))
     try:
         yield event
     finally:
-        # The handler that was there before, unless Ctrl-C has put the usual one back for all contexts.
-        interrupted = isinstance(previous_handler, _SetEvents) and previous_handler.event.is_set()
-        if not interrupted:
-            signal.signal(signal.SIGINT, previous_handler)
+        _WAITING.pop()
+        if not _WAITING:
+            signal.signal(signal.SIGINT, usual)
 
 
-@dataclass(frozen=True)
-class _SetEvents:
-    """A handler of Ctrl-C that sets its event and those of the handlers it replaced, and puts back the usual one."""
-
-    event: threading.Event
-    previous: Any
-    at_once: bool
-
-    def __call__(self, number: int, frame: object) -> None:  # noqa: ARG002
-        handler: Any = self
-        while isinstance(handler, _SetEvents):
-            handler.event.set()
-            handler = handler.previous
-        signal.signal(signal.SIGINT, handler)
-        if self.at_once:
-            raise KeyboardInterrupt
+def _set_events(usual: Callable[..., Any] | int | None, number: int, frame: object) -> None:  # noqa: ARG001
+    """Set the events of all contexts, and put back the usual handler of Ctrl-C."""
+    signal.signal(signal.SIGINT, usual)
+    for event, _ in _WAITING:
+        event.set()
+    if _WAITING[-1][1]:
+        raise KeyboardInterrupt
 
 
 @contextmanager
-def interrupted_afterwards() -> Iterator[threading.Event]:
-    """Let Ctrl-C set an event inside this context, and interrupt at its end; the caller may do so before.
+def interrupted_afterwards() -> Iterator[None]:
+    """Let Ctrl-C interrupt at the end of this context, for code that calls Python back in a way that loses errors.
 
-    It is for code that calls Python back in a way that loses errors. Where somebody around it checks an event of
-    Ctrl-C, that one alone is set.
+    Where somebody around it checks an event of Ctrl-C, that one alone is set.
     """
-    handler = signal.getsignal(signal.SIGINT)
-    if isinstance(handler, _SetEvents) and not handler.at_once:
-        yield threading.Event()
-        return
+    checked = bool(_WAITING) and not _WAITING[-1][1]
     with interruptible() as pressed:
         try:
-            yield pressed
+            yield
         finally:
-            if pressed.is_set():
+            if pressed.is_set() and not checked:
                 raise KeyboardInterrupt

@@ -13,15 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from percuss.errors import InputError, Problem
-
-
-class BusyError(InputError):
-    """Refusal to write to a file because another process is writing to it."""
-
-    def __init__(self, path: Path, writer: str) -> None:
-        message = f"is being written by {writer or 'another process'}"
-        super().__init__([Problem(str(path), "", message, "Wait until it has ended, or name another file with -o.")])
+from percuss.errors import InputError, Problem, wrong_input
 
 
 class NotWritableError(InputError):
@@ -44,7 +36,7 @@ def locked(path: Path) -> Iterator[None]:
 
     Raises
     ------
-    BusyError
+    InputError
         If another process, or another thread of this one, holds the lock.
     NotWritableError
         If the lock file cannot be made.
@@ -56,9 +48,11 @@ def locked(path: Path) -> Iterator[None]:
     try:
         lock.acquire()
     except filelock.Timeout:
-        with contextlib.suppress(OSError):
-            raise BusyError(path, lock_file.read_text(encoding="utf-8")) from None
-        raise BusyError(path, "") from None
+        writer = ""
+        with contextlib.suppress(OSError):  # it has just been removed
+            writer = lock_file.read_text(encoding="utf-8")
+        message = f"is being written by {writer or 'another process'}"
+        raise wrong_input(str(path), message, "Wait until it has ended, or name another file with -o.") from None
     except OSError as error:
         raise NotWritableError(path, error.strerror) from error
     try:
