@@ -75,6 +75,7 @@ def own_digest() -> str:
     return _digest(PACKAGE, [part for part in sorted(PACKAGE.iterdir()) if part.name not in SHOWN_ALONE])
 
 
+@functools.cache
 def surroundings() -> dict[str, str]:
     """Return versions and settings outside the methods that can change numbers: packages, environment, numba's file."""
     versions = {"python": f"{platform.python_implementation()} {platform.python_version()}"}

@@ -257,7 +257,7 @@ def _about(function: types.FunctionType) -> tuple[object, ...]:
 
     The code is there for functions that are in no file, as those made by ``exec``.
     """
-    sources = source_digest(function.__code__.co_filename), loop_digest(), _versions()
+    sources = source_digest(function.__code__.co_filename), loop_digest(), repr(surroundings())
     defaults = _text(function.__defaults__ or ()), _text(tuple((function.__kwdefaults__ or {}).items()))
     return *sources, function.__module__, function.__qualname__, *defaults, _code(function.__code__)
 
@@ -269,11 +269,6 @@ def _code(code: types.CodeType) -> tuple[object, ...]:
         for one in code.co_consts
     ]
     return code.co_firstlineno, code.co_code, code.co_names, code.co_varnames, constants
-
-
-@functools.cache
-def _versions() -> str:
-    return repr(sorted(surroundings().items()))
 
 
 # --------------------------------------------------------------------------------------------------------- compiling

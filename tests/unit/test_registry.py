@@ -659,7 +659,7 @@ def test_a_file_without_hooks_registers_what_it_defines(write, tmp_path):
     assert source.file == str(tmp_path / "my_law.py")
     assert re.fullmatch(r"percuss_file_my_law_[0-9a-f]{12}", source.module)
     assert str(source) == f"{display_path(source.file)} ({source.version})"
-    assert registry.files == (tmp_path / "my_law.py",)
+    assert [file.path for file in registry.single_files] == [tmp_path / "my_law.py"]
 
 
 def test_a_file_with_hooks_registers_what_they_return(write):
@@ -732,7 +732,7 @@ def test_a_file_given_twice_counts_once(write, tmp_path):
     file = write(IMPORTS + law())
     (tmp_path / "sub").mkdir()
     registry = Registry.load([file, tmp_path / file, tmp_path / "sub" / ".." / file])
-    assert len(registry.files) == 1
+    assert len(registry.single_files) == 1
     assert Registry.load([tmp_path / file]) is registry
 
 

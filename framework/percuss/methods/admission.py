@@ -132,8 +132,7 @@ def _check_version(component: type[Component]) -> None:
         raise PluginError(
             f"{component.__name__} has the contract_version {stated!r}; expected a whole number from 1, now {current}"
         )
-    contract = contract_of(component)
-    if contract != stated:
+    if contract_of(component) != stated:
         _note_on_unreleased_contracts()
     elif stated > current:
         written = f"{component.__name__} is written for contract {stated}, this percuss has contract {current}"

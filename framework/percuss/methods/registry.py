@@ -80,11 +80,6 @@ class Registry:
             read = dict.fromkeys(SingleFile.read(Path(file)) for file in files)
             return _load(_environment(), tuple(read))
 
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Paths of the single-file plug-ins."""
-        return tuple(file.path for file in self.single_files)
-
     def names(self, family: str) -> list[str]:
         """Return the names of a family, sorted.
 
@@ -118,7 +113,7 @@ class Registry:
 
     def __reduce__(self) -> tuple[Callable[..., Registry], tuple[object, ...]]:
         # Another process loads the plug-ins itself, so that pickle finds the modules of single files there.
-        return Registry.load, (self.files,)
+        return Registry.load, (tuple(file.path for file in self.single_files),)
 
 
 class _Registered(NamedTuple):
@@ -159,11 +154,7 @@ def _load(environment: tuple[tuple[str, int], ...], files: tuple[SingleFile, ...
             PLUGIN_MODULES.add(source.module.partition(".")[0])
             for registered in _components_of(manager, point.load(), source, broken):
                 by_key.setdefault(registered.key, []).append(registered)
-    clashes = {
-        key: tuple(candidate.source for candidate in candidates)
-        for key, candidates in by_key.items()
-        if len(candidates) > 1
-    }
+    clashes = {key: tuple(one.source for one in several) for key, several in by_key.items() if len(several) > 1}
     for key, sources in clashes.items():
         labels = dict.fromkeys(source.label for source in sources)
         broken.append(Broken(" and ".join(labels), f"{_registered_by(key, sources)}; {NONE_USED}", sources[-1].file))
