@@ -59,9 +59,8 @@ def compiled_with(**options: object) -> Callable[[AnyKernel], AnyKernel]:
     return mark
 
 
-# The function is compiled once and called, unless its caller is itself copied into callers; copied into all of them it
-# would compile for too long.
-called = compiled_with(forceinline=None)
+# The function is compiled once and called; copied into its callers it would compile for too long.
+called = compiled_with(forceinline=False)
 # Products are added without being rounded first, if the processor can do so. Each sum of the function may contain one
 # product only, so that the compiler has no choice: it computes the same bits in every copy, whether for one number or
 # for several at once.
@@ -204,13 +203,15 @@ class Binder:
         return Bound(copy, _digest(_digests(read)))
 
     def _options(self, source: types.FunctionType, marked: Data) -> Entries:
-        """Return the options of the compiler; what is not set, or None in a mark, is as in the calling function."""
+        """Return the options of the compiler.
+
+        Numba gives a function the options of the first caller that it compiles, where the function has none of its own:
+        numbers would hang on what a process has compiled before.
+        """
         of_plugin = not is_of_the_loop(source.__code__.co_filename)
-        options: Entries = {"error_model": "numpy", "nogil": True, "_nrt": self.allocates and of_plugin}
-        if self.checked and of_plugin:
-            options["boundscheck"] = True
-        options |= {**self.inline, **marked}
-        return {name: value for name, value in options.items() if value is not None}
+        options: Entries = {"error_model": "numpy", "nogil": True, "fastmath": False, "forceinline": False}
+        options |= {"_nrt": self.allocates and of_plugin, **self.inline, **marked}
+        return options | ({"boundscheck": True} if self.checked and of_plugin else {})
 
 
 def plain_function(value: object) -> types.FunctionType | None:

@@ -274,6 +274,29 @@ def test_what_a_function_reads_is_in_its_digest(monkeypatch):
     assert len(found) == 6
 
 
+def product_sum(values):
+    total = 0.0
+    for i in range(values.size):
+        total += doubled(values[i]) * values[i]
+    return total
+
+
+@pytest.mark.parametrize("first", [{"forceinline": True}, {"fastmath": {"reassoc": True, "nsz": True}}, {}])
+def test_a_function_has_the_same_options_whoever_calls_it_first(first):
+    """Numba gives a function what it lacks from the first caller: numbers would hang on what was compiled before."""
+    binder = Binder({})
+    caller = binder.bind(product_sum, first)
+    assert numba.njit(**jit_options(caller))(caller.value)(np.ones(3)) == 6.0
+    options = binder.callee(doubled).value.targetoptions
+    assert (options["fastmath"], options["forceinline"], options["error_model"]) == (False, True, "numpy")
+    assert Binder({}, inline={}).callee(doubled).value.targetoptions["forceinline"] is False
+    assert Binder({}).callee(jit.called(lambda x: x)).value.targetoptions["forceinline"] is False
+
+
+def jit_options(bound):
+    return {name: value for name, value in bound.options.items() if name not in jit.UNDOCUMENTED}
+
+
 def test_another_process_finds_the_same_digests():
     """Whatever the order of sets in it."""
     code = (
