@@ -125,6 +125,7 @@ def study(
                 count = row_counter(progress, jobs, finished)
                 if missing:
                     make(bench, missing, store, scheduler, local, count, spec)
+                store.finish()
     except NotWritableError as error:
         made = None if again else _finished_study(error.path, jobs)
         if made is None:
@@ -138,7 +139,7 @@ def _finished_study(file: Path, jobs: Sequence[Job]) -> Study | None:
     """Return the study in a file that cannot be written to if all its runs are made and planned there, else None."""
     store = Store(file, new=True)
     keys = {job.key for job in jobs}
-    if store.planned() != keys or keys - store.finished_keys():
+    if store.planned().keys() != keys or keys - store.finished_keys():
         return None
     done = Study(file)
     done.found = len(jobs)
@@ -291,7 +292,7 @@ def _other_study(file: Path, identity: Data, keys: set[str]) -> InputError | Non
     """Return the error of a file that holds another study, or None if it does not."""
     store = Store(file, new=True)
     held = store.facts().get("study")
-    if held is None or _is_same(held, identity) or store.planned() == keys:
+    if held is None or _is_same(held, identity) or store.planned().keys() == keys:
         return None
     message = f"holds another study: {_described(held)}; this is {_described(identity)}"
     return wrong_input(str(file), message, "Name another file with -o, or remove this one.")

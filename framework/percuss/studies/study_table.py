@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections import Counter
 from pathlib import Path
@@ -62,16 +61,14 @@ class Study:
 
         ``processors`` is the number of rows made on each model of processor.
         """
-        (rows,) = self._store.tables("sessions")
-        sessions = [json.loads(provenance) for _, provenance in rows]
+        sessions = self._store.sessions()
         processors = Counter(run.cpu for _, run in self._store.runs() if run.cpu)
         return {**(sessions or [{}])[-1], "sessions": sessions, "processors": dict(sorted(processors.items()))}
 
     @property
     def files(self) -> list[StudyFile]:
         """The files that the study came from: path, role, SHA-256 digest, size and text of each."""
-        (files,) = self._store.tables("files")
-        return [StudyFile(*file) for _, *file in files]
+        return self._store.files()
 
     def command(self, key: str) -> str | None:
         """Return the command that makes the run of a row alone, given where the study was started.
@@ -86,17 +83,15 @@ class Study:
         str or None
             The command, quoted for a shell; None if no command makes the same run.
         """
-        facts, plan = self._store.tables("facts", "plan")
-        row = json.loads(next((row for _, planned, row in plan if planned == key), "{}"))
+        row = self._store.planned().get(key, {})
         if row.get("command") is None:
             return None
-        return command_of(json.loads(dict[str, str](facts)["commands"])[row["command"]], row["varied"])
+        return command_of(self._store.facts()["commands"][row["command"]], row["varied"])
 
     @property
     def row_commands(self) -> tuple[list[Template], list[int | None]]:
         """Templates of the commands of all rows, and the index of the template of each row of `table`."""
-        facts, plan = self._store.tables("facts", "plan")
-        return json.loads(dict[str, str](facts)["commands"]), [json.loads(row)["command"] for _, _, row in plan]
+        return self._store.facts()["commands"], [names["command"] for names, _ in self._store.runs()]
 
     @property
     def title(self) -> str:
@@ -151,8 +146,7 @@ class Study:
     @property
     def with_histories(self) -> set[str]:
         """Keys of the runs whose histories are kept."""
-        (runs,) = self._store.tables("runs")
-        return {key for key, *_, digest in runs if digest is not None}
+        return self._store.with_histories()
 
     def histories(self, key: str) -> Entries | None:
         """Return the histories of a run that are kept (`keep`), or None if there are none.
