@@ -703,7 +703,7 @@ def study_contents(path):
     rows = study.as_records()
     kept = [study.histories(row["key"]) for row in rows]
     arrays = [one and {name: array.tolist() for name, array in one.items()} for one in kept]
-    return repr((rows, arrays, study.provenance, study.spec, study.columns, study.files, study.row_commands, study))
+    return repr((rows, arrays, study.provenance, study.spec, study.columns, study.files, study.plan, study))
 
 
 def schema_paths(cls, registry):

@@ -52,7 +52,7 @@ class FakeStudy:
         self.table, self.units = table, given.get("units", {})
         self.kept = kept or {}
         self.path = Path("fake.sqlite")
-        self.files, self.row_commands = [], ([], [])
+        self.files = []
         about = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key", *self.spec["vary"]}
         self.columns = {str(name): f"what {name} is" for name in table.columns if name not in about}
 

@@ -8,6 +8,7 @@ import json
 import re
 from html.parser import HTMLParser
 from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -62,7 +63,7 @@ def hostile():
     line = {"time": np.linspace(0, 1, 9), "contact_force": np.arange(9.0), "contact_force_exact": np.arange(9.0)}
     study.kept = dict.fromkeys(table["key"], line)
     study.files = [StudyFile(EVIL, EVIL, EVIL, 1, EVIL)]
-    study.row_commands = [[EVIL, {"value": f"time.{EVIL}", "whole": False}]], [0] * len(table)
+    study.path = Path(EVIL)
     return study
 
 

@@ -1,18 +1,16 @@
-"""Following a row: its command makes the same run alone, and the file of rows holds the files that it came from."""
+"""Following a row: its command makes the same run alone, and whether its bits are the same is verified."""
 
 import hashlib
 import json
+import math
 import shlex
 import sqlite3
-import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given as drawn
-from hypothesis import strategies as st
 
 import pages
 import percuss
@@ -20,11 +18,8 @@ import places
 from command_line import percuss_command
 from opened_page import Opened
 from percuss.case.quantities import METRICS
-from percuss.case.source import Source
-from percuss.case.yaml_text import flow
 from percuss.studies import study_files
 from percuss.studies.columns import metric
-from percuss.studies.row_command import _as_text
 from percuss.studies.study_files import StudyFile
 
 pytestmark = pytest.mark.slow
@@ -77,15 +72,10 @@ def numbers(values):
 
 
 def run_alone(command, folder):
-    """Return the summary of the run that a command makes, which a shell has cut into words."""
-    words = subprocess.run(
-        ["/bin/sh", "-c", f'set -- {command}; for word do printf "%s\\0" "$word"; done'],
-        capture_output=True,
-        check=True,
-    ).stdout.decode()
-    program, *rest = words.rstrip("\0").split("\0")
+    """Return the summary of the run that a command makes."""
+    program, *words = shlex.split(command)
     assert program == "percuss"
-    done = percuss_command(*rest, "--json", cwd=folder)
+    done = percuss_command(*words, "--json", cwd=folder)
     summary = json.loads(done.stdout)
     assert summary["status"] in {"done", "unstable", "failed", "bad input"}, done.stderr
     # a summary has no displacements, by whose size overlaps of round-off count as none
@@ -122,15 +112,61 @@ def test_the_command_of_a_row_makes_its_run(whole):
     table = whole.study.table
     assert set(table["contact"]) == {"penalty", "mine", "bipenalty", "lagrange", "tied"}
     assert {"done", "unstable"} <= set(table["status"])
-    commands = [whole.study.command(key) for key in table["key"]]
-    assert len(set(commands)) == len(commands)
-    first = shlex.split(commands[0])
-    assert first[:5] == ["percuss", "run", "it's here/my case.yaml", "--plugin", "mine.py"]
-    assert "method.contact.beta_s=1e-05" in first
-    assert any("method.contact.beta_s=0.30000000000000004" in command for command in commands)
-    assert any("bodies.short.velocity=[0.1]" in command for command in commands)
-    assert [command.endswith(" --tied --nudge") for command in commands] == list(table["contact"] == "tied")
+    key = table["key"][0]
+    assert whole.study.command(key) == f"percuss run {whole.study.path} --row {key}"
+    assert whole.study.command("of no run") is None
     expect_same_runs(whole.study, whole.folder)
+
+
+def test_rows_are_verified_to_the_last_bit(whole, tmp_path):
+    """One digit of one row is changed, and the plug-in afterwards: both are named."""
+    file, done = tmp_path / "rows.sqlite", whole.study.table.query("status == 'done'")
+    file.write_bytes(whole.study.path.read_bytes())
+    told = percuss_command("verify", file, cwd=whole.folder)
+    assert told.returncode == 0, told.stdout
+    assert told.stdout.endswith(f"{len(done)} of {len(done)} made again to the last bit\n")
+    key, impulse = done["key"].iloc[1], done["impulse"].iloc[1]
+    with sqlite3.connect(file) as db:
+        ((row,),) = db.execute("SELECT row FROM runs WHERE key = ?", (key,))
+        row = json.loads(row)
+        row["measures"]["impulse"] = math.nextafter(impulse, math.inf)
+        db.execute("UPDATE runs SET row = ? WHERE key = ?", (json.dumps(row), key))
+    db.close()
+    told = percuss_command("verify", file, "--row", key[:10], cwd=whole.folder)
+    assert told.returncode == 1
+    assert f"DIFFERS {file} --row {key[:12]}" in told.stdout
+    assert f"  impulse: {math.nextafter(impulse, math.inf)}, now {impulse}" in told.stdout
+    assert "nothing that percuss records has changed" in told.stdout
+    law = whole.folder / "mine.py"
+    mine = done.query("contact == 'mine'")["key"].iloc[0]
+    law.write_text(LAW.replace("1.0 /", "1.5 /"))
+    try:
+        refused = percuss_command("verify", file, "--row", mine, cwd=whole.folder)
+        assert refused.returncode == 2
+        assert "it has changed since" in refused.stderr
+        told = percuss_command("verify", file, "--row", mine, "--plugin", "mine.py", cwd=whole.folder)
+        assert told.returncode == 1
+        assert "changed since: plug-in contacts/mine: a file, sources " in told.stdout
+    finally:
+        law.write_text(LAW)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ("run", "rows.sqlite", "--row", "nothing"),
+            "--row nothing: expected the key of one row of rows.sqlite, found 0",
+        ),
+        (("run", "rows.sqlite", "--row", ""), "rows.sqlite"),
+        (("verify", "rows.sqlite", "--row", "nothing"), "expected the key of one row of rows.sqlite, found 0"),
+        (("verify", "mine.py", "--row", "a"), "expected the file of a study with --row"),
+    ],
+)
+def test_a_row_that_there_is_not_is_told(whole, words, said):
+    done = percuss_command(*words, cwd=whole.folder)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert said in done.stderr
 
 
 def test_options_that_a_later_change_drops_do_not_return(tmp_path, monkeypatch):
@@ -141,14 +177,6 @@ def test_options_that_a_later_change_drops_do_not_return(tmp_path, monkeypatch):
         methods={"contacts": ["lagrange", "bipenalty"]},
     )
     expect_same_runs(percuss.study(plan, workers=1), tmp_path)
-
-
-def test_a_run_without_the_contact_that_its_case_expects_something_of(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    plan = bench(tmp_path, set={**SMALL, "contacts": {"other": {"between": ["short.right", "long.left"]}}})
-    study = percuss.study(plan, workers=1)
-    assert study.command(study.table["key"][0]).endswith("--set 'expect=[]'")
-    expect_same_runs(study, tmp_path)
 
 
 @pytest.mark.deep
@@ -214,12 +242,6 @@ def page_of_rows(whole):
     return path
 
 
-def words_as_read(command):
-    """Return the words of a command, with values as they are read, whichever digits they are written with."""
-    words = [word.partition("=") for word in shlex.split(command)]
-    return [(name, flow(Source.parse(value, "").data) if equals else "") for name, equals, value in words]
-
-
 def state_of(page):
     return page.evaluate(
         """() => ({
@@ -238,7 +260,7 @@ def test_the_page_has_the_command_of_each_row(browser, page_of_rows, whole):
         page = opened.page
         shown = page.evaluate("Array.from({ length: page.rows }, (_, row) => commandOf(row))")
         for key, command in zip(whole.study.table["key"], shown, strict=True):
-            assert words_as_read(command) == words_as_read(whole.study.command(key))
+            assert command == whole.study.command(key)
         page.context.grant_permissions(["clipboard-read", "clipboard-write"])
         before = page.url
         opened.click_in_table(".copy >> nth=3")
@@ -376,23 +398,3 @@ def test_the_page_says_how_much_is_kept():
     words = pages.everything()
     assert f"above {study_files.LONGEST_TEXT // 1000} kB" in words
     assert f"beyond {study_files.LONGEST_TEXTS // 10**6} MB together" in words
-
-
-VALUES = st.one_of(
-    st.floats(),
-    st.integers(),
-    st.booleans(),
-    st.none(),
-    st.text(),
-    st.lists(st.floats() | st.text(), max_size=3),
-    st.dictionaries(st.text(), st.floats() | st.text(), max_size=2),
-)
-
-
-@drawn(VALUES)
-def test_a_value_is_written_as_a_text_that_reads_back_as_the_same(value):
-    text = _as_text(value)
-    if text is not None:
-        assert flow(Source.parse(text, "").data) == flow(value)
-    else:
-        assert isinstance(value, str | list | dict)

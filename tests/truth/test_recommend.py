@@ -555,5 +555,5 @@ def test_a_search_between_surfaces_tries_the_pairings_by_a_finer_run(tmp_path):
     assert answer.estimated
     assert {one.candidate.pairing for one in answer.tried} > {"mortar"}
     assert all(one.candidate.refine <= 1 for one in answer.tried)
-    assert "--set reference.refine=2" in answer.study.command(answer.best.key)
-    assert "--set contacts.seam.pairing=null" in answer.study.command(answer.best.key)
+    assert answer.study.cases["blocks"]["case"]["reference"]["refine"] == 2
+    assert answer.study.plan[answer.best.key]["changes"]["contacts.seam.pairing"] is None

@@ -212,7 +212,8 @@ def test_ranks_of_a_study_are_shared_by_what_its_two_finer_runs_cannot_tell_apar
     assert all(row["force_error_l1"] == max(row[first], row[second]) for row in rows)
     assert abs(rows[0]["force_error_l1"] - rows[1]["force_error_l1"]) < min(row[apart] for row in rows)
     assert _ranks([0.1, 0.12, 0.16, 0.19, 0.3], 0.05) == ["1", "1", "3", "3", "5"]
-    assert made.command(rows[0]["key"]).count("second: {contact: penalty, pairing: mortar}") == 1
+    judge = made.cases["tilted-blocks"]["case"]["reference"]["second"]
+    assert judge == {"contact": "penalty", "pairing": "mortar"}
     assert "share the first rank" in answer(made.table, columns(made))[0]
 
 

@@ -22,7 +22,6 @@ from percuss.studies.study_files import StudyFile
 from percuss.studies.study_table import Study
 
 KEYS = [f"{n:02d}{'0123456789abcdef' * 2}"[:32] for n in range(12)]
-COMMAND = [["percuss run case.yaml --set time.courant=", {"value": "time.courant", "whole": False}]]
 
 
 def stored(path, keys=KEYS, title="Damaged"):
@@ -30,12 +29,13 @@ def stored(path, keys=KEYS, title="Damaged"):
     draw = np.random.default_rng(5)
     names = {"case": "case", "integrator": "central-difference", "contact": "penalty"}
     varied = [{"time.courant": float(value)} for value in draw.random(len(keys))]
-    plan = [(key, {**names, "varied": one, "command": 0}) for key, one in zip(keys, varied, strict=True)]
+    plan = [
+        (key, {**names, "varied": one, "changes": one, "twin": False}) for key, one in zip(keys, varied, strict=True)
+    ]
     facts = {
         "study": {"file": None, "title": title, "cases": ["case.yaml"]},
         "spec": {"title": title, "vary": {"time.courant": [0.1, 0.2]}},
         "columns": {"impulse": "sum over contacts", "noise": "of the force"},
-        "commands": COMMAND,
     }
     text = f"percuss: 1\ntitle: {title}\n"
     files = [StudyFile("case.yaml", "case", hashlib.sha256(text.encode()).hexdigest(), len(text), text)]
@@ -69,8 +69,8 @@ def contents(path):
     study = Study(path)
     arrays = [study.histories(key) for key in KEYS[:4]]
     told = [one and {name: array.tolist() for name, array in one.items()} for one in arrays]
-    about = study.provenance, study.spec, study.columns, study.files, study.row_commands, study.counts
-    return repr((study.as_records(), about, study.command(KEYS[5]), told))
+    about = study.provenance, study.spec, study.columns, study.files, study.plan, study.counts
+    return repr((study.as_records(), about, told))
 
 
 @pytest.fixture(scope="module")
@@ -117,8 +117,8 @@ def test_a_run_that_is_made_again_replaces_its_row(whole, tmp_path):
     file = tmp_path / "rows.sqlite"
     file.write_bytes(whole.read_bytes())
     store = Store(file, new=True)
-    names = {**dict.fromkeys(("case", "integrator", "contact"), "one"), "varied": {}, "command": None}
-    store.begin({"commands": [], "columns": {}}, {"command": None}, [(KEYS[0], names)])
+    names = {**dict.fromkeys(("case", "integrator", "contact"), "one"), "varied": {}}
+    store.begin({"columns": {}}, {"command": None}, [(KEYS[0], names)])
     store.add([Record(KEYS[0], "failed", "another"), Record(KEYS[0], "failed", "the last"), Record("new", "refused")])
     study = percuss.open_study(file)
     assert [(row["status"], row["reason"]) for row in study.as_records()] == [("failed", "the last")]
@@ -170,7 +170,7 @@ import percuss.studies.workers
 from percuss.studies.store import Store
 
 def make(path):
-    Store(path, new=True).begin({"commands": []}, {"command": None}, [("k", {"varied": {}, "command": None})])
+    Store(path, new=True).begin({}, {"command": None}, [("k", {"varied": {}})])
 
 make(Path(sys.argv[1]) / "warm.sqlite")
 watched = ("open", "os.", "sqlite3.", "tempfile.", "shutil.")

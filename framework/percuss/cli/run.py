@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from percuss.case.case import Case
+    from percuss.jsonable import Data
     from percuss.results.result import Result
 
 RESULTS = (".nc", ".vtkhdf")
@@ -38,6 +40,7 @@ def run(
     nudge: Annotated[bool, option("--nudge", "Also run a nudged twin: does the answer depend on round-off?")] = False,
     tied: Annotated[bool, option("--tied", "Tie the interfaces while the exact contact is closed.")] = False,
     reference: common.Reference = "",
+    row: Annotated[str, option("--row KEY", "CASE is the file of a study: make its row with this key.")] = "",
     resume: Annotated[
         bool, option("--resume", "Go on from the state that a killed run of the case has saved.")
     ] = False,
@@ -58,7 +61,7 @@ def run(
             both = f"expected {'--tied' if tied else '--resume'} or --exact-only, found both"
             advice = "An exact solution has no interface to tie." if tied else "An exact solution makes no steps."
             raise InputError([Problem("percuss run", "", both, advice)])
-        loaded = _loaded(case, set_, plugin, reference, tied=tied, exact_only=exact_only)
+        loaded = _loaded(case, set_, plugin, reference, row, tied=tied, exact_only=exact_only)
         if out is not None and for_paraview:
             expect_meshes(out, present=not loaded.of_bars)
         if (plot or animate or for_paraview) and loaded.record.fields == 0:
@@ -81,7 +84,7 @@ def run(
             common.tell(f"error: {failure}")
         answer.exit_code = 1 if result.status != "done" or open_accounts(result.summary) else 0
         if result.marched:
-            search = "" if tied or loaded.bonds else _search(case, set_ or [], plugin or [], reference)
+            search = "" if tied or row or loaded.bonds else _search(case, set_ or [], plugin or [], reference)
             answer.conclude(run_verdict(result, search))
             if result.status == "interrupted":
                 answer.exit_code = INTERRUPTED
@@ -96,8 +99,10 @@ def _animation() -> ModuleType:
     return animation
 
 
-def _loaded(file: Path, sets: Any, plugins: Any, reference: str, *, tied: bool, exact_only: bool) -> Case:
+def _loaded(file: Path, sets: Any, plugins: Any, reference: str, row: str, *, tied: bool, exact_only: bool) -> Case:
     """Return the case as it is to be run."""
+    if row:
+        return common.load_case(file, sets, plugins, read=partial(_of_row, row), reference=reference)
     if exact_only:
         from percuss.results.exact_only import load_for_exact
 
@@ -108,6 +113,14 @@ def _loaded(file: Path, sets: Any, plugins: Any, reference: str, *, tied: bool, 
 
         loaded = tied_twin(loaded)
     return loaded
+
+
+def _of_row(row: str, file: Path, overrides: Data, plugins: list[Path]) -> Case:
+    """Return the case of a row of a study."""
+    from percuss.studies.rows import stored_row
+    from percuss.studies.study_table import Study
+
+    return stored_row(Study(file), row, plugins).changed.with_overrides(overrides)
 
 
 def _outcome(case: Case, *, exact_only: bool, nudge: bool, resume: bool) -> tuple[Result, RunError | None]:

@@ -1,4 +1,4 @@
-"""The command ``percuss verify``: cases against what they expect, results by another run, methods with the kit."""
+"""The command ``percuss verify``: cases against what they expect, results and rows again, methods with the kit."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from percuss.results.rerun import Rerun
     from percuss.testing.kit import Outcome
 
+BEGINNING_OF_STUDIES = (b"SQLite format 3",)
 BEGINNINGS_OF_RESULTS = (b"\x89HDF", b"CDF")  # NetCDF-4, and older NetCDF, which is refused as what it is
 
 
@@ -30,14 +31,15 @@ def verify(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="CASE|RESULT",
-            help="Cases to compare with what they expect; saved results to make again.",
+            metavar="CASE|RESULT|STUDY",
+            help="Cases to compare with what they expect; results and files of studies to make again.",
         ),
     ] = None,
     plugin: Annotated[
         list[Path] | None,
         option("--plugin FILE", "Add a single-file plug-in; without a case, it is verified."),
     ] = None,
+    row: Annotated[str, option("--row KEY", "Make one row of a study again; without it all that are done.")] = "",
     method: Annotated[list[str] | None, option("--method NAME", "Method to verify. Repeatable.")] = None,
     cases: Annotated[
         Path | None,
@@ -46,16 +48,16 @@ def verify(
     verbose: Annotated[bool, option("--verbose -v", "Give every check of a method, its demand and its case.")] = False,
     as_json: common.AsJson = False,
 ) -> None:
-    """Verify cases, saved results or methods.
+    """Verify cases, saved results, studies or methods.
 
-    A case is compared with what it expects, a result with a second run of its case, and a method is tried by the
-    conformance kit.
+    A case is compared with what it expects, a result or a row of a study with a second run, to the last bit, and a
+    method is tried by the conformance kit.
     """
     with common.reporting(as_json) as answer:
         if files and method:
             raise InputError([Problem("percuss verify", "", "expected cases or --method, found both", "Give one.")])
         if files:
-            passed = _verify_files(answer, files, plugin or [])
+            passed = _verify_files(answer, files, plugin or [], row)
         else:
             methods = _run_kit(plugin or [], method or [], quiet=as_json, verbose=verbose)
             passed = all(one["passed"] for one in methods)
@@ -64,20 +66,24 @@ def verify(
         answer.exit_code = 0 if passed else 1
 
 
-def _verify_files(answer: common.Answer, files: list[Path], plugins: list[Path]) -> bool:
-    """Print the checks of cases and results, and return whether all pass."""
+def _verify_files(answer: common.Answer, files: list[Path], plugins: list[Path], row: str) -> bool:
+    """Print the checks of cases, results and rows of studies, and return whether all pass."""
     from percuss.reporting.terminal import check_lines, rerun_lines
     from percuss.results.rerun import rerun
+    from percuss.studies.rows import rerun_rows
 
     cases: list[Entries] = []
     reruns: list[Rerun] = []
-    with common.progress_bar("files") as progress:
-        for path in files:
-            if _is_result(path):
-                reruns.append(rerun(path, plugins))
-            else:
-                cases.append(_verify_case(path, plugins))
-            progress(len(cases) + len(reruns), len(files))
+    if row and not all(_begins(path, BEGINNING_OF_STUDIES) for path in files):
+        raise InputError([Problem("percuss verify", "", "expected the file of a study with --row", "Name it.")])
+    for path in files:
+        if _begins(path, BEGINNING_OF_STUDIES):
+            with common.progress_bar("rows") as progress:
+                reruns += rerun_rows(path, row, plugins, progress)
+        elif path.suffix == ".nc" or _begins(path, BEGINNINGS_OF_RESULTS):
+            reruns.append(rerun(path, plugins))
+        else:
+            cases.append(_verify_case(path, plugins))
     passed = all(case["passed"] for case in cases) and all(one.passed for one in reruns)
     checked = {"cases": cases, "results": [one.as_dict() for one in reruns]}
     pieces = chain(check_lines(cases) if cases else [], rerun_lines(reruns) if reruns else [])
@@ -85,15 +91,13 @@ def _verify_files(answer: common.Answer, files: list[Path], plugins: list[Path])
     return passed
 
 
-def _is_result(path: Path) -> bool:
-    """Return whether a file is meant as a saved result: by its name, or by its first bytes."""
-    if path.suffix == ".nc":
-        return True
+def _begins(path: Path, beginnings: tuple[bytes, ...]) -> bool:
+    """Return whether a file begins with one of some bytes."""
     if not is_file(path):  # reading it as a case gives the message
         return False
     try:
         with path.open("rb") as file:
-            return file.read(4).startswith(BEGINNINGS_OF_RESULTS)
+            return file.read(15).startswith(beginnings)
     except OSError:
         return False
 

@@ -28,7 +28,6 @@ from percuss.reporting.study_data import ColumnRoles
 if TYPE_CHECKING:
     import pandas as pd
 
-    from percuss.methods.interfaces import Array
     from percuss.methods.registry import Registry
     from percuss.studies.study_table import Study
 
@@ -136,7 +135,7 @@ def payload(study: Study, roles: ColumnRoles, charts: Charts) -> Entries:
         "added": np.flatnonzero(~carried.drawn).tolist(),
         "best": carried.best,
         "columns": [_packed_column(study.table, carried.kept, name, roles, charts) for name in names],
-        "commands": _packed_commands(study, carried.kept),
+        "command": shlex.join(["percuss", "run", str(study.path), "--row"]),
         "charts": {name: getattr(charts, name) for name in ("costs", "results", "varied", "mapped", "ranked")},
         "stayed": study_charts.STAYED,
         "spread": study_charts.SPREAD,
@@ -175,18 +174,6 @@ def _packed_column(table: pd.DataFrame, kept: pd.DataFrame, name: str, roles: Co
     if name == "status":
         column["outcomes"] = [study_charts.outcome(level) for level in levels]
     return column | {"kind": "text", "levels": levels, "data": page_rows.packed(code_of_row, "<u2")}
-
-
-def _packed_commands(study: Study, kept: Array) -> Entries | None:
-    """Return the templates of the commands of the kept rows, and the template of each row; None without commands."""
-    templates, template_of_row = study.row_commands
-    if not templates:
-        return None
-    indices = np.array([-1 if index is None else index for index in template_of_row])[kept]
-    used, index_of_row = np.unique(indices, return_inverse=True)
-    shown = ([] if index < 0 else templates[index] for index in used)
-    pieces = [[one if isinstance(one, str) else [one["value"], one["whole"]] for one in pieces] for pieces in shown]
-    return {"templates": pieces, "data": page_rows.packed(index_of_row, "<u2")}
 
 
 def _packed_profiles(table: object, roles: ColumnRoles, charts: Charts) -> Entries:

@@ -391,7 +391,7 @@ def rerun_lines(reruns: Sequence[Rerun]) -> Iterator[Piece]:
         if not rerun.passed and not rerun.changes:
             yield "  nothing that percuss records has changed: on one machine that should give the same bits"
     passed = sum(rerun.passed for rerun in reruns)
-    yield f"{passed} of {len(reruns)} results made again to the last bit"
+    yield f"{passed} of {len(reruns)} made again to the last bit"
 
 
 def _difference_words(difference: Difference) -> str:

@@ -74,6 +74,13 @@ def differences(then: Result, now: Result) -> list[Difference]:
     return [*histories, *numbers]
 
 
+def row_differences(then: Data, now: Data, histories_then: Data, histories_now: Data) -> list[Difference]:
+    """Return all quantities of a row of a study whose bits differ: histories that are kept, then numbers."""
+    words = {"contact"}
+    before, after = ({k: v for k, v in each.items() if k not in words} for each in (histories_then, histories_now))
+    return [*_of_arrays(before, after, {}), *_of_numbers(then, now, "")]
+
+
 def _compared(summary: Data) -> Entries:
     return {name: value for name, value in summary.items() if name not in _NOT_COMPARED}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,6 +107,27 @@ def read_study(given: str | Path | Data, plugins: list[Path] | None = None, chan
         source = source.replaced(("set",), {**source.get(("set",), {}), **changes})
     name = "study" if isinstance(given, Mapping) else Path(given).stem
     return _StudyReader(source, plugins or []).study(name)
+
+
+def settings_of(data: Data, cases: Mapping[str, Case], varied: Iterable[str]) -> RowSettings:
+    """Return the settings of the rows of a study that was read before, from its plain data.
+
+    Parameters
+    ----------
+    data
+        The study as plain data.
+    cases
+        Its cases by label, or some of them.
+    varied
+        The varied paths.
+    """
+    reader = _StudyReader(Source.of(data), [])
+    section = reader.reader.read(StudySection)
+    columns = reader.columns(dict(cases), list(varied))
+    reader.reader.finish()
+    if section is None:
+        raise AssertionError("a study is wrong and nothing says why")
+    return RowSettings(columns, section.nudge, section.keep.histories, section.repeats)
 
 
 def mistake_in_study(problem: Problem, places: Mapping[str, KeyPath]) -> Mistake | None:

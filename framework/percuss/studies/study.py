@@ -3,8 +3,7 @@
 The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, `job_package` gives
 each a key, the file of rows is locked, `preflight` tries each kind of run, `dispatch` gives the tasks that are left to
 workers, where `job_package` reads their cases, `perform` makes the runs and `columns` measures them; `store` keeps the
-rows, the command of each (`row_command`) and the files that they came from (`study_files`), and `study_table` shows
-them.
+rows and the files that they came from (`study_files`), `study_table` shows them, and `rows` makes one of them again.
 """
 
 from __future__ import annotations
@@ -16,16 +15,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from percuss.case.arguments import expect_files, expect_mapping_or_path
+from percuss.case.case import Case
 from percuss.digest import content_digest
 from percuss.errors import InputError, shortened, wrong_input
 from percuss.files import expect_no_input, expect_place, expect_writable
-from percuss.jsonable import Data, Entries
+from percuss.jsonable import Data, Entries, as_lists
 from percuss.locks import NotWritableError, locked
 from percuss.methods.blame import OWN_PACKAGES
-from percuss.results.provenance import machine
+from percuss.results.provenance import machine, origins
 from percuss.studies.dispatch import Progress, local_workers, make, number_of_workers, row_counter, summaries_of
 from percuss.studies.job_package import Bench, Job
-from percuss.studies.row_command import RowCommands
 from percuss.studies.spec import StudySpec
 from percuss.studies.store import Store, as_json_data
 from percuss.studies.study_files import files_of
@@ -111,15 +110,7 @@ def study(
                 if missing:
                     steps = rehearsals(spec.cases, [job.task for job in missing])
                     check_measures(spec, summaries_of(local, bench, steps))
-                _begin(
-                    store,
-                    spec,
-                    jobs,
-                    bench,
-                    [Path(file) for file in plugins],
-                    _command(path, plugins, changes),
-                    identity,
-                )
+                _begin(store, spec, jobs, bench, _command(path, plugins, changes), identity)
                 done = Study(store.path)
                 done.found = sum(job.key in finished for job in jobs)
                 count = row_counter(progress, jobs, finished)
@@ -179,30 +170,28 @@ def _command(given: str | Path | Data, plugins: Sequence[str | Path], changes: D
 
 
 def _begin(
-    store: Store,
-    spec: StudySpec,
-    jobs: Sequence[Job],
-    bench: Bench,
-    given: Sequence[Path],
-    command: str | None,
-    identity: Data,
+    store: Store, spec: StudySpec, jobs: Sequence[Job], bench: Bench, command: str | None, identity: Data
 ) -> None:
-    """Store the facts, the files, the provenance and the plan of a study, which has plug-ins `given` beside it."""
-    commands = RowCommands(spec.data.get("set", {}), given, nudge=spec.rows.nudge)
+    """Store the facts, the files, the provenance and the plan of a study."""
     plan = []
     for key, task in jobs:
-        names = {"case": task.case, "integrator": task.integrator, "contact": task.contact}
-        index = commands.index_of(task.case, spec.cases[task.case], task)
-        plan.append((key, {**names, "varied": as_json_data(task.varied), "command": index}))
+        names = {"case": task.case, "integrator": task.integrator, "contact": task.contact, "twin": task.tied}
+        plan.append((key, {**names, "varied": as_json_data(task.varied), "changes": as_json_data(task.changes)}))
     facts = {
         "study": identity,
         "spec": as_json_data(spec.data),
         "columns": {column.name: column.what for column in spec.rows.columns},
-        "commands": commands.templates,
+        "cases": {label: _inside(case, bench, label) for label, case in spec.cases.items()},
         "units": _common_units([case.data.get("units") or {} for case in spec.cases.values()]),
     }
     provenance = {**machine(), "cores": os.cpu_count(), "plugins": _plugins(spec, bench), "command": command}
     store.begin(facts, provenance, plan, files_of(spec, bench))
+
+
+def _inside(case: Case, bench: Bench, label: str) -> Entries:
+    """Return a case with all from which it is read again, as the provenance of a result has it."""
+    components = [(family, name) for family, _, name in (each.partition("/") for each in bench.components[label])]
+    return {"case": as_lists(case.data), **origins(case, components), "data_files": dict(bench.files[label])}
 
 
 def _plugins(spec: StudySpec, bench: Bench) -> Entries:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from percuss.digest import content_digest
 from percuss.studies.job_package import Bench
-from percuss.studies.row_command import named_path
 from percuss.studies.spec import StudySpec
 
 LONGEST_TEXT = 200_000  # bytes of a file that is kept as text
@@ -95,6 +95,16 @@ def _text(content: bytes) -> str | None:
     except UnicodeDecodeError:
         return None
     return None if "\0" in text else text
+
+
+def named_path(path: Path) -> str:
+    """Return the name of a file without detours such as ``studies/..``."""
+    name = os.path.normpath(path)
+    try:
+        # Behind a symbolic link the folder above is another one.
+        return name if Path(name).samefile(path) else str(path)
+    except OSError:
+        return str(path)
 
 
 def _from_here(path: Path) -> str:

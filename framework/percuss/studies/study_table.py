@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,8 +12,8 @@ from percuss.case.arguments import expect_suffix
 from percuss.errors import wrong_input
 from percuss.files import replacing
 from percuss.jsonable import Entries
+from percuss.studies.job_package import Record
 from percuss.studies.perform import LOST, WAITING
-from percuss.studies.row_command import Template, command_of
 from percuss.studies.store import Store
 from percuss.studies.study_files import StudyFile
 
@@ -70,28 +71,24 @@ class Study:
         """The files that the study came from: path, role, SHA-256 digest, size and text of each."""
         return self._store.files()
 
-    def command(self, key: str) -> str | None:
-        """Return the command that makes the run of a row alone, given where the study was started.
-
-        Parameters
-        ----------
-        key
-            Key of the row.
-
-        Returns
-        -------
-        str or None
-            The command, quoted for a shell; None if no command makes the same run.
-        """
-        row = self._store.planned().get(key, {})
-        if row.get("command") is None:
-            return None
-        return command_of(self._store.facts()["commands"][row["command"]], row["varied"])
+    @property
+    def plan(self) -> dict[str, Entries]:
+        """Names of methods, varied values and all changes of each row, by key."""
+        return self._store.planned()
 
     @property
-    def row_commands(self) -> tuple[list[Template], list[int | None]]:
-        """Templates of the commands of all rows, and the index of the template of each row of `table`."""
-        return self._store.facts()["commands"], [names["command"] for names, _ in self._store.runs()]
+    def cases(self) -> dict[str, Entries]:
+        """What a case is read again from, by label, as the provenance of a result has it."""
+        last, cases = (self._store.sessions() or [{}])[-1], self._store.facts().get("cases") or {}
+        return {label: {**last, **case} for label, case in cases.items()}
+
+    def record(self, key: str) -> Record:
+        """Return the run of a row, without its histories."""
+        return next(run for _, run in self._store.runs() if run.key == key)
+
+    def command(self, key: str) -> str | None:
+        """Return the command that makes the run of a row alone, or None if no row has this key."""
+        return shlex.join(["percuss", "run", str(self.path), "--row", key]) if key in self.plan else None
 
     @property
     def title(self) -> str:

@@ -87,28 +87,13 @@ function nameOf(row) {
 
 // ---------------------------------------------------------------------------------------------- commands
 
-const templateOf = page.commands && unpacked(page.commands.data, "<u2");
-
-/** A varied number as a command writes it: a number that is not whole in its file is none in the command. */
-function numberWord(field, row, whole) {
-  const text = field.kind === "text" ? textAt(field, row) : String(field.values[row]);
-  return whole || !/^-?\d+$/.test(text) ? text : `${text}.0`;
-}
-
-/** The command that makes the run of a row alone, quoted for a shell; empty where there is none. */
-function commandOf(row) {
-  if (!page.commands) return "";
-  const pieces = page.commands.templates[templateOf[row]];
-  return pieces.map((piece) => (typeof piece === "string" ? piece : numberWord(column[piece[0]], row, piece[1]))).join("");
-}
+/** The command that makes the run of a row alone. */
+const commandOf = (row) => `${page.command} ${textAt(column.key, row)}`;
 
 function showCommand(row) {
-  if (!page.commands) return;
-  const command = commandOf(row);
   $("alone").hidden = false;
-  $("alone-note").textContent = `${command ? "Where the study was started, this command makes one run" : "No command makes this run"}: ${nameOf(row)}`;
-  $("command").textContent = command;
-  $("command").hidden = $("copy").hidden = !command;
+  $("alone-note").textContent = `Where the study was started, this command makes one run: ${nameOf(row)}`;
+  $("command").textContent = commandOf(row);
   $("copied").textContent = "";
 }
 
@@ -225,7 +210,7 @@ function tableColumns() {
     if (room < 0) break;
     name.frozen = true;
   }
-  if (page.commands) made.splice(names, 0, COPY);
+  made.splice(names, 0, COPY);
   return made;
 }
 
