@@ -391,10 +391,10 @@ def test_a_plug_in_that_is_missing_or_another_where_the_run_is_made_is_told_apar
         ({"contacts/theirs": "0" * 64}, "contacts/theirs is not installed here"),
     ):
         there = dataclasses.replace(bench, components={"case": {**bench.components["case"], **what}})
-        records = there.records(jobs)
+        records = [there.record(job) for job in jobs]
         assert [record.status for record in records] == ["lost"] * 2
         assert said in records[0].reason
-    assert [record.status for record in bench.records(jobs)] == ["done"] * 2
+    assert [bench.record(job).status for job in jobs] == ["done"] * 2
 
 
 def test_memory_that_another_machine_may_have_is_no_failure_of_a_method(tmp_path, monkeypatch):

@@ -166,7 +166,7 @@ def test_a_finished_study_is_one_file_that_needs_no_other_beside_it(whole, tmp_p
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-import percuss.studies.workers
+import percuss.studies.pool
 from percuss.studies.store import Store
 
 def make(path):

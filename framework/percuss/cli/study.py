@@ -22,6 +22,7 @@ def study(
     ] = None,
     workers: common.Workers = None,
     scheduler: Annotated[str | None, option("--scheduler ADDRESS", "Use the workers of this Dask scheduler.")] = None,
+    longest: Annotated[float | None, option("--longest SECONDS", "End a run of a worker after this time.")] = None,
     plugin: common.Plugins = None,
     reference: common.Reference = "",
     again: Annotated[
@@ -67,6 +68,7 @@ def study(
                 again=again or [],
                 outputs=tables,
                 changes=common.reference_of(reference),
+                longest=longest,
             )
         rows, counts = made.as_records(), made.counts
         answer.write(export, made.export, export)

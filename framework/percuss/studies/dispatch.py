@@ -1,95 +1,69 @@
-"""Runs of a study given to this process, to local processes or to a cluster, and stored batch by batch."""
+"""Runs of a study given to this process, to local processes or to a cluster, and stored as they end."""
 
 from __future__ import annotations
 
-import dataclasses
 import os
+import threading
+import time
 from collections import Counter
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, closing, nullcontext
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 
-from percuss.errors import InputError, wrong_input
+from percuss.errors import wrong_input
 from percuss.interrupt import interruptible
-from percuss.jit import announced
-from percuss.jsonable import Data
 from percuss.studies.job_package import Bench, Job, Record
-from percuss.studies.perform import LOST
-from percuss.studies.spec import StudySpec
 from percuss.studies.store import Store
-from percuss.studies.tasks import Task
-from percuss.studies.workers import LocalWorkers
 
 Progress = Callable[[int, int], None]
+SECONDS = 0.4  # between two batches of rows that are stored
 
 
 def make(
     bench: Bench,
     jobs: Sequence[Job],
     store: Store,
-    scheduler: str | None,
-    local: LocalWorkers | None,
     count: Callable[[Sequence[Record]], None],
-    spec: StudySpec,
+    *,
+    workers: int | None,
+    scheduler: str | None,
+    longest: float | None,
 ) -> None:
-    """Make runs and store them batch by batch, until all are made or Ctrl-C.
+    """Make runs and store them as they end, until all are made or Ctrl-C.
 
-    They are made by the workers of the scheduler, or else by the local workers, or else in this process.
+    The workers of the scheduler make them, or local ones, or with one worker this process: a run that never returns, or
+    that ends its process, can only be given up where it is not made here.
     """
-    from percuss.studies.workers import Batches, made_here, made_locally
-
-    tasks, batches = {job.key: job.task for job in jobs}, Batches(jobs)
     with interruptible() as stop:
         if scheduler is not None:
             from percuss.studies.cluster import made_on_cluster
 
-            made = made_on_cluster(bench, scheduler, batches, stop)
+            made = made_on_cluster(bench, jobs, scheduler, stop)
+        elif workers == 1:
+            made = _made_here(bench, jobs, stop)
         else:
-            made = made_here(bench, batches, stop) if local is None else made_locally(local, batches, stop)
+            from percuss.studies.pool import made_by_workers
+
+            made = made_by_workers(bench, jobs, min(number_of_workers(workers), len(jobs)), longest, stop)
         with closing(made):
-            for batch, records in made:
-                kept = [_record_to_store(record, tasks[record.key], spec) for record in records]
-                if kept:
-                    store.add(kept)
-                    count(kept)
-                batches.put_back(batch, records)
+            for records in made:
+                if records:
+                    store.add(records)
+                    count(records)
 
 
-def summaries_of(local: LocalWorkers | None, bench: Bench, steps: Sequence[Task]) -> list[Data]:
-    """Make the rehearsals of a study, by a local worker or else in this process, and return their summaries.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If Ctrl-C ended them.
-    """
-    summaries: list[Data | None] = []
-    with interruptible() as stop:
-        if local is not None:
-            with announced():
-                summaries += local.rehearse(steps, stop)
-        for step in steps if local is None else ():
-            summaries.append(bench.rehearse(step))
-            if stop.is_set():
-                break
-        if stop.is_set():
-            raise KeyboardInterrupt
-    return [summary for summary in summaries if summary is not None]
-
-
-def local_workers(
-    bench: Bench, count: int, workers: int | None, scheduler: str | None, stalled_after: float
-) -> AbstractContextManager[LocalWorkers | None]:
-    """Return the local workers for `count` runs, or nothing where the runs are to be made in this process.
-
-    A run that never returns, or that ends its process, can only be given up where it is not made in this process: so
-    that is left to those who ask for it with ``workers=1``. With a scheduler one local worker rehearses the study.
-    """
-    from percuss.studies.workers import LocalWorkers
-
-    if workers == 1 and scheduler is None:
-        return nullcontext()
-    number = 1 if scheduler is not None else min(number_of_workers(workers), count)
-    return LocalWorkers(bench, number, stalled_after)
+def _made_here(bench: Bench, jobs: Sequence[Job], stop: threading.Event) -> Generator[list[Record]]:
+    """Make runs in this process, and yield the records of each `SECONDS`, until none is left or `stop` is set."""
+    records: list[Record] = []
+    since = time.monotonic()
+    for job in jobs:
+        made = None if stop.is_set() else bench.record(job)
+        if made is None:
+            break
+        records.append(made)
+        if time.monotonic() - since > SECONDS:
+            yield records
+            records, since = [], time.monotonic()
+    yield records
 
 
 def row_counter(
@@ -107,18 +81,6 @@ def row_counter(
 
     count([])
     return count
-
-
-def _record_to_store(record: Record, task: Task, spec: StudySpec) -> Record:
-    """Return the record to store: a run whose case is readable here but not by the worker was lost, not wrong."""
-    if not record.unread:
-        return record
-    try:
-        spec.cases[task.case].with_overrides(task.changes)
-    except InputError:
-        return record
-    reason = f"the worker process cannot read the case: {record.reason}"
-    return dataclasses.replace(record, status=LOST, reason=reason)
 
 
 def number_of_workers(given: int | None) -> int:

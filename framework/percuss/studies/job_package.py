@@ -10,11 +10,8 @@ import contextlib
 import dataclasses
 import io
 import json
-import os
-import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -34,11 +31,11 @@ from percuss.methods.registry import Registry
 from percuss.results.provenance import components_used, processor_model
 from percuss.results.result import Result
 from percuss.studies.columns import RowSettings
-from percuss.studies.perform import LOST, Run, failure_status, perform, perform_timed, tying_law
+from percuss.studies.perform import LOST, Run, failure_status, perform_timed, tying_law
 from percuss.studies.tasks import Task
 from percuss.version import __version__
 
-LONGEST = 1.0  # seconds after which a worker returns the runs it has made
+WORKER = "worker"  # `said_by` of a run that was lost with its worker
 SILENT = ("title", "source", "expect", "plugins")  # entries of a case that change no number of its run
 
 
@@ -132,16 +129,14 @@ class Job(NamedTuple):
 
 @dataclass(frozen=True)
 class Bench:
-    """Everything that a worker, on this machine or on another, needs to make the runs of a study.
+    """Everything that a process needs to make the runs of a study.
 
     Attributes
     ----------
     cases
-        Contents of each case, by label.
-    files
-        Texts of the data files that each case names, by label and by the path written in the case.
+        Contents of each case, by label, with the texts of the data files that it names.
     plugins
-        Single-file plug-ins of each case, by label: path, and content by the name of the file.
+        Paths of the single-file plug-ins of each case, by label.
     settings
         Settings on which every row depends.
     components, surroundings
@@ -151,65 +146,34 @@ class Bench:
     """
 
     cases: Mapping[str, Source]
-    files: Mapping[str, Mapping[str, str]]
-    plugins: Mapping[str, tuple[tuple[str, Mapping[str, bytes]], ...]]
+    plugins: Mapping[str, tuple[Path, ...]]
     settings: RowSettings
     components: Mapping[str, Mapping[str, str]]
     surroundings: Mapping[str, str]
     read: dict[str, Case] = field(default_factory=dict, init=False, repr=False)
 
-    def case(self, label: str) -> Case:
-        """Return a case, read with the plug-ins and files as they were when the study began."""
-        registry = Registry.load(
-            [_folder(Path(path).parent, files) / Path(path).name for path, files in self.plugins[label]]
-        )
-        self._check_environment(registry, self.components.get(label, {}))
-        return load(dataclasses.replace(self.cases[label], data_files=self.files[label]), registry=registry)
-
-    def records(self, jobs: Sequence[Job], note: Callable[[str], None] | None = None) -> list[Record]:
-        """Return the records of the runs made until `LONGEST` has passed or Ctrl-C came; the rest is left.
-
-        Parameters
-        ----------
-        jobs
-            Runs to make.
-        note
-            Called with the key of each run before it begins.
-        """
-        started = time.perf_counter()
-        records: list[Record] = []
-        for key, task in jobs:
-            if note is not None:
-                note(key)
-            beat()
-            began = time.perf_counter()
-            try:
-                with plugin_faults():
-                    case = self._case_once(task.case)
-            except Exception as error:  # noqa: BLE001 - it was read where the study began: this machine differs
-                reason = f"the worker process cannot read the case: {error}"
-                records.append(Record(key, LOST, reason, "worker", misfit=True))
-                continue
-            asked = self.settings
-            run = perform_timed(case, task, nudge=asked.nudge, repeats=asked.repeats, critical_step=asked.critical_step)
-            if run.status == "interrupted":
-                break
-            wall = time.perf_counter() - began
-            records.append(record(key, run, self.settings, wall, case.registry))
-            if time.perf_counter() - started > LONGEST:
-                break
-        return records
-
-    def rehearse(self, task: Task) -> Data | None:
-        """Make a run of one step and return its summary as plain data, or None if it fails: its run will say why."""
+    def record(self, job: Job) -> Record | None:
+        """Return the record of a run; None if Ctrl-C has ended it."""
+        beat()
+        began = time.perf_counter()
         try:
-            with plugin_faults():
-                case = self._case_once(task.case)
-        except Exception:  # noqa: BLE001 - the runs of this case will say why it cannot be read here
+            with plugin_faults(), ONE_AT_A_TIME:
+                case = self._case(job.task.case)
+        except Exception as error:  # noqa: BLE001 - it was read where the study began: this process differs
+            return Record(job.key, LOST, f"the worker process cannot read the case: {error}", WORKER)
+        asked = self.settings
+        run = perform_timed(case, job.task, nudge=asked.nudge, repeats=asked.repeats, critical_step=asked.critical_step)
+        if run.status == "interrupted":
             return None
-        run, _ = perform(case, task)
-        summary: Data | None = plain(run.result.summary) if run.result is not None and run.status == "done" else None
-        return summary
+        return record(job.key, run, asked, time.perf_counter() - began, case.registry)
+
+    def _case(self, label: str) -> Case:
+        """Return a case, which is read once per process, if all is here as it was where the study began."""
+        if label not in self.read:
+            registry = Registry.load(self.plugins[label])
+            self._check_environment(registry, self.components.get(label, {}))
+            self.read[label] = load(self.cases[label], registry=registry)
+        return self.read[label]
 
     def _check_environment(self, registry: Registry, components: Mapping[str, str]) -> None:
         """Raise PluginError if numbers computed here could differ from those where the study began."""
@@ -219,63 +183,22 @@ class Bench:
                 raise PluginError(f"{name} is not installed here, but was where the study was started")
             if sources[name].digest != digest:
                 raise PluginError(f"the sources of {name} differ here from those where the study was started")
-        environment = {**surroundings(), "percuss": f"{__version__} {own_digest()}"} if self.surroundings else {}
-        for name in sorted({*environment, *self.surroundings}):
-            local, planned = environment.get(name, "not set"), self.surroundings.get(name, "not set")
+        here = {**surroundings(), "percuss": f"{__version__} {own_digest()}"}
+        for name in sorted({*here, *self.surroundings}):
+            local, planned = here.get(name, "not set"), self.surroundings.get(name, "not set")
             if local != planned:
                 difference = "has other sources here than" if name == "percuss" else f"is {local} here, and {planned}"
                 raise PluginError(f"{name} {difference} where the study was started")
 
-    def _case_once(self, label: str) -> Case:
-        """Return a case, which is read once per process."""
-        with ONE_AT_A_TIME:
-            if label not in self.read:
-                self.read[label] = self.case(label)
-            return self.read[label]
-
 
 def packed(cases: Mapping[str, Case], settings: RowSettings, keys: Keys) -> Bench:
     """Return the bench of a study; `keys` must have made the keys of all its tasks."""
-    plugins = {
-        label: tuple((str(file.path), {file.path.name: file.content}) for file in case.registry.single_files)
+    origins = {
+        label: dataclasses.replace(case.origin.replaced(("plugins",), ()), data_files=keys.files.get(label, {}))
         for label, case in cases.items()
     }
-    # The plug-ins that a case names travel as text.
-    origins = {label: case.origin.replaced(("plugins",), ()) for label, case in cases.items()}
-    files = {label: keys.files.get(label, {}) for label in cases}
-    return Bench(origins, files, plugins, settings, keys.components, keys.surroundings)
-
-
-def _folder(folder: Path, files: Mapping[str, bytes]) -> Path:
-    """Return a folder with these files: the original, or a folder of copies if a file has changed."""
-    if all(_holds(folder / name, text) for name, text in files.items()):
-        return folder
-    return _copied(files)
-
-
-def _holds(path: Path, text: bytes) -> bool:
-    try:
-        return path.read_bytes() == text
-    except OSError:
-        return False
-
-
-def _copied(files: Mapping[str, bytes]) -> Path:
-    """Return a folder of copies, named by a digest of their contents; several workers may make it at once."""
-    digest = content_digest(repr(sorted(files.items())).encode())[:16]
-    user = os.getuid() if hasattr(os, "getuid") else 0
-    folder = Path(tempfile.gettempdir()) / f"percuss-{user}-{digest}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    if folder.lstat().st_uid != user:  # who owns the folder can put other code there after it was compared
-        raise PluginError(f"{folder} belongs to another user: set TMPDIR to a folder of your own")
-    for name, text in files.items():
-        path = folder / name
-        if not _holds(path, text):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
-            temporary.write_bytes(text)
-            temporary.replace(path)
-    return folder
+    plugins = {label: tuple(file.path for file in case.registry.single_files) for label, case in cases.items()}
+    return Bench(origins, plugins, settings, keys.components, keys.surroundings)
 
 
 @dataclass(frozen=True)
@@ -298,10 +221,6 @@ class Record:
         Seconds of these that were spent on compilation; None if there is no result.
     cpu
         Model of the processor.
-    unread
-        Whether the run failed because this process could not read the case with the values of the run.
-    misfit
-        Whether the run was lost because this process does not have the methods, files or versions of the study.
     measures
         Value of each column; None if the run was not done.
     histories
@@ -319,8 +238,6 @@ class Record:
     wall: float | None = None
     compiling: float | None = None
     cpu: str = ""
-    unread: bool = False
-    misfit: bool = False
 
 
 def record(key: str, run: Run, settings: RowSettings, wall: float, registry: Registry) -> Record:
@@ -340,7 +257,7 @@ def record(key: str, run: Run, settings: RowSettings, wall: float, registry: Reg
         Registry of the measures that are plug-ins.
     """
     times = run.result.summary["seconds"] if run.result is not None else {}
-    stored = Record(key, run.status, run.reason, run.said_by, unread=run.unread)
+    stored = Record(key, run.status, run.reason, run.said_by)
     stored = replace(stored, wall=wall, compiling=times.get("compile"), cpu=processor_model())
     if run.result is None or run.status != "done":
         return stored

@@ -18,7 +18,7 @@ from percuss.case.specs import MeasureSection
 from percuss.case.type_words import Expects
 from percuss.case.validation import EmptyIfAbsent, Section
 from percuss.jsonable import Data, Entries
-from percuss.methods.interfaces import Doc, Ge, Gt, Le, Unit
+from percuss.methods.interfaces import Doc, Ge, Le, Unit
 from percuss.methods.registry import Registry
 
 NAMES = Expects("a list of names", "Write the names in brackets, separated by commas.")
@@ -178,9 +178,6 @@ class StudySection(Section):
     ] = ()
     tied: Annotated[bool, Doc("also run with interfaces tied while the exact contact is closed")] = False
     nudge: Annotated[bool, Doc("repeat each run with a tiny change, to see if it depends on round-off")] = False
-    stalled_after: Annotated[
-        float, Gt(0), Unit("s"), Doc("seconds without a completed step after which a run is ended as failed")
-    ] = 600.0
     repeats: (
         Annotated[
             int,

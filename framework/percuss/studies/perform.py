@@ -45,8 +45,6 @@ class Run:
         Component that refused the pair; empty otherwise.
     result
         The result, also of a stopped run; None if there is none.
-    unread
-        Whether the run failed because the case could not be read with the values of this run.
     """
 
     integrator: str
@@ -56,7 +54,6 @@ class Run:
     reason: str = ""
     said_by: str = ""
     result: Result | None = field(default=None, repr=False)
-    unread: bool = False
 
     @property
     def label(self) -> str:
@@ -134,7 +131,7 @@ def _perform(case: Case, task: Task, make: Callable[[Case], Result]) -> tuple[Ru
         return Run(*names, "unstable", str(error), result=error.result), None
     except InputError as error:
         lost = isinstance(error, TooLargeError) and not unread
-        return Run(*names, LOST if lost else "failed", str(error), unread=unread), error
+        return Run(*names, LOST if lost else "failed", str(error)), error
     except Exception as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
         return Run(*names, *failure_status(error, case.registry)), None
     reason = "; ".join(note for note in result.summary["notes"] if note.startswith((AGAINST_CERTIFICATE, NOT_VALID)))

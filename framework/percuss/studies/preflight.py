@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Iterator, Mapping, Sequence
 
-from percuss.case.case import Case
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, Problem, refuse_if_any
-from percuss.jsonable import Data, Entries
+from percuss.jsonable import Data, Entries, plain
 from percuss.studies.parameters import combinations
+from percuss.studies.perform import perform
 from percuss.studies.spec import StudySpec, mistake_in_study
 from percuss.studies.tasks import Task, tasks
 
@@ -117,39 +116,27 @@ def _wrong_everywhere(spec: StudySpec, point: Data) -> Sequence[Problem]:
     return ()
 
 
-def rehearsals(cases: Mapping[str, Case], planned: Sequence[Task]) -> list[Task]:
-    """Return a task of one step for each kind of run.
-
-    Making them compiles the code for all workers once; they find it in the user's cache folder.
-    """
-    kinds: dict[tuple[str, str], Task] = {}
-    for task in planned:
-        # A tied twin is expensive to start, and its compiled code does not depend on the case.
-        kinds.setdefault(("", task.contact) if task.tied else (task.case, task.contact), task)
-    steps = []
-    for task in kinds.values():
-        case = cases[task.case]
-        changes = {path: value for path, value in task.changes.items() if path.split(".")[0] != "time"}
-        step = {"step": case.time.step} if case.time.courant is None else {"courant": case.time.courant}
-        one_step = {**changes, "time": {**step, "steps": 1, "on_unstable": "warn"}}
-        steps.append(type(task)(task.case, task.integrator, task.contact, task.varied, one_step, task.tied))
-    return steps
-
-
-def check_measures(spec: StudySpec, summaries: Sequence[Data]) -> None:
-    """Check that each measured path is in some summary.
+def check_measures(spec: StudySpec, task: Task) -> None:
+    """Check that each measured path is in the summary of a run, which makes one step of a task.
 
     Raises
     ------
     InputError
-        With all paths that are in no summary.
+        With all paths that are not in the summary.
     """
-    given = spec.source.get(("measure",), ())
-    problems = []
-    for i, column in enumerate(spec.rows.columns if given else ()):
-        unknown = [column.unknown_to(summary) for summary in summaries]
-        if unknown and all(unknown):
-            missing_path, advice = next(itertools.chain(filter(None, unknown)))
+    if not any(column.kind == "summary" for column in spec.rows.columns) or not spec.source.get(("measure",), ()):
+        return
+    case = spec.cases[task.case]
+    changes = {path: value for path, value in task.changes.items() if path.split(".")[0] != "time"}
+    step = {"step": case.time.step} if case.time.courant is None else {"courant": case.time.courant}
+    one_step = {**changes, "time": {**step, "steps": 1, "on_unstable": "warn"}}
+    run, _ = perform(case, dataclasses.replace(task, changes=one_step))
+    if run.result is None or run.status != "done":
+        return  # its rows will say why
+    summary, problems = plain(run.result.summary), []
+    for i, column in enumerate(spec.rows.columns):
+        if unknown := column.unknown_to(summary):
+            missing_path, advice = unknown
             message = (
                 f"the summary of a run has no '{missing_path}'" if missing_path else f"{column.name} is not one number"
             )

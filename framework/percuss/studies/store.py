@@ -17,7 +17,7 @@ from typing import Any
 
 from percuss.case.hints import file_advice
 from percuss.errors import InputError, UnwrittenError, nearest, wrong_input
-from percuss.files import is_file, is_folder
+from percuss.files import is_file, is_folder, replacing
 from percuss.jsonable import Data, Entries
 from percuss.studies.job_package import Record, unpacked
 from percuss.studies.perform import LOST, WAITING
@@ -32,7 +32,6 @@ CREATE TABLE plan (number INTEGER PRIMARY KEY, key TEXT, row TEXT);
 CREATE TABLE runs (key TEXT PRIMARY KEY, status TEXT, row TEXT, histories BLOB);
 """
 STORED = ("reason", "said_by", "fragile", "seconds", "measures", "compiling", "cpu")  # of a record, in its row
-WORKER = "worker"  # `said_by` of a run that was lost with its worker
 # Errors of SQLite by which a file is none of its own, or damaged; all others come from the machine.
 OF_THE_FILE = {sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR}
 
@@ -78,9 +77,8 @@ class Store:
     @contextmanager
     def _open(self, *, write: bool = False) -> Iterator[sqlite3.Connection]:
         """Open a connection for a with statement, whose body is one transaction, also of all that it reads."""
-        mode = "rwc" if write else "rw"  # a file that may only be read is opened to read it
-        try:
-            with closing(sqlite3.connect(f"{self.path.absolute().as_uri()}?mode={mode}", timeout=60.0, uri=True)) as db:
+        try:  # a file that may only be read is opened to read it
+            with closing(sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=rw", timeout=60.0, uri=True)) as db:
                 if write:
                     db.execute("PRAGMA journal_mode = WAL")
                 with db:
@@ -107,10 +105,9 @@ class Store:
 
         Rows that are no longer in the plan are kept: a later plan may need them again.
         """
+        if not self._there:
+            self._make()
         with self._open(write=True) as db:
-            if not self._there:
-                for statement in (*filter(str.strip, TABLES.split(";")), f"PRAGMA user_version = {FORMAT}"):
-                    db.execute(statement)
             for table in ("facts", "files", "plan"):
                 db.execute(f"DELETE FROM {table}")  # noqa: S608
             db.execute("INSERT INTO sessions (provenance) VALUES (?)", (json.dumps(provenance),))
@@ -120,6 +117,13 @@ class Store:
             db.executemany("INSERT INTO plan (key, row) VALUES (?, ?)", [(key, json.dumps(row)) for key, row in plan])
             columns = [(file.path, file.role, file.sha256, file.size, file.text) for file in files]
             db.executemany("INSERT INTO files VALUES (?, ?, ?, ?, ?)", columns)
+
+    def _make(self) -> None:
+        """Make the file, of which nobody sees a part."""
+        for ending in ("-wal", "-shm", "-journal"):  # of a file that was here before, which SQLite would replay
+            self.path.with_name(f"{self.path.name}{ending}").unlink(missing_ok=True)
+        with replacing(self.path, self.path.suffix) as temporary, closing(sqlite3.connect(temporary)) as db:
+            db.executescript(f"{TABLES} PRAGMA user_version = {FORMAT};")
         self._there = True
 
     def add(self, records: Sequence[Record]) -> None:

@@ -1,8 +1,8 @@
 """Studies: many runs, distributed to workers, resumed after any interruption, collected in one table.
 
 The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, `job_package` gives
-each a key, the file of rows is locked, `preflight` tries each kind of run, `dispatch` gives the tasks that are left to
-workers, where `job_package` reads their cases, `perform` makes the runs and `columns` measures them; `store` keeps the
+each a key, the file of rows is locked, `dispatch` gives the tasks that are left to workers (`pool`, `cluster`), where
+`job_package` reads their cases, `perform` makes the runs and `columns` measures them; `store` keeps the
 rows and the files that they came from (`study_files`), `study_table` shows them, and `rows` makes one of them again.
 """
 
@@ -23,7 +23,7 @@ from percuss.jsonable import Data, Entries, as_lists
 from percuss.locks import NotWritableError, locked
 from percuss.methods.blame import OWN_PACKAGES
 from percuss.results.provenance import machine, origins
-from percuss.studies.dispatch import Progress, local_workers, make, number_of_workers, row_counter, summaries_of
+from percuss.studies.dispatch import Progress, make, number_of_workers, row_counter
 from percuss.studies.job_package import Bench, Job
 from percuss.studies.spec import StudySpec
 from percuss.studies.store import Store, as_json_data
@@ -44,6 +44,7 @@ def study(
     again: Sequence[str] = (),
     outputs: Sequence[str | os.PathLike[str]] = (),
     changes: Data | None = None,
+    longest: float | None = None,
 ) -> Study:
     """Make the runs of a study that are not made yet.
 
@@ -69,6 +70,8 @@ def study(
         Files that the caller writes afterwards, checked before any run is made.
     changes
         Values that every case gets besides those of its ``set``, by dotted path, as ``{"reference.refine": 4}``.
+    longest
+        Seconds that a run may take in a worker process; by default any time.
 
     Returns
     -------
@@ -83,7 +86,7 @@ def study(
     PluginError
         If one of `plugins` cannot be used.
     """
-    from percuss.studies.preflight import check_measures, rehearsals
+    from percuss.studies.preflight import check_measures
     from percuss.studies.spec import read_study
 
     expect_mapping_or_path("percuss.study", path)
@@ -104,19 +107,17 @@ def study(
             store = Store(file, new=True)
             finished = store.finished_keys(again)
             missing = list({job.key: job for job in jobs if job.key not in finished}.values())
-            with local_workers(bench, len(missing), workers, scheduler, spec.section.stalled_after) as local:
-                if local is None:  # the runs are made in this process, which has read the cases
-                    bench.read.update(spec.cases)
-                if missing:
-                    steps = rehearsals(spec.cases, [job.task for job in missing])
-                    check_measures(spec, summaries_of(local, bench, steps))
-                _begin(store, spec, jobs, bench, _command(path, plugins, changes), identity)
-                done = Study(store.path)
-                done.found = sum(job.key in finished for job in jobs)
-                count = row_counter(progress, jobs, finished)
-                if missing:
-                    make(bench, missing, store, scheduler, local, count, spec)
-                store.finish()
+            if workers == 1:  # the runs are made in this process, which has read the cases
+                bench.read.update(spec.cases)
+            if missing:
+                check_measures(spec, missing[0].task)
+            _begin(store, spec, jobs, bench, _command(path, plugins, changes), identity)
+            done = Study(store.path)
+            done.found = sum(job.key in finished for job in jobs)
+            count = row_counter(progress, jobs, finished)
+            if missing:
+                make(bench, missing, store, count, workers=workers, scheduler=scheduler, longest=longest)
+            store.finish()
     except NotWritableError as error:
         made = None if again else _finished_study(error.path, jobs)
         if made is None:
@@ -191,7 +192,7 @@ def _begin(
 def _inside(case: Case, bench: Bench, label: str) -> Entries:
     """Return a case with all from which it is read again, as the provenance of a result has it."""
     components = [(family, name) for family, _, name in (each.partition("/") for each in bench.components[label])]
-    return {"case": as_lists(case.data), **origins(case, components), "data_files": dict(bench.files[label])}
+    return {"case": as_lists(case.data), **origins(case, components), "data_files": dict(bench.cases[label].data_files)}
 
 
 def _plugins(spec: StudySpec, bench: Bench) -> Entries:

@@ -70,13 +70,10 @@ def _contents(spec: StudySpec, bench: Bench) -> Iterator[tuple[str, str, bytes]]
     for case in spec.cases.values():
         yield named_path(Path(case.origin.name)), "case", _bytes_of(Path(case.origin.name), case.origin.text)
     for label, case in spec.cases.items():
-        for name, text in bench.files[label].items():
+        for name, text in bench.cases[label].data_files.items():
             yield named_path(case.origin.folder / name), "data", _bytes_of(case.origin.folder / name, text)
-    for plugins in bench.plugins.values():
-        for path, files in plugins:
-            for name, content in files.items():
-                file = Path(path).parent / name
-                yield _from_here(file), "plug-in" if file == Path(path) else "data", content
+        for file in case.registry.single_files:
+            yield _from_here(file.path), "plug-in", file.content
 
 
 def _bytes_of(path: Path, text: str) -> bytes:

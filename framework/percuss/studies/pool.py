@@ -1,0 +1,154 @@
+"""Runs of a study in worker processes of this machine: one that dies or takes too long costs only its own run."""
+
+from __future__ import annotations
+
+import faulthandler
+import logging
+import os
+import signal
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.context import SpawnContext, SpawnProcess
+from types import ModuleType
+
+from percuss.blas import ONE_THREAD
+from percuss.errors import RunError
+from percuss.process import processes_with
+from percuss.studies.job_package import WORKER, Bench, Job, Record
+from percuss.studies.perform import LOST
+
+MOST_RUNS = 1000  # of one process, which keeps the machine code of every kernel that it has met
+SILENCE = 600.0  # seconds without an answer after which a run is named
+LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
+# The variable of Python's option -P, and what it is where the user has not set it.
+SAFE_PATH, SET_HERE = "PYTHONSAFEPATH", "set by percuss"
+
+
+def made_by_workers(
+    bench: Bench, jobs: Sequence[Job], workers: int, longest: float | None, stop: threading.Event
+) -> Generator[list[Record]]:
+    """Make runs in worker processes, and yield the records of those that have ended meanwhile.
+
+    Parameters
+    ----------
+    bench
+        Everything the workers need.
+    jobs
+        The runs.
+    workers
+        Number of processes.
+    longest
+        Seconds that a run may take; None for any time.
+    stop
+        Event that ends the work when it is set, in the middle of runs.
+
+    Raises
+    ------
+    RunError
+        If no worker can be started.
+    """
+    from pebble import ProcessExpired, ProcessPool
+
+    pool = ProcessPool(workers, max_tasks=MOST_RUNS, initializer=_begin, initargs=(bench,), context=_Context())
+    try:
+        waiting: dict[Future[Record], Job] = {pool.schedule(_made, args=[job], timeout=longest): job for job in jobs}
+        silent, deaths = _Silence(waiting), Counter[str]()
+        while waiting and not stop.is_set():
+            records = []
+            for future in wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED).done:
+                job = waiting.pop(future)
+                deaths[job.key] += isinstance(future.exception(), ProcessExpired)
+                if deaths[job.key] == 1 and future.exception() is not None:  # somebody else may have killed it
+                    waiting[pool.schedule(_made, args=[job], timeout=longest)] = job
+                else:
+                    records.append(_record_of(future, job, longest))
+            yield records
+            silent.tell()
+    except BrokenProcessPool:
+        raise RunError("worker processes die before they make a run: --workers 1 shows the reason") from None
+    finally:
+        pool.stop()  # type: ignore[no-untyped-call]
+        pool.join()
+
+
+def _record_of(future: Future[Record], job: Job, longest: float | None) -> Record:
+    """Return the record of a run that has ended, in whichever way."""
+    from pebble import ProcessExpired
+
+    try:
+        return future.result()
+    except TimeoutError:
+        return Record(job.key, "failed", f"no result after {longest:g} s (--longest)", WORKER)
+    except ProcessExpired as death:
+        code = death.exitcode
+        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+        return Record(job.key, LOST, f"its worker process {how}, twice; the same command tries the run again", WORKER)
+
+
+class _Silence:
+    """Messages to the log on runs that have begun and do not end."""
+
+    def __init__(self, waiting: dict[Future[Record], Job]) -> None:
+        self._waiting = waiting
+        self._since: dict[Future[Record], float] = {}
+
+    def tell(self) -> None:
+        """Name each run that has not ended for `SILENCE` seconds, once."""
+        now = time.monotonic()
+        for future in [future for future in self._waiting if future.running()]:
+            if now - self._since.setdefault(future, now) > SILENCE:
+                self._since[future] = float("inf")
+                task = self._waiting[future].task
+                methods = f"{task.case}: {task.integrator} + {task.contact}"
+                LOG.warning("%s has not answered for %.0f s: --longest SECONDS ends such runs", methods, SILENCE)
+
+
+class _Process(SpawnProcess):
+    """A process that does not run the script of its parent again, never sees Ctrl-C, and uses one thread of BLAS.
+
+    Python would put the current folder first on its path, and multiprocessing puts it instead of an empty entry of
+    ours. Ctrl-C goes to all processes of a terminal: the one that hands out the work handles it.
+    """
+
+    def start(self) -> None:
+        """Start the process."""
+        main, path = sys.modules["__main__"], sys.path
+        sys.modules["__main__"] = ModuleType("__main__")
+        sys.path = [folder for folder in path if folder]
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            with processes_with({**ONE_THREAD, SAFE_PATH: os.environ.get(SAFE_PATH) or SET_HERE}):
+                super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            sys.modules["__main__"], sys.path = main, path
+
+
+class _Context(SpawnContext):
+    Process = _Process
+
+
+# ------------------------------------------------------------------------------------- inside a worker process
+
+_BENCH: list[Bench] = []
+
+
+def _begin(bench: Bench) -> None:
+    """Prepare this process."""
+    if os.environ.get(SAFE_PATH) == SET_HERE:  # What a plug-in starts in a worker has the path it has elsewhere.
+        del os.environ[SAFE_PATH]
+    # Standard output belongs to the results of the process that hands out the work.
+    os.dup2(2, 1)
+    faulthandler.enable()  # a plug-in that crashes this process is named
+    _BENCH[:] = [bench]
+
+
+def _made(job: Job) -> Record:
+    """Return the record of a run, which Ctrl-C does not reach here."""
+    made = _BENCH[0].record(job)
+    return made or Record(job.key, LOST, "the run was interrupted", WORKER)
