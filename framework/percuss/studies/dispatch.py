@@ -7,12 +7,16 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING
 
 from percuss.errors import wrong_input
 from percuss.interrupt import interruptible
 from percuss.studies.job_package import Bench, Job, Record
 from percuss.studies.store import Store
+
+if TYPE_CHECKING:
+    from percuss.studies.pool import Workers
 
 Progress = Callable[[int, int], None]
 SECONDS = 0.4  # between two batches of rows that are stored
@@ -24,7 +28,7 @@ def make(
     store: Store,
     count: Callable[[Sequence[Record]], None],
     *,
-    workers: int | None,
+    workers: int | Workers | None,
     scheduler: str | None,
     longest: float | None,
 ) -> None:
@@ -33,7 +37,7 @@ def make(
     The workers of the scheduler make them, or local ones, or with one worker this process: a run that never returns, or
     that ends its process, can only be given up where it is not made here.
     """
-    with interruptible() as stop:
+    with interruptible() as stop, ExitStack() as ends:
         if scheduler is not None:
             from percuss.studies.cluster import made_on_cluster
 
@@ -41,14 +45,15 @@ def make(
         elif workers == 1:
             made = _made_here(bench, jobs, stop)
         else:
-            from percuss.studies.pool import made_by_workers
+            from percuss.studies.pool import Workers
 
-            made = made_by_workers(bench, jobs, min(number_of_workers(workers), len(jobs)), longest, stop)
-        with closing(made):
-            for records in made:
-                if records:
-                    store.add(records)
-                    count(records)
+            if not isinstance(workers, Workers):
+                workers = ends.enter_context(Workers(min(number_of_workers(workers), len(jobs))))
+            made = workers.made(bench, jobs, longest, stop)
+        for records in ends.enter_context(closing(made)):
+            if records:
+                store.add(records)
+                count(records)
 
 
 def _made_here(bench: Bench, jobs: Sequence[Job], stop: threading.Event) -> Generator[list[Record]]:

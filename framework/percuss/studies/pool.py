@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import faulthandler
+import functools
 import logging
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -15,12 +17,16 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 from percuss.blas import ONE_THREAD
 from percuss.errors import RunError
 from percuss.process import processes_with
 from percuss.studies.job_package import WORKER, Bench, Job, Record
 from percuss.studies.perform import LOST
+
+if TYPE_CHECKING:
+    from pebble import ProcessPool
 
 MOST_RUNS = 1000  # of one process, which keeps the machine code of every kernel that it has met
 SILENCE = 600.0  # seconds without an answer after which a run is named
@@ -29,51 +35,70 @@ LOG = logging.getLogger("percuss")  # without other settings Python prints its w
 SAFE_PATH, SET_HERE = "PYTHONSAFEPATH", "set by percuss"
 
 
-def made_by_workers(
-    bench: Bench, jobs: Sequence[Job], workers: int, longest: float | None, stop: threading.Event
-) -> Generator[list[Record]]:
-    """Make runs in worker processes, and yield the records of those that have ended meanwhile.
+class Workers:
+    """Worker processes, which start with the first run and serve one study after the other; a context that ends them.
 
     Parameters
     ----------
-    bench
-        Everything the workers need.
-    jobs
-        The runs.
-    workers
+    number
         Number of processes.
-    longest
-        Seconds that a run may take; None for any time.
-    stop
-        Event that ends the work when it is set, in the middle of runs.
-
-    Raises
-    ------
-    RunError
-        If no worker can be started.
     """
-    from pebble import ProcessExpired, ProcessPool
 
-    pool = ProcessPool(workers, max_tasks=MOST_RUNS, initializer=_begin, initargs=(bench,), context=_Context())
-    try:
-        waiting: dict[Future[Record], Job] = {pool.schedule(_made, args=[job], timeout=longest): job for job in jobs}
+    def __init__(self, number: int) -> None:
+        self._number = number
+        self._pool: ProcessPool | None = None
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.stop()  # type: ignore[no-untyped-call]
+            self._pool.join()
+
+    def made(
+        self, bench: Bench, jobs: Sequence[Job], longest: float | None, stop: threading.Event
+    ) -> Generator[list[Record]]:
+        """Make runs, and yield the records of those that have ended meanwhile.
+
+        Parameters
+        ----------
+        bench
+            Everything the workers need.
+        jobs
+            The runs.
+        longest
+            Seconds that a run may take; None for any time.
+        stop
+            Event that ends the work when it is set, in the middle of runs.
+
+        Raises
+        ------
+        RunError
+            If no worker can be started.
+        """
+        from pebble import ProcessExpired, ProcessPool
+
+        if self._pool is None:
+            self._pool = ProcessPool(self._number, max_tasks=MOST_RUNS, initializer=_begin, context=_Context())
+        give = functools.partial(self._pool.schedule, _made, timeout=longest)
+        packed = pickle.dumps(bench)
+        waiting: dict[Future[Record], Job] = {give(args=[packed, job]): job for job in jobs}
         silent, deaths = _Silence(waiting), Counter[str]()
-        while waiting and not stop.is_set():
-            records = []
-            for future in wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED).done:
-                job = waiting.pop(future)
-                deaths[job.key] += isinstance(future.exception(), ProcessExpired)
-                if deaths[job.key] == 1 and future.exception() is not None:  # somebody else may have killed it
-                    waiting[pool.schedule(_made, args=[job], timeout=longest)] = job
-                else:
-                    records.append(_record_of(future, job, longest))
-            yield records
-            silent.tell()
-    except BrokenProcessPool:
-        raise RunError("worker processes die before they make a run: --workers 1 shows the reason") from None
-    finally:
-        pool.stop()  # type: ignore[no-untyped-call]
-        pool.join()
+        try:
+            while waiting and not stop.is_set():
+                records = []
+                for future in wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED).done:
+                    job, error = waiting.pop(future), future.exception()
+                    deaths[job.key] += isinstance(error, ProcessExpired)
+                    if deaths[job.key] == 1 and error is not None:  # somebody else may have killed it
+                        waiting[give(args=[packed, job])] = job
+                    else:
+                        records.append(_record_of(future, job, longest))
+                yield records
+                silent.tell()
+        except BrokenProcessPool:
+            raise RunError("worker processes die before they make a run: --workers 1 shows the reason") from None
 
 
 def _record_of(future: Future[Record], job: Job, longest: float | None) -> Record:
@@ -135,20 +160,22 @@ class _Context(SpawnContext):
 
 # ------------------------------------------------------------------------------------- inside a worker process
 
-_BENCH: list[Bench] = []
 
-
-def _begin(bench: Bench) -> None:
+def _begin() -> None:
     """Prepare this process."""
     if os.environ.get(SAFE_PATH) == SET_HERE:  # What a plug-in starts in a worker has the path it has elsewhere.
         del os.environ[SAFE_PATH]
     # Standard output belongs to the results of the process that hands out the work.
     os.dup2(2, 1)
     faulthandler.enable()  # a plug-in that crashes this process is named
-    _BENCH[:] = [bench]
 
 
-def _made(job: Job) -> Record:
+@functools.lru_cache(maxsize=2)
+def _unpacked(packed: bytes) -> Bench:
+    return pickle.loads(packed)  # type: ignore[no-any-return]  # noqa: S301 - from the process that started this one
+
+
+def _made(packed: bytes, job: Job) -> Record:
     """Return the record of a run, which Ctrl-C does not reach here."""
-    made = _BENCH[0].record(job)
+    made = _unpacked(packed).record(job)
     return made or Record(job.key, LOST, "the run was interrupted", WORKER)

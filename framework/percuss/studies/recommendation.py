@@ -15,6 +15,7 @@ import json
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -51,8 +52,9 @@ from percuss.studies.candidates import (
     needed_quantities,
     neighbours,
 )
-from percuss.studies.dispatch import Progress
+from percuss.studies.dispatch import Progress, number_of_workers
 from percuss.studies.pareto import front_of
+from percuss.studies.pool import Workers
 from percuss.studies.search import Search
 from percuss.studies.study import study
 from percuss.studies.study_table import Study
@@ -295,8 +297,10 @@ def recommend(
     expect_no_input(file, case.inputs)
     for output in outputs:
         expect_writable(output, [*case.inputs, ("file of runs", file)])
-    bench = _Bench(case, Path(path), bounds, runs, file, workers, plugins, progress, changes)
-    return _answer(bench, methods, np.random.default_rng(seed))
+    with ExitStack() as ends:  # one pool serves all rounds
+        pool = 1 if workers == 1 else ends.enter_context(Workers(number_of_workers(workers)))
+        bench = _Bench(case, Path(path), bounds, runs, file, pool, plugins, progress, changes)
+        return _answer(bench, methods, np.random.default_rng(seed))
 
 
 def bound_of(text: str, option: str) -> float | None:
@@ -396,7 +400,7 @@ class _Bench:
     bounds: Bounds
     runs: int
     out: Path
-    workers: int | None
+    workers: int | Workers
     plugins: Sequence[str | Path]
     progress: Progress | None
     changes: Data

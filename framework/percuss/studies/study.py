@@ -25,6 +25,7 @@ from percuss.methods.blame import OWN_PACKAGES
 from percuss.results.provenance import machine, origins
 from percuss.studies.dispatch import Progress, make, number_of_workers, row_counter
 from percuss.studies.job_package import Bench, Job
+from percuss.studies.pool import Workers
 from percuss.studies.spec import StudySpec
 from percuss.studies.store import Store, as_json_data
 from percuss.studies.study_files import files_of
@@ -36,7 +37,7 @@ AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are mad
 def study(
     path: str | Path | Data,
     out: str | os.PathLike[str] | None = None,
-    workers: int | None = None,
+    workers: int | Workers | None = None,
     scheduler: str | None = None,
     progress: Progress | None = None,
     *,
@@ -57,7 +58,8 @@ def study(
         some letters added if that file holds another study. Runs stored in it whose inputs have not changed are not
         made again, except those that failed because of the machine.
     workers
-        Number of processes; by default one per core. With 1 the runs are made in this process.
+        Number of processes; by default one per core. With 1 the runs are made in this process. Or workers that serve
+        several studies.
     scheduler
         Address of a Dask scheduler whose workers make the runs instead.
     progress
@@ -91,7 +93,8 @@ def study(
 
     expect_mapping_or_path("percuss.study", path)
     expect_files("percuss.study", plugins)
-    number_of_workers(workers)
+    if not isinstance(workers, Workers):
+        number_of_workers(workers)
     unknown = [status for status in again if status not in AGAIN]
     if unknown:
         message = f"expected one of {', '.join(AGAIN)}, found '{unknown[0]}'"
