@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import functools
+import os
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -15,6 +18,7 @@ ONE_THREAD = {
     "VECLIB_MAXIMUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
 }
+_FROM_THE_START = threading.Event()  # set where the process began with one thread, so that nothing is left to do
 
 
 @functools.cache
@@ -33,5 +37,15 @@ def one_blas_thread() -> Iterator[None]:
     The matrices are small, so that more threads cost time as well: most of all where other processes compute. OpenBLAS
     obeys the thread of Python that was the first to limit it: runs in other threads may compute with several of BLAS.
     """
+    if _FROM_THE_START.is_set():
+        yield
+        return
     with _libraries().limit(limits=1, user_api="blas"):
         yield
+
+
+def start_with_one_blas_thread() -> None:
+    """Let BLAS have one thread in this process, if NumPy is not imported yet, and in those that the process starts."""
+    os.environ.update(ONE_THREAD)
+    if "numpy" not in sys.modules:
+        _FROM_THE_START.set()

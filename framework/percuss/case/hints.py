@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from percuss.errors import suggestion
 from percuss.methods.blame import SINGULAR
-from percuss.methods.interfaces import FAMILIES
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
@@ -68,7 +67,7 @@ def comma_advice(text: str) -> str:
 
 def name_advice(word: str, family: str, *registries: Registry) -> str:
     """Return advice for an unknown name in a family of components: the family that has it, or the nearest name."""
-    for other in (other for registry in registries for other in FAMILIES if word in registry.names(other)):
+    for other in (other for registry in registries for other, name in registry.components if name == word):
         kind = SINGULAR[other]
         return f"'{word}' is {'an' if kind[0] in 'aeiou' else 'a'} {kind}: name it as the {kind}."
     return suggestion(word, {name for registry in registries for name in registry.names(family)})

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from percuss.blas import ONE_THREAD
+from percuss.blas import start_with_one_blas_thread
 from percuss.cli.check import check
 from percuss.cli.compare import compare
 from percuss.cli.new import new
@@ -96,7 +96,7 @@ def main() -> None:
 
     The exit code is 130 for a command that Ctrl-C ended.
     """
-    os.environ.update(ONE_THREAD)  # for libraries that are loaded from now on, here and in processes that start here
+    start_with_one_blas_thread()
     # Pydantic would look through all installed distributions for plug-ins of its own.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # Importing makes many objects that stay: to look for garbage among them every time takes a tenth of a short run.
