@@ -18,8 +18,7 @@ import typer
 from percuss.errors import InputError, PercussError, Problem, UnwrittenError, printable, refuse_if_any, shortened
 from percuss.files import expect_writable
 from percuss.heartbeat import beat, heard_by
-from percuss.methods.blame import described, line_in_plugin, plugin_faults
-from percuss.process import INTERRUPTED
+from percuss.methods.blame import described, plugin_faults
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -176,7 +175,6 @@ def reporting(as_json: bool) -> Iterator[Answer]:
             plugin_faults(),
             np.errstate(all="ignore"),
             contextlib.redirect_stdout(sys.stderr) if as_json else contextlib.nullcontext(),
-            _ctrl_c_ends_it(),
             _compiling_shown(),
         ):
             yield answer
@@ -193,17 +191,6 @@ def reporting(as_json: bool) -> Iterator[Answer]:
         if isinstance(error, InputError):
             tell(f"{len(problems)} mistake{'s' if len(problems) > 1 else ''}; nothing was run")
         raise typer.Exit(error.exit_code) from None
-
-
-@contextmanager
-def _ctrl_c_ends_it() -> Iterator[None]:
-    """End the command at Ctrl-C, with the line of the plug-in in which it was at work, if it was in one."""
-    try:
-        yield
-    except KeyboardInterrupt as interrupt:
-        where = line_in_plugin(interrupt)
-        print(f"interrupted{f' in {where}' if where else ''}", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
 
 
 @contextmanager

@@ -27,6 +27,8 @@ from percuss.cli.study import study
 from percuss.cli.verify import verify
 from percuss.cli.waves import waves
 from percuss.files import CANNOT_BE_WRITTEN
+from percuss.methods.blame import line_in_plugin
+from percuss.process import INTERRUPTED
 from percuss.version import CONTRACT, __version__
 
 GARBAGE_THRESHOLD = 50_000  # new objects after which Python looks for garbage
@@ -41,6 +43,15 @@ PANELS: dict[str, tuple[Callable[..., None], ...]] = {
 
 class Commands(TyperGroup):
     """The commands, which the help lists under the headings of `PANELS`."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command; Ctrl-C ends it, with the line of the plug-in in which it was at work, if it was in one."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as interrupt:
+            where = line_in_plugin(interrupt)
+            print(f"interrupted{f' in {where}' if where else ''}", file=sys.stderr)
+            raise typer.Exit(INTERRUPTED) from None
 
     def format_commands(self, ctx: object, formatter: Any) -> None:  # noqa: ARG002
         """Write the name and the first line of each command."""
