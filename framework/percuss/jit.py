@@ -26,7 +26,6 @@ import numpy as np
 
 from percuss.cache import cache_folder
 from percuss.digest import content_digest, is_of_the_loop, loop_digest, source_digest, surroundings
-from percuss.heartbeat import beat
 from percuss.interrupt import interrupted_afterwards
 from percuss.jsonable import Data, Entries
 
@@ -452,7 +451,6 @@ def compiler() -> Iterator[None]:
 
     Ctrl-C is told at its end: LLVM calls Python back and loses its errors.
     """
-    beat()
     began, before = time.perf_counter(), _COMPILING.get()
     try:
         with LOCK, interrupted_afterwards():

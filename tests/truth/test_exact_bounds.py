@@ -9,7 +9,7 @@ import pytest
 
 import percuss
 from percuss.contact.contact_problem import contact_problem
-from percuss.heartbeat import heard_by
+from percuss.listeners import heard_by
 from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
 from percuss.reporting.verdict import run_verdict

@@ -84,7 +84,7 @@ GROUND = {
         "digest",
         "errors",
         "files",
-        "heartbeat",
+        "listeners",
         "interrupt",
         "jit",
         "jsonable",

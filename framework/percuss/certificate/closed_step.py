@@ -24,7 +24,6 @@ from scipy.linalg import null_space
 
 from percuss.certificate.matrices import SAME_DIRECTION, columns_at_nodes, free_motions, held_throughout, operator_of
 from percuss.contact.points import FROM_LINE, NEVER
-from percuss.heartbeat import beat
 from percuss.march.march import March
 from percuss.march.model_of_case import without_loads
 from percuss.mesh.loads import directions_at_nodes
@@ -149,7 +148,6 @@ class ClosedStep:
         self.march.arrays.variables.before[: self._remembered.size] = self._remembered
         after = self.march.stepper.step_without_loads(self.march.arrays.record, state)
         self.march.arrays.variables.before[:] = 0.0
-        beat()
         return after
 
     def __call__(self, states: Floats) -> Floats:

@@ -17,7 +17,7 @@ import typer
 
 from percuss.errors import InputError, PercussError, Problem, UnwrittenError, printable, refuse_if_any, shortened
 from percuss.files import expect_writable
-from percuss.heartbeat import beat, heard_by
+from percuss.listeners import heard_by
 from percuss.methods.blame import described, plugin_faults
 
 if TYPE_CHECKING:
@@ -207,7 +207,6 @@ def progress_bar(unit: str = "steps") -> Iterator[Callable[[int, int], None]]:
 
     def show(done: int, total: int) -> None:
         nonlocal started, next_line
-        beat()
         if done == 0:
             started = time.monotonic()
             past.clear()

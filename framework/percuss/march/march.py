@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from percuss.errors import PercussError
-from percuss.heartbeat import beat
 from percuss.jit import compile_error, compile_seconds
 from percuss.march import diagnosis
 from percuss.march.arrays import Arrays
@@ -313,7 +312,6 @@ class March:
                     return
                 outcome.done += count
                 outcome.load_impulse = self.stepper.load_impulse(amplitudes)
-                beat()
                 if progress is not None:
                     progress(outcome.done - resumed, model.steps - resumed)
                 if interrupt_after is not None and outcome.done >= interrupt_after:

@@ -79,11 +79,6 @@ def said_by(error: ValueError) -> str:
     return text if not where or where.startswith("<") else f"{text} (raised in the plug-in {where})"
 
 
-def running_line(frame: FrameType | None) -> str:
-    """Return ``file:line`` of the innermost call, from a frame outwards, that lies in a plug-in, or an empty text."""
-    return _innermost(traceback.walk_stack(frame)) if frame is not None else ""
-
-
 def _innermost(calls: Iterable[tuple[FrameType, int]]) -> str:
     """Return ``file:line`` of the first call that lies in a third-party plug-in, or an empty text."""
     for frame, line in calls:
@@ -100,12 +95,6 @@ def is_third_party(module: str) -> bool:
 def is_foreign(component: Component) -> bool:
     """Return whether a method does not come with percuss."""
     return type(component).__module__.partition(".")[0] not in OWN_PACKAGES
-
-
-def third_party_files() -> list[str]:
-    """Return the files of the modules of third-party plug-ins, in the order in which they were loaded."""
-    modules = [module for name, module in list(sys.modules.items()) if is_third_party(name)]
-    return [file for module in modules if (file := getattr(module, "__file__", None))]
 
 
 def breach(component: Component, method: str, message: str, place: str = "") -> PluginError:

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from percuss.results.result import Result
     from percuss.studies.perform import Run
 
-CLEARLY_BETTER = 0.9  # ratio of two errors
 SAME = 1e-6  # relative difference below which two errors are the same
 LARGE_ERROR = 0.05  # a run with a smaller true error needs no search for better methods
 ROUND_OFF = 1e-10  # a smaller error or change of energy is none

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,17 +13,14 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.contact.contact_problem import contact_problem
 from percuss.contact.model import Model
-from percuss.heartbeat import progress
+from percuss.listeners import progress
 from percuss.methods.interfaces import ContactProblem, Exact, ExactContact, Floats, Solution
 from percuss.methods.plugin_calls import answer
 
 ROUND_OFF = 1e-12  # relative tolerance of times; a force below this fraction of the peak counts as zero
 # The last exact solutions are kept for other runs of the same problem: those of a study often differ in methods alone.
 MOST_KEPT = 4
-# Fronts and bytes of the largest solution that is kept, and largest number of values of one kind that are kept with it.
-MOST_FRONTS = 10_000
-MOST_BYTES = 2**24
-MOST_VALUES = 1_000_000
+MOST_FRONTS, MOST_BYTES = 10_000, 2**24  # of the largest solution that is kept
 
 
 class Judge(Protocol):
@@ -138,31 +135,6 @@ def sampled(solution: Judge, names: list[str], time: Floats, middle: Floats, dt:
     tuple of arrays
         Force, averaged over each step as the impulse lambda dt is, and gap; (T, contacts) each.
     """
-    places = tuple(names), time.tobytes(), middle.tobytes(), dt
-    return values_at(solution, "histories", places, lambda: _histories(solution, names, time, middle, dt))
-
-
-def impulse_at(solution: Judge, name: str, time: Floats) -> Floats:
-    """Return the exact impulse of the contact `name` from 0 to each of several times."""
-    (impulse,) = values_at(
-        solution, ("impulse", name), time.tobytes(), lambda: (solution.contacts[name].impulse(time),)
-    )
-    return impulse
-
-
-def displacement_at(solution: Exact, name: str, along: Floats, time: float) -> Floats:
-    """Return the exact displacement of the body `name` at distances `along` from its start, along its direction."""
-    (displacement,) = values_at(
-        solution,
-        ("displacement", name),
-        (along.tobytes(), time),
-        lambda: (solution.displacement(name, along, np.full(along.shape, time)),),
-    )
-    return displacement
-
-
-def _histories(solution: Judge, names: list[str], time: Floats, middle: Floats, dt: float) -> tuple[Floats, Floats]:
-    """Return force, averaged over each step, and gap of the contacts, (T, contacts) each."""
     covered = middle + 0.5 * dt <= solution.reached * (1.0 + 1e-12)
     force = np.full((time.size, len(names)), np.nan)
     gap = np.full((time.size, len(names)), np.nan)
@@ -173,15 +145,17 @@ def _histories(solution: Judge, names: list[str], time: Floats, middle: Floats, 
     return force, gap
 
 
-@dataclasses.dataclass
-class _Kept:
-    """An exact solution or why there is none, and its values of each kind where the last run evaluated it."""
-
-    solution: Exact | str
-    values: dict[object, tuple[object, tuple[Floats, ...]]] = dataclasses.field(default_factory=dict)
+def impulse_at(solution: Judge, name: str, time: Floats) -> Floats:
+    """Return the exact impulse of the contact `name` from 0 to each of several times."""
+    return solution.contacts[name].impulse(time)
 
 
-_kept: dict[object, _Kept] = {}
+def displacement_at(solution: Exact, name: str, along: Floats, time: float) -> Floats:
+    """Return the exact displacement of the body `name` at distances `along` from its start, along its direction."""
+    return solution.displacement(name, along, np.full(along.shape, time))
+
+
+_kept: dict[object, Exact | str] = {}  # with the last one used at its end
 _lock = threading.Lock()
 
 
@@ -194,53 +168,18 @@ def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact | str:
     with _lock:
         kept = _kept.pop(key, None)
     if kept is None:
-        kept = _Kept(answer(engine, "solve", problem, end))
-    if key is not None and _is_small(kept.solution):
+        kept = answer(engine, "solve", problem, end)
+    if key is not None and _is_small(kept):
         with _lock:
-            _kept[key] = kept  # The last of the dictionary is the one used last.
+            _kept[key] = kept
             while len(_kept) > MOST_KEPT:
                 del _kept[next(iter(_kept))]
-    return kept.solution
+    return kept
 
 
 def _is_small(found: Exact | str) -> bool:
     """Return whether a solution is kept; that there is none is kept too, since the search may have taken long."""
     return isinstance(found, str) or (found.fronts <= MOST_FRONTS and found.memory <= MOST_BYTES and not found.stopped)
-
-
-def values_at(
-    solution: Judge, kind: object, places: object, evaluate: Callable[[], tuple[Floats, ...]]
-) -> tuple[Floats, ...]:
-    """Return values of a solution, which `evaluate` finds unless they are kept.
-
-    Parameters
-    ----------
-    solution
-        The solution.
-    kind
-        Which values they are, such as the displacement of one body; the last values of each kind are kept.
-    places
-        All that the values depend on besides the solution and their kind, as a value that can be compared: times and
-        positions.
-    evaluate
-        Returns the values.
-
-    Returns
-    -------
-    tuple of arrays
-        They belong to the caller, who may change them.
-    """
-    with _lock:
-        kept = next((kept for kept in _kept.values() if kept.solution is solution), None)
-        if kept is not None and kind in kept.values:
-            places_before, values = kept.values[kind]
-            if places_before == places:
-                return tuple(array.copy() for array in values)
-    values = evaluate()
-    if kept is not None and 0 < sum(array.size for array in values) <= MOST_VALUES:
-        with _lock:
-            kept.values[kind] = places, tuple(array.copy() for array in values)
-    return values
 
 
 @functools.lru_cache(maxsize=256)

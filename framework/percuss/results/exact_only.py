@@ -15,8 +15,8 @@ from percuss.case.case import Case
 from percuss.contact.contact_problem import contact_problem
 from percuss.contact.model import Model
 from percuss.errors import wrong_input
-from percuss.heartbeat import progress
 from percuss.jsonable import Data, Entries, plain
+from percuss.listeners import progress
 from percuss.march.model_of_case import model_of
 from percuss.march.recording import refuse_large
 from percuss.mesh.body import Body

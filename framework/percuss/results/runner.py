@@ -13,10 +13,10 @@ from percuss.case.case import Case, expect_case
 from percuss.certificate import verdict
 from percuss.contact.model import Model
 from percuss.errors import RunError
-from percuss.heartbeat import heard_by
 from percuss.interrupt import interruptible
 from percuss.jit import Stopwatch
 from percuss.jsonable import Data
+from percuss.listeners import heard_by
 from percuss.march.march import March, Outcome, Progress
 from percuss.march.recording import recordable
 from percuss.march.stop import NOT_STARTED, not_started

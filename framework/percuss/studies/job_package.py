@@ -23,7 +23,6 @@ from percuss.case.case import Case, load
 from percuss.case.source import Source
 from percuss.digest import content_digest, own_digest, surroundings
 from percuss.errors import PercussError, PluginError
-from percuss.heartbeat import beat
 from percuss.jit import LOCK as ONE_AT_A_TIME
 from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import plugin_faults
@@ -154,7 +153,6 @@ class Bench:
 
     def record(self, job: Job) -> Record | None:
         """Return the record of a run; None if Ctrl-C has ended it."""
-        beat()
         began = time.perf_counter()
         try:
             with plugin_faults(), ONE_AT_A_TIME:
