@@ -174,15 +174,14 @@ def test_an_installed_plug_in_is_in_the_provenance(tmp_path):
     editable(tmp_path)
     run(tmp_path)
     there = percuss.open_study(tmp_path / "a.sqlite").provenance["plugins"]
-    assert list(there) == ["theirs"]
-    assert there["theirs"]["version"] == "1.0"
-    digests = there["theirs"]["components"]
+    assert all((origin["distribution"], origin["version"]) == ("theirs", "1.0") for origin in there.values())
+    digests = {name: origin["digest"] for name, origin in there.items()}
     assert set(digests) == {"contacts/mine", "loads/push", "shapes/rod"}
     assert all(re.fullmatch("[0-9a-f]{32,}", digest) for digest in digests.values())
     (tmp_path / "src" / "theirs" / "elsewhere.py").write_text(UTIL.format(soft=0.5))
     run(tmp_path)
-    later = percuss.open_study(tmp_path / "a.sqlite").provenance["plugins"]["theirs"]["components"]
-    assert all(later[name] != digests[name] for name in digests)  # they are of one package
+    later = percuss.open_study(tmp_path / "a.sqlite").provenance["plugins"]
+    assert all(later[name]["digest"] != digests[name] for name in digests)  # they are of one package
 
 
 @pytest.mark.deep

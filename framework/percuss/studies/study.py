@@ -21,7 +21,6 @@ from percuss.errors import InputError, shortened, wrong_input
 from percuss.files import expect_no_input, expect_place, expect_writable
 from percuss.jsonable import Data, Entries, as_lists
 from percuss.locks import NotWritableError, locked
-from percuss.methods.blame import OWN_PACKAGES
 from percuss.results.provenance import machine, origins
 from percuss.studies.dispatch import Progress, make, number_of_workers, row_counter
 from percuss.studies.job_package import Bench, Job
@@ -31,6 +30,7 @@ from percuss.studies.store import Store, as_json_data
 from percuss.studies.study_files import files_of
 from percuss.studies.study_table import Study
 
+OWN = "percuss"  # distribution of the methods that come with it
 AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again on request
 
 
@@ -181,14 +181,17 @@ def _begin(
     for key, task in jobs:
         names = {"case": task.case, "integrator": task.integrator, "contact": task.contact, "twin": task.tied}
         plan.append((key, {**names, "varied": as_json_data(task.varied), "changes": as_json_data(task.changes)}))
+    cases = {label: _inside(case, bench, label) for label, case in spec.cases.items()}
+    plugins = {name: origin for case in cases.values() for name, origin in case["plugins"].items()}
     facts = {
         "study": identity,
         "spec": as_json_data(spec.data),
         "columns": {column.name: column.what for column in spec.rows.columns},
-        "cases": {label: _inside(case, bench, label) for label, case in spec.cases.items()},
+        "cases": cases,
         "units": _common_units([case.data.get("units") or {} for case in spec.cases.values()]),
     }
-    provenance = {**machine(), "cores": os.cpu_count(), "plugins": _plugins(spec, bench), "command": command}
+    theirs = {name: origin for name, origin in plugins.items() if origin["distribution"] != OWN}
+    provenance = {**machine(), "cores": os.cpu_count(), "plugins": theirs, "command": command}
     store.begin(facts, provenance, plan, files_of(spec, bench))
 
 
@@ -196,24 +199,6 @@ def _inside(case: Case, bench: Bench, label: str) -> Entries:
     """Return a case with all from which it is read again, as the provenance of a result has it."""
     components = [(family, name) for family, _, name in (each.partition("/") for each in bench.components[label])]
     return {"case": as_lists(case.data), **origins(case, components), "data_files": dict(bench.cases[label].data_files)}
-
-
-def _plugins(spec: StudySpec, bench: Bench) -> Entries:
-    """Return the plug-ins of a study: of single files the version, by path, and the installed distributions by name.
-
-    Each of these has its version, and the digest of the sources of each component that runs use, by family and name.
-    """
-    files: Entries = {}
-    installed: Entries = {}
-    for label, case in spec.cases.items():
-        for (family, name), source in case.registry.sources.items():
-            component, used = f"{family}/{name}", bench.components.get(label, {})
-            if not source.distribution:
-                files[source.file] = source.version
-            elif component in used and source.module.partition(".")[0] not in OWN_PACKAGES:
-                entry = installed.setdefault(source.distribution, {"version": source.version, "components": {}})
-                entry["components"][component] = used[component]
-    return files | installed
 
 
 def _common_units(of_cases: Sequence[Mapping[str, str]]) -> dict[str, str]:
