@@ -422,7 +422,6 @@ class Bench:
         }
         self.result = (ground.folder / "result.nc").read_bytes()
         self.store = (ground.folder / "store.sqlite").read_bytes()
-        self.contents = numbers(percuss.open_result(ground.folder / "result.nc"))
         self.paths = [path for path in schema_paths(CaseSection, self.registry) if path]
         self.ready = percuss.open_result(ground.folder / "result.nc")
         self.undo = without_marches(self.ready)
@@ -506,11 +505,10 @@ class Bench:
         file = self.work / "bad.nc"
         file.write_bytes(of_bytes(draw, self.result))
         try:
-            found = numbers(percuss.open_result(file))
-            same = all(values == self.contents.get(name, values) for name, values in found.items())
+            contents(percuss.open_result(file))
         except PercussError as error:
             return clear(str(error), "bad.nc")
-        return ("fine", "") if same else ("unclear", "other numbers without a word")
+        return "fine", ""  # `percuss verify` tells whether it is what its run gives
 
     def store_(self, draw):
         file = self.work / "bad.sqlite"
@@ -689,13 +687,6 @@ def too_large(case):
     elements = [np.prod(getattr(body.shape, "elements", 1), dtype=float) for body in case.bodies.values()]
     total = case.refine * sum(elements)
     return MOST_ELEMENTS < total < 1e12
-
-
-def numbers(result):
-    """Return the numbers of a result, which have checksums, by name; its words, the names among them, have none."""
-    arrays = {**result.arrays, **{"field " + name: values for name, values in result.field_arrays.items()}}
-    arrays = {name: np.asarray(values) for name, values in arrays.items()}
-    return {name: values.tobytes() for name, values in arrays.items() if values.dtype.kind in "if"}
 
 
 def contents(result):
