@@ -28,6 +28,10 @@ REASONS = {
     "netCDF4": ("netCDF4", "results in the format that other programs of the field read"),
     "numba": ("numba", "compiles the loop and the kernels of methods, those of plug-ins too"),
     "numpy": ("numpy", "arrays"),
+    "pebble": (
+        "pebble",
+        "worker processes of a study, of which one that dies or takes too long costs its own run alone",
+    ),
     "platformdirs": ("platformdirs", "the user's cache folder on every system"),
     "pluggy": ("pluggy", "the hooks by which installed plug-ins are found"),
     "pydantic": ("pydantic.type_adapter", "reports all mistakes of a case at once, and makes its JSON schema"),

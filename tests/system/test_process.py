@@ -59,42 +59,23 @@ def test_ctrl_c_while_percuss_is_imported(place, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-SERVER = """
-import multiprocessing, os, signal
-from multiprocessing import forkserver
-from percuss.studies import workers
+WORKER = """
+import os, signal
+from multiprocessing import resource_tracker
+from percuss.studies.pool import _Context
 
-context = multiprocessing.get_context("forkserver")
-context.set_forkserver_preload([workers.__name__])
-workers._start_server()
-os.kill(forkserver._forkserver._forkserver_pid, signal.SIGINT)  # which is at its very beginning
-with workers._starting():
-    process = context.Process(target=os.getpid)
-    process.start()
+resource_tracker.ensure_running()  # which lets signals through at its end
+process = _Context().Process(target=os.getpid)
+process.start()
+os.kill(process.pid, signal.SIGINT)  # which is at its very beginning
 process.join()
 print(process.exitcode, signal.pthread_sigmask(signal.SIG_BLOCK, []))
 """
 
 
 def test_ctrl_c_while_the_workers_of_a_study_start():
-    done = run([sys.executable, "-c", SERVER])
+    done = run([sys.executable, "-c", WORKER])
     assert (done.returncode, done.stdout, done.stderr) == (0, "0 set()\n", "")
-
-
-WORKER = """
-import contextlib, multiprocessing, sys
-from pathlib import Path
-from percuss.studies import workers
-
-ours, other = multiprocessing.Pipe()
-workers._Desk(other, Path(sys.argv[1])).prepare(contextlib.ExitStack(), 1000.0)
-"""
-
-
-def test_a_worker_that_starts_when_the_work_has_ended_says_nothing(tmp_path):
-    done = run([sys.executable, "-c", WORKER, str(tmp_path / "removed")])
-    assert (done.returncode, done.stdout, done.stderr) == (1, "", "")
-    assert not list(tmp_path.iterdir())
 
 
 CRASH = """

@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 
 import numba
 import numpy as np
@@ -13,7 +12,6 @@ import yaml
 
 import percuss
 from fake_studies import TWO_BARS
-from percuss.studies import job_package
 
 # A file instead of each of these modules tells that it was imported, and fails.
 THIRD_PARTY = {"matplotlib", "numba", "numpy", "pyarrow", "rich", "scipy", "typer", "xarray", "yaml"}
@@ -137,19 +135,6 @@ def test_a_plug_in_takes_no_place(folder, monkeypatch):
     before = sys.path.copy(), sys.modules["random"]
     percuss.load("case.yaml", {"method.contact": "noting"}, plugins=["random.py"])
     assert (sys.path, sys.modules["random"]) == before
-
-
-@pytest.mark.skipif(os.name != "posix", reason="users of Unix")
-def test_copies_of_plug_ins_lie_in_a_folder_that_no_other_user_can_write_to(tmp_path, monkeypatch):
-    """A worker on another machine gets the plug-ins of a study as text."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    plugin = {"noting.py": LAW.encode()}
-    copied = job_package._folder(tmp_path / "not there", plugin)
-    assert (copied / "noting.py").read_bytes() == plugin["noting.py"]
-    assert copied.stat().st_mode & 0o777 == 0o700
-    monkeypatch.setattr(os, "getuid", lambda: 1 + tmp_path.stat().st_uid)
-    with pytest.raises(percuss.PluginError, match="belongs to another user"):
-        job_package._folder(tmp_path / "not there", plugin)
 
 
 def test_machine_code_is_loaded_from_no_folder_that_a_file_in_the_current_folder_names(tmp_path, monkeypatch):

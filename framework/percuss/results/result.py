@@ -208,6 +208,6 @@ def open_result(path: str | os.PathLike[str]) -> Result:
     Raises
     ------
     InputError
-        If there is no such file, it is not a percuss result, or it is damaged so that a checksum of its numbers does not fit.
+        If there is no such file, it is not a percuss result, or a checksum of its numbers does not fit.
     """
     return Result(*netcdf.read(path))

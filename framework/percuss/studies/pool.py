@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -80,6 +81,8 @@ class Workers:
         from pebble import ProcessExpired, ProcessPool
 
         if self._pool is None:
+            with processes_with(_variables()):  # a process of its own, which would look for code in the current folder
+                resource_tracker.ensure_running()
             self._pool = ProcessPool(self._number, max_tasks=MOST_RUNS, initializer=_begin, context=_Context())
         give = functools.partial(self._pool.schedule, _made, timeout=longest)
         packed = pickle.dumps(bench)
@@ -133,6 +136,11 @@ class _Silence:
                 LOG.warning("%s has not answered for %.0f s: --longest SECONDS ends such runs", methods, SILENCE)
 
 
+def _variables() -> dict[str, str]:
+    """Return the environment of the processes that start here."""
+    return {**ONE_THREAD, SAFE_PATH: os.environ.get(SAFE_PATH) or SET_HERE}
+
+
 class _Process(SpawnProcess):
     """A process that does not run the script of its parent again, never sees Ctrl-C, and uses one thread of BLAS.
 
@@ -147,7 +155,7 @@ class _Process(SpawnProcess):
         sys.path = [folder for folder in path if folder]
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            with processes_with({**ONE_THREAD, SAFE_PATH: os.environ.get(SAFE_PATH) or SET_HERE}):
+            with processes_with(_variables()):
                 super().start()
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
