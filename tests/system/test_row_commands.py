@@ -20,7 +20,6 @@ from opened_page import Opened
 from percuss.case.quantities import METRICS
 from percuss.studies import study_files
 from percuss.studies.columns import metric
-from percuss.studies.study_files import StudyFile
 
 pytestmark = pytest.mark.slow
 
@@ -223,11 +222,6 @@ def test_of_files_that_are_large_or_no_text_there_is_the_digest_alone(tmp_path, 
     assert found["data"].sha256 == hashlib.sha256(table.read_bytes()).hexdigest()
     assert found["case"].sha256 == hashlib.sha256(case.read_bytes()).hexdigest()
     assert found["case"].text == case.read_text(encoding="utf-8-sig")
-    monkeypatch.setattr(study_files, "LONGEST_TEXTS", found["study"].size + found["case"].size - 1)
-    found = {file.role: file for file in percuss.study(plan, workers=1).files}
-    assert found["study"].text is not None
-    assert found["case"].text is None
-    assert isinstance(found["case"], StudyFile)
     assert percuss_command("report", "study.sqlite").returncode == 0
     assert "Its text was not kept" in Path("study.html").read_text(encoding="utf-8")
 
@@ -397,4 +391,3 @@ def test_the_files_are_folded_into_the_page(browser, page_of_rows, whole):
 def test_the_page_says_how_much_is_kept():
     words = pages.everything()
     assert f"above {study_files.LONGEST_TEXT // 1000} kB" in words
-    assert f"beyond {study_files.LONGEST_TEXTS // 10**6} MB together" in words

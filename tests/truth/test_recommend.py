@@ -495,20 +495,6 @@ def test_the_command_recommends_and_draws(tmp_path):
     assert Bounds(**data["bounds"]).error == 0.05
 
 
-@pytest.mark.slow
-def test_what_the_picture_says_is_beside_its_legend(small):
-    pytest.importorskip("matplotlib", reason="pictures need the extra percuss[plot]")
-    from matplotlib.text import Text
-
-    from percuss.reporting.recommendation_figure import recommendation_figure
-
-    names = {"integrators": ["wu-predictor-corrector"], "contacts": ["energy-conserving-penalty"]}
-    figure = recommendation_figure(found(small, error=0.5, energy=0.5, runs=12, **names))
-    figure.draw_without_rendering()
-    said = next(text for text in figure.findobj(Text) if "; cheapest:" in text.get_text())
-    assert not said.get_window_extent().overlaps(figure.legends[0].get_window_extent())
-
-
 @pytest.mark.deep
 @pytest.mark.parametrize(("case", "error"), [("hunek", 0.02), ("doyen-bounce", 0.01), ("unlike", 0.01)])
 def test_a_grid_of_all_that_may_be_chosen_has_hardly_anything_cheaper(case, error, tmp_path, monkeypatch):

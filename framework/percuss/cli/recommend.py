@@ -32,8 +32,8 @@ def recommend(
     The same command given again continues the search.
     """
     with common.reporting(as_json) as answer:
-        from percuss.reporting.recommendation_figure import recommendation_figure
         from percuss.reporting.recommendation_words import recommendation_lines, recommendation_verdict
+        from percuss.reporting.study_figures import work_and_precision
         from percuss.studies.recommendation import bound_of
         from percuss.studies.recommendation import recommend as search
 
@@ -56,7 +56,7 @@ def recommend(
                 outputs=[plot] if plot is not None else [],
                 changes=common.reference_of(reference),
             )
-        answer.draw(plot, recommendation_figure, found)
+        answer.draw(plot, work_and_precision, found.study)
         answer.show(found.as_dict(), recommendation_lines(found))
         answer.conclude(recommendation_verdict(found))
         answer.exit_code = 0 if found.best is not None else 1

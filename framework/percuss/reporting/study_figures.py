@@ -96,6 +96,11 @@ def figures(study: Study, statistic: str = "best") -> Iterator[tuple[str, Figure
         yield "performance-profile", drawn.profile(study_charts.profile_chart(table, roles, error, problems, statistic))
 
 
+def work_and_precision(study: Study) -> Figure:
+    """Return the figure of the error of all runs over their cost."""
+    return next(figure for name, figure in figures(study) if name == "work-precision")
+
+
 def _file_name(column: str) -> str:
     return re.sub(r"[^0-9A-Za-z_]+", "-", column)
 

@@ -76,8 +76,7 @@ def differences(then: Result, now: Result) -> list[Difference]:
 
 def row_differences(then: Data, now: Data, histories_then: Data, histories_now: Data) -> list[Difference]:
     """Return all quantities of a row of a study whose bits differ: histories that are kept, then numbers."""
-    words = {"contact"}
-    before, after = ({k: v for k, v in each.items() if k not in words} for each in (histories_then, histories_now))
+    before, after = ({k: v for k, v in each.items() if k != "contact"} for each in (histories_then, histories_now))
     return [*_of_arrays(before, after, {}), *_of_numbers(then, now, "")]
 
 

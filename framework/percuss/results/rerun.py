@@ -46,14 +46,8 @@ class Rerun:
 
     def as_dict(self) -> Entries:
         """Return the comparison as plain data for JSON."""
-        return {
-            "result": self.path,
-            "title": self.title,
-            "passed": self.passed,
-            "error": self.error,
-            "differences": [asdict(difference) for difference in self.differences],
-            "changes": [asdict(change) for change in self.changes],
-        }
+        told = asdict(self)
+        return {"result": told.pop("path"), "passed": self.passed, **told}
 
 
 def rerun(path: Path, plugins: Sequence[Path] = ()) -> Rerun:

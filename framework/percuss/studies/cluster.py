@@ -58,7 +58,7 @@ def _made_by(
     if not client.nthreads():
         LOG.warning("%s: the scheduler has no workers yet: start some with `dask worker %s`", address, address)
     held = client.scatter(bench, broadcast=True, direct=False) if client.nthreads() else bench
-    waiting: dict[Any, Job] = {client.submit(_made, held, job, pure=False): job for job in jobs}
+    waiting: dict[Any, Job] = {client.submit(Bench.record_elsewhere, held, job, pure=False): job for job in jobs}
     while waiting and not stop.is_set():
         try:
             done = wait(list(waiting), timeout=0.5, return_when="FIRST_COMPLETED").done
@@ -87,9 +87,3 @@ def _client(address: str) -> Any:
     except (OSError, ValueError) as error:
         advice = "Start one with `dask scheduler`, and workers with `dask worker ADDRESS`."
         raise wrong_input(f"--scheduler {address}", f"nobody answers: {error}", advice) from None
-
-
-def _made(bench: Bench, job: Job) -> Record:
-    """Return the record of a run."""
-    made = bench.record(job)
-    return made or Record(job.key, LOST, "the run was interrupted", WORKER)

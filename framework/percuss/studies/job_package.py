@@ -151,6 +151,10 @@ class Bench:
     surroundings: Mapping[str, str]
     read: dict[str, Case] = field(default_factory=dict, init=False, repr=False)
 
+    def record_elsewhere(self, job: Job) -> Record:
+        """Return the record of a run in another process than that which hands out the work and sees Ctrl-C."""
+        return self.record(job) or Record(job.key, LOST, "the run was interrupted", WORKER)
+
     def record(self, job: Job) -> Record | None:
         """Return the record of a run; None if Ctrl-C has ended it."""
         began = time.perf_counter()

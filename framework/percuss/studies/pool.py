@@ -184,6 +184,4 @@ def _unpacked(packed: bytes) -> Bench:
 
 
 def _made(packed: bytes, job: Job) -> Record:
-    """Return the record of a run, which Ctrl-C does not reach here."""
-    made = _unpacked(packed).record(job)
-    return made or Record(job.key, LOST, "the run was interrupted", WORKER)
+    return _unpacked(packed).record_elsewhere(job)

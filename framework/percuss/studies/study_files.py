@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,6 @@ from percuss.studies.job_package import Bench
 from percuss.studies.spec import StudySpec
 
 LONGEST_TEXT = 200_000  # bytes of a file that is kept as text
-LONGEST_TEXTS = 2_000_000  # bytes of all texts of a study
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class StudyFile:
 def files_of(spec: StudySpec, bench: Bench) -> list[StudyFile]:
     """Return the files of a study as they were read: those that the rows depend on, and the study file itself.
 
-    A text is kept of files up to `LONGEST_TEXT` bytes, until they are `LONGEST_TEXTS` bytes together.
+    A text is kept of files up to `LONGEST_TEXT` bytes.
 
     Parameters
     ----------
@@ -55,23 +53,21 @@ def files_of(spec: StudySpec, bench: Bench) -> list[StudyFile]:
     contents: dict[str, tuple[str, bytes]] = {}
     for path, role, content in _contents(spec, bench):
         contents.setdefault(path, (role, content))
-    files, left = [], LONGEST_TEXTS
-    for path, (role, content) in contents.items():
-        text = _text(content) if len(content) <= min(LONGEST_TEXT, left) else None
-        left -= len(content) if text is not None else 0
-        files.append(StudyFile(path, role, content_digest(content), len(content), text))
-    return files
+    return [
+        StudyFile(path, role, content_digest(content), len(content), _text(content))
+        for path, (role, content) in contents.items()
+    ]
 
 
 def _contents(spec: StudySpec, bench: Bench) -> Iterator[tuple[str, str, bytes]]:
     """Yield path, role and content of each file; a file that several cases name comes several times."""
     if spec.source.text:
-        yield named_path(Path(spec.source.name)), "study", _bytes_of(Path(spec.source.name), spec.source.text)
+        yield _from_here(Path(spec.source.name)), "study", _bytes_of(Path(spec.source.name), spec.source.text)
     for case in spec.cases.values():
-        yield named_path(Path(case.origin.name)), "case", _bytes_of(Path(case.origin.name), case.origin.text)
+        yield _from_here(Path(case.origin.name)), "case", _bytes_of(Path(case.origin.name), case.origin.text)
     for label, case in spec.cases.items():
         for name, text in bench.cases[label].data_files.items():
-            yield named_path(case.origin.folder / name), "data", _bytes_of(case.origin.folder / name, text)
+            yield _from_here(case.origin.folder / name), "data", _bytes_of(case.origin.folder / name, text)
         for file in case.registry.single_files:
             yield _from_here(file.path), "plug-in", file.content
 
@@ -91,20 +87,10 @@ def _text(content: bytes) -> str | None:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         return None
-    return None if "\0" in text else text
-
-
-def named_path(path: Path) -> str:
-    """Return the name of a file without detours such as ``studies/..``."""
-    name = os.path.normpath(path)
-    try:
-        # Behind a symbolic link the folder above is another one.
-        return name if Path(name).samefile(path) else str(path)
-    except OSError:
-        return str(path)
+    return None if "\0" in text or len(content) > LONGEST_TEXT else text
 
 
 def _from_here(path: Path) -> str:
-    """Return an absolute path as one from the current folder if it lies in it."""
-    here = Path.cwd()
-    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
+    """Return a path without detours such as ``studies/..``, from the current folder if it lies in it."""
+    here, path = Path.cwd(), path.resolve()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
