@@ -159,6 +159,47 @@ def test_a_crash_names_the_line_of_the_plug_in(tmp_path):
     assert 'far.py", line 2' in done.stderr
 
 
+MATERIAL = """
+from dataclasses import dataclass
+from percuss import Material
+
+
+@dataclass(frozen=True)
+class Strange(Material):
+    '''A material without a modulus.'''
+
+    name = "strange"
+    summary = "A material without a modulus"
+    rho = 1.0
+    modulus = None
+
+    def parameters(self):
+        return (1.0,)
+
+    @staticmethod
+    def stress(parameters, strain):
+        return strain
+
+    @staticmethod
+    def energy_density(parameters, before, after):
+        return 0.5 * before * after
+"""
+
+
+@pytest.mark.parametrize(("file", "said"), [("strange.py", "TypeError: "), ("leaves.py", "1: SystemExit")])
+def test_an_answer_that_percuss_cannot_use_is_one_error_that_names_the_file(tmp_path, file, said):
+    (tmp_path / file).write_text(MATERIAL if file == "strange.py" else "raise SystemExit(0)\n")
+    bodies = {name: {**body, "material": "strange"} for name, body in TWO_BARS["bodies"].items()}
+    (tmp_path / "case.yaml").write_text(
+        json.dumps({**TWO_BARS, "bodies": bodies, "time": {"steps": 2, "courant": 0.5}})
+    )
+    done = percuss_command("run", "case.yaml", "--plugin", file, cwd=tmp_path, plain=True)
+    assert done.returncode in {1, 2}
+    assert f"{file}:" in done.stderr
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 CASE = {**TWO_BARS, "method": {"contact": "fated"}, "time": {"steps": 4, "courant": 0.5}}
 FATES = """
 import ctypes, os, signal, sys, time
@@ -177,6 +218,8 @@ class Fated(ContactLaw):
     def bind(self, points, dt):
         if self.fate == "raises":
             raise RuntimeError("plan B")
+        if self.fate == "leaves":
+            sys.exit(4)
         if self.fate == "exits":
             os._exit(3)
         if self.fate == "endless":
@@ -203,6 +246,7 @@ def test_a_study_goes_on_whatever_a_plug_in_does(tmp_path):
     fates = {
         "none": ("done", ""),
         "raises": ("failed", f"fates.py:{line_of('raise Run')}: RuntimeError: plan B"),
+        "leaves": ("failed", f"fates.py:{line_of('sys.exit')}: SystemExit: 4"),
         "exits": ("lost", "its worker process ended with exit code 3, twice"),
         "endless": ("failed", "no result after 8 s (--longest)"),
         "crashes": ("lost", "its worker process was killed by SIGSEGV, twice"),

@@ -3,6 +3,7 @@
 A file of rows is drawn, not run: what is tested is how it is kept.
 """
 
+import contextlib
 import hashlib
 import io
 import re
@@ -110,6 +111,22 @@ def test_a_file_that_sqlite_cannot_read_is_told(whole, tmp_path):
     bad, content = tmp_path / "bad.sqlite", whole.read_bytes()
     bad.write_bytes(content[: len(content) // 2])
     with pytest.raises(InputError, match=r"bad\.sqlite: cannot be read: .*\n  Use an undamaged copy"):
+        contents(bad)
+
+
+HARMLESS = {("runs", "{}")}  # a row may leave out what it does not have
+
+
+@pytest.mark.parametrize("text", ["xx", "{}", "[]", '{"case": 1}'])
+@pytest.mark.parametrize("table", ["plan", "runs"])
+def test_a_row_that_is_not_as_it_was_written_is_one_error(whole, tmp_path, table, text):
+    bad = tmp_path / "bad.sqlite"
+    bad.write_bytes(whole.read_bytes())
+    with sqlite3.connect(bad) as db:
+        db.execute(f"UPDATE {table} SET {'value' if table == 'facts' else 'row'} = ?", (text,))
+    db.close()
+    told = contextlib.nullcontext() if (table, text) in HARMLESS else pytest.raises(InputError, match="is damaged: ")
+    with told:
         contents(bad)
 
 

@@ -34,6 +34,8 @@ SINGULAR = {
     "solutions": "exact solution",
 }
 
+# Errors of Python where a number is none, or has another shape than its reader expects.
+OF_AN_ANSWER = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError)
 _NAME_MISSING = re.compile(r"cannot import name '(\w+)' from '(percuss(?:\.\w+)*)'")
 
 
@@ -41,17 +43,29 @@ _NAME_MISSING = re.compile(r"cannot import name '(\w+)' from '(percuss(?:\.\w+)*
 def plugin_faults() -> Iterator[None]:
     """Turn an error that a third-party plug-in raises inside this context into a PluginError with file and line.
 
-    A refused pair, and the errors that percuss raises on purpose, stay as they are.
+    An answer of a plug-in that percuss cannot use may raise an error in percuss itself: then the files of the plug-ins
+    are named. A refused pair, and the errors that percuss raises on purpose, stay as they are.
     """
     try:
         yield
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         where = line_in_plugin(error)
+        unforeseen = isinstance(error, OF_AN_ANSWER) and not isinstance(error, PercussError)
+        if not where and unforeseen and (files := third_party_files()):
+            advice = "`percuss verify --plugin FILE` asks each answer of a plug-in."
+            message = f"{described(error)}, where percuss used an answer of a plug-in. {advice}"
+            raise PluginError(message, ", ".join(files)) from error
         (*_, (frame, _)) = traceback.walk_tb(error.__traceback__)
         of_percuss = isinstance(error, PercussError) and not is_third_party(frame.f_globals.get("__name__", ""))
         if not where or of_percuss or isinstance(error, RefusedPair):
             raise
         raise PluginError(described(error), where) from error
+
+
+def third_party_files() -> list[str]:
+    """Return the files of the modules of third-party plug-ins that are loaded."""
+    modules = (module for name, module in list(sys.modules.items()) if is_third_party(name))
+    return [file for module in modules if (file := getattr(module, "__file__", None))]
 
 
 def described(error: BaseException) -> str:

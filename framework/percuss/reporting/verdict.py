@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two, of_column, percent, ranking
 from percuss.certificate.verdict import capitalised
 from percuss.jsonable import Data
+from percuss.march.stop import NOT_STARTED
 from percuss.results.ledger import open_accounts
 from percuss.results.true_error import (
     ENDED_BY_CTRL_C,
@@ -54,7 +55,8 @@ def run_verdict(result: Result, next_command: str) -> Iterator[str]:
     stop, certificate = summary["stop"], summary["certificate"]
     cure = f" To be stable, {certificate['cure']}." if certificate["cure"] else ""
     if stop is not None:
-        happened = f"The run stopped at t = {stop['time']:.4g}" if stop["step"] else "percuss refused to run it"
+        refused = stop["what"] == NOT_STARTED
+        happened = "percuss refused to run it" if refused else f"The run stopped at t = {stop['time']:.4g}"
         why = "the certificate says unstable" if certificate["stable"] == "no" else stop["what"]
         yield f"{happened}: {why}.{cure}"
         return

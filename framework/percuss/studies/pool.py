@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 from percuss.blas import ONE_THREAD
 from percuss.errors import RunError
+from percuss.jit import NOTICES
 from percuss.process import processes_with
 from percuss.studies.job_package import WORKER, Bench, Job, Record
 from percuss.studies.perform import LOST
@@ -29,6 +30,7 @@ from percuss.studies.perform import LOST
 if TYPE_CHECKING:
     from pebble import ProcessPool
 
+LATE = 75  # exit code of a worker whose run has taken too long
 MOST_RUNS = 1000  # of one process, which keeps the machine code of every kernel that it has met
 SILENCE = 600.0  # seconds without an answer after which a run is named
 LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
@@ -84,18 +86,17 @@ class Workers:
             with processes_with(_variables()):  # a process of its own, which would look for code in the current folder
                 resource_tracker.ensure_running()
             self._pool = ProcessPool(self._number, max_tasks=MOST_RUNS, initializer=_begin, context=_Context())
-        give = functools.partial(self._pool.schedule, _made, timeout=longest)
-        packed = pickle.dumps(bench)
-        waiting: dict[Future[Record], Job] = {give(args=[packed, job]): job for job in jobs}
+        give, packed = functools.partial(self._pool.schedule, _made), pickle.dumps(bench)
+        waiting: dict[Future[Record], Job] = {give(args=[packed, job, longest]): job for job in jobs}
         silent, deaths = _Silence(waiting), Counter[str]()
         try:
             while waiting and not stop.is_set():
                 records = []
                 for future in wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED).done:
                     job, error = waiting.pop(future), future.exception()
-                    deaths[job.key] += isinstance(error, ProcessExpired)
+                    deaths[job.key] += isinstance(error, ProcessExpired) and error.exitcode != LATE
                     if deaths[job.key] == 1 and error is not None:  # somebody else may have killed it
-                        waiting[give(args=[packed, job])] = job
+                        waiting[give(args=[packed, job, longest])] = job
                     else:
                         records.append(_record_of(future, job, longest))
                 yield records
@@ -110,10 +111,10 @@ def _record_of(future: Future[Record], job: Job, longest: float | None) -> Recor
 
     try:
         return future.result()
-    except TimeoutError:
-        return Record(job.key, "failed", f"no result after {longest:g} s (--longest)", WORKER)
     except ProcessExpired as death:
         code = death.exitcode
+        if code == LATE:
+            return Record(job.key, "failed", f"no result after {longest:g} s (--longest)", WORKER)
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
         return Record(job.key, LOST, f"its worker process {how}, twice; the same command tries the run again", WORKER)
 
@@ -183,5 +184,23 @@ def _unpacked(packed: bytes) -> Bench:
     return pickle.loads(packed)  # type: ignore[no-any-return]  # noqa: S301 - from the process that started this one
 
 
-def _made(packed: bytes, job: Job) -> Record:
-    return _unpacked(packed).record_elsewhere(job)
+def _made(packed: bytes, job: Job, longest: float | None) -> Record:
+    """Return the record of a run; end this process after `longest` seconds, in which compiling does not count."""
+    ended = threading.Event()
+    if longest is not None:
+        threading.Thread(target=_end_late, args=(longest, ended), daemon=True).start()
+    try:
+        return _unpacked(packed).record_elsewhere(job)
+    finally:
+        ended.set()
+
+
+def _end_late(longest: float, ended: threading.Event) -> None:
+    compiling, spent, last = [False], 0.0, time.monotonic()
+    NOTICES.append(lambda begun: compiling.__setitem__(0, begun))
+    while not ended.wait(0.1):
+        now = time.monotonic()
+        spent, last = spent + (0.0 if compiling[0] else now - last), now
+        if spent > longest:
+            os._exit(LATE)
+    NOTICES.pop()

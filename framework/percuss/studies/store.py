@@ -96,6 +96,15 @@ class Store:
                 raise self._error(f"expected the file of a study, found {found}", advice) from error
             raise self._error(f"cannot be read: {error}", advice) from error
 
+    @contextmanager
+    def _sound(self) -> Iterator[None]:
+        """Refuse rows inside this context that are not as they were written."""
+        try:
+            yield
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
+            advice = "Use an undamaged copy, or make the study again: percuss study STUDY -o NEW.sqlite."
+            raise self._error(f"the file is damaged: {type(error).__name__}: {error}", advice) from error
+
     # ------------------------------------------------------------------------------------------- writing
 
     def begin(
@@ -151,11 +160,13 @@ class Store:
 
     def facts(self) -> Entries:
         """Return the facts that `begin` stored."""
-        return {name: json.loads(value) for name, value in self.select("SELECT name, value FROM facts")}
+        with self._sound():
+            return {name: json.loads(value) for name, value in self.select("SELECT name, value FROM facts")}
 
     def sessions(self) -> list[Entries]:
         """Return the provenance of each session, in order."""
-        return [json.loads(row) for (row,) in self.select("SELECT provenance FROM sessions ORDER BY number")]
+        with self._sound():
+            return [json.loads(row) for (row,) in self.select("SELECT provenance FROM sessions ORDER BY number")]
 
     def files(self) -> list[StudyFile]:
         """Return the files that the study came from."""
@@ -164,10 +175,11 @@ class Store:
     def runs(self) -> list[tuple[Entries, Record]]:
         """Return names and run of each row of the plan, in order, without histories."""
         query = "SELECT plan.row, plan.key, status, runs.row FROM plan LEFT JOIN runs USING (key) ORDER BY number"
-        return [
-            (json.loads(names), Record(key, WAITING) if row is None else Record(key, status, **json.loads(row)))
-            for names, key, status, row in self.select(query)
-        ]
+        with self._sound():
+            return [
+                (_names(names), Record(key, WAITING) if row is None else Record(key, status, **json.loads(row)))
+                for names, key, status, row in self.select(query)
+            ]
 
     def finished_keys(self, again: Sequence[str] = ()) -> set[str]:
         """Return the keys of the stored runs to be kept: all but the lost ones and those with a status in `again`."""
@@ -175,7 +187,8 @@ class Store:
 
     def planned(self) -> dict[str, Entries]:
         """Return names and changes of each row of the plan, by key."""
-        return {key: json.loads(row) for key, row in self.select("SELECT key, row FROM plan")}
+        with self._sound():
+            return {key: _names(row) for key, row in self.select("SELECT key, row FROM plan")}
 
     def with_histories(self) -> set[str]:
         """Return the keys of the runs whose histories are kept."""
@@ -184,7 +197,16 @@ class Store:
     def histories(self, key: str) -> Entries | None:
         """Return the stored arrays of a run, or None if there are none."""
         found = self.select("SELECT histories FROM runs WHERE key = ?", (key,))
-        return unpacked(found[0][0]) if found and found[0][0] is not None else None
+        with self._sound():
+            return unpacked(found[0][0]) if found and found[0][0] is not None else None
+
+
+def _names(row: str) -> Entries:
+    """Return what the plan has of a row."""
+    names: Entries = json.loads(row)
+    if not {"case", "integrator", "contact", "varied"} <= names.keys():
+        raise LookupError("a row has no names")
+    return names
 
 
 def as_json_data(value: Any) -> Any:
