@@ -187,7 +187,8 @@ import percuss.studies.pool
 from percuss.studies.store import Store
 
 def make(path):
-    Store(path, new=True).begin({}, {"command": None}, [("k", {"varied": {}})])
+    names = dict.fromkeys(("case", "integrator", "contact", "varied"))
+    Store(path, new=True).begin({}, {"command": None}, [("k", names)])
 
 make(Path(sys.argv[1]) / "warm.sqlite")
 watched = ("open", "os.", "sqlite3.", "tempfile.", "shutil.")
