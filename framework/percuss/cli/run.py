@@ -101,13 +101,12 @@ def _animation() -> ModuleType:
 
 def _loaded(file: Path, sets: Any, plugins: Any, reference: str, row: str, *, tied: bool, exact_only: bool) -> Case:
     """Return the case as it is to be run."""
-    if row:
-        return common.load_case(file, sets, plugins, read=partial(_of_row, row), reference=reference)
-    if exact_only:
+    if exact_only and not row:
         from percuss.results.exact_only import load_for_exact
 
         return common.load_case(file, sets, plugins, read=load_for_exact)
-    loaded = common.load_case(file, sets, plugins, reference=reference)
+    read = partial(_of_row, row) if row else None
+    loaded = common.load_case(file, sets, plugins, read=read, reference=reference)
     if tied:
         from percuss.studies.perform import tied_twin
 
@@ -117,10 +116,10 @@ def _loaded(file: Path, sets: Any, plugins: Any, reference: str, row: str, *, ti
 
 def _of_row(row: str, file: Path, overrides: Data, plugins: list[Path]) -> Case:
     """Return the case of a row of a study."""
-    from percuss.studies.rows import stored_row
-    from percuss.studies.study_table import Study
+    from percuss.studies.rows import StoredRows
 
-    return stored_row(Study(file), row, plugins).changed.with_overrides(overrides)
+    rows = StoredRows(file, plugins)
+    return rows.case(rows.key(row)).with_overrides(overrides)
 
 
 def _outcome(case: Case, *, exact_only: bool, nudge: bool, resume: bool) -> tuple[Result, RunError | None]:

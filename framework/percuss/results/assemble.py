@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -30,7 +29,7 @@ from percuss.results.doubtful_solids import (
     why_too_stiff,
 )
 from percuss.results.encounters import encounters
-from percuss.results.exact import exact_solution, impulse_at, sampled
+from percuss.results.exact import exact_solution, sampled
 from percuss.results.fields import fields_of, in_parts
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
 from percuss.results.result import Result
@@ -280,7 +279,7 @@ def _errors(
             model.dt,
             judge.reached,
             every=outcome.record.every,
-            impulse=partial(impulse_at, judge, name),
+            impulse=judge.contacts[name].impulse,
         )
         for k, name in enumerate(contact_names)
     }

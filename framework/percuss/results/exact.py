@@ -145,16 +145,6 @@ def sampled(solution: Judge, names: list[str], time: Floats, middle: Floats, dt:
     return force, gap
 
 
-def impulse_at(solution: Judge, name: str, time: Floats) -> Floats:
-    """Return the exact impulse of the contact `name` from 0 to each of several times."""
-    return solution.contacts[name].impulse(time)
-
-
-def displacement_at(solution: Exact, name: str, along: Floats, time: float) -> Floats:
-    """Return the exact displacement of the body `name` at distances `along` from its start, along its direction."""
-    return solution.displacement(name, along, np.full(along.shape, time))
-
-
 _kept: dict[object, Exact | str] = {}  # with the last one used at its end
 _lock = threading.Lock()
 

@@ -175,6 +175,11 @@ def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: 
     return {**machine(), "case": as_lists(case.data), **origins(case, components), **plain(found)}
 
 
+def keys_of(components: Iterable[str]) -> list[tuple[str, str]]:
+    """Return family and name of components that are named as in `origins`."""
+    return [(family, name) for family, _, name in (component.partition("/") for component in components)]
+
+
 def _origin(source: Provenance) -> dict[str, str]:
     names = "distribution", "version", "file", "digest"
     return {name: getattr(source, name) for name in names}

@@ -11,7 +11,7 @@ from percuss.contact.contact_problem import contact_problem
 from percuss.contact.model import Model
 from percuss.jsonable import Data
 from percuss.methods.interfaces import Exact, ExactContact, Floats, Integers
-from percuss.results.exact import ROUND_OFF, displacement_at
+from percuss.results.exact import ROUND_OFF
 from percuss.results.summary import ContactErrors, CoveredErrors, ExactEntries, ExactErrors
 
 NEGLIGIBLE = 1e-18
@@ -194,7 +194,7 @@ def displacement_error(model: Model, solution: Exact, displacement: Floats, time
     for body in model.bodies.values():
         axis = problem.bodies[body.name].direction
         along, weight = body.along(axis)
-        true = displacement_at(solution, body.name, along, time)
+        true = solution.displacement(body.name, along, np.full(along.shape, time))
         computed = displacement[body.start : body.stop] @ axis
         sideways = displacement[body.start : body.stop] - np.outer(computed, axis)
         error += float(weight @ (computed - true) ** 2) + float(weight @ (sideways**2).sum(axis=1))

@@ -8,15 +8,12 @@ import time
 from collections import Counter
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING
 
 from percuss.errors import wrong_input
 from percuss.interrupt import interruptible
 from percuss.studies.job_package import Bench, Job, Record
+from percuss.studies.pool import Workers
 from percuss.studies.store import Store
-
-if TYPE_CHECKING:
-    from percuss.studies.pool import Workers
 
 Progress = Callable[[int, int], None]
 SECONDS = 0.4  # between two batches of rows that are stored
@@ -45,8 +42,6 @@ def make(
         elif workers == 1:
             made = _made_here(bench, jobs, stop)
         else:
-            from percuss.studies.pool import Workers
-
             if not isinstance(workers, Workers):
                 workers = ends.enter_context(Workers(min(number_of_workers(workers), len(jobs))))
             made = workers.made(bench, jobs, longest, stop)

@@ -197,10 +197,14 @@ def _made(packed: bytes, job: Job, longest: float | None) -> Record:
 
 def _end_late(longest: float, ended: threading.Event) -> None:
     compiling, spent, last = [False], 0.0, time.monotonic()
-    NOTICES.append(lambda begun: compiling.__setitem__(0, begun))
+
+    def notice(begun: bool) -> None:
+        compiling[0] = begun
+
+    NOTICES.append(notice)
     while not ended.wait(0.1):
         now = time.monotonic()
         spent, last = spent + (0.0 if compiling[0] else now - last), now
         if spent > longest:
             os._exit(LATE)
-    NOTICES.pop()
+    NOTICES.remove(notice)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from percuss.case.case import Case
 from percuss.errors import nearest, wrong_input
 from percuss.jsonable import Entries
 from percuss.results.differences import changes, row_differences
-from percuss.results.provenance import case_inside, machine, origins
+from percuss.results.provenance import case_inside, keys_of, machine, origins
 from percuss.results.rerun import Rerun
 from percuss.studies.columns import RowSettings
 from percuss.studies.job_package import Record, record, unpacked
@@ -20,59 +19,81 @@ from percuss.studies.study_table import Study
 from percuss.studies.tasks import Task
 
 
-@dataclass(frozen=True)
-class StoredRow:
-    """A row of a study with its case.
-
-    Attributes
-    ----------
-    key
-        Key of its run.
-    case
-        The case as the study has it, without the changes of the row.
-    task
-        Methods and changes of the row.
-    """
-
-    key: str
-    case: Case
-    task: Task
-
-    @property
-    def changed(self) -> Case:
-        """The case with the changes of the row, which ties its contacts if the row is a tied twin."""
-        changed = self.case.with_overrides(self.task.changes)
-        return tied_twin(changed) if self.task.tied else changed
-
-
-def stored_row(study: Study, start: str, plugins: Sequence[Path] = ()) -> StoredRow:
-    """Return the row of a study whose key begins with a text.
+class StoredRows:
+    """The rows of a study with their cases, each of which is read once.
 
     Parameters
     ----------
-    study
-        The study.
-    start
-        The key, or its first letters.
+    path
+        The file of the study.
     plugins
         Single-file plug-ins that stand in for those of the study.
 
-    Raises
-    ------
-    InputError
-        If no row or several rows have such a key, or the case cannot be read; see `case_inside`.
+    Attributes
+    ----------
+    study
+        The study.
+    plan
+        What it has of each row, by key.
     """
-    plan = study.plan
-    keys = [key for key in plan if key.startswith(start)]
-    if len(keys) != 1:
-        near = nearest(start, list(plan))
-        advice = f"Did you mean '{near}'?" if near else "The column `key` of the table and the report have the keys."
-        raise wrong_input(f"--row {start}", f"expected the key of one row of {study.path}, found {len(keys)}", advice)
-    row = plan[keys[0]]
-    names = row["case"], row["integrator"], row["contact"]
-    task = Task(*names, varied=row["varied"], changes=row["changes"], tied=row["twin"])
-    case = case_inside(study.cases[task.case], plugins=plugins, name=f"{study.path} --row {start}")
-    return StoredRow(keys[0], case, task)
+
+    def __init__(self, path: Path, plugins: Sequence[Path] = ()) -> None:
+        self.study = Study(path)
+        self.plan, self._plugins = self.study.plan, plugins
+        self._about, self._spec, self._runs = self.study.cases, self.study.spec, self.study.runs
+        self._read: dict[str, tuple[Case, RowSettings]] = {}
+
+    def key(self, start: str) -> str:
+        """Return the key that begins with a text.
+
+        Raises
+        ------
+        InputError
+            If no row or several rows have such a key.
+        """
+        keys = [key for key in self.plan if key.startswith(start)]
+        if len(keys) != 1:
+            near = nearest(start, list(self.plan))
+            advice = (
+                f"Did you mean '{near}'?" if near else "The column `key` of the table and the report have the keys."
+            )
+            message = f"expected the key of one row of {self.study.path}, found {len(keys)}"
+            raise wrong_input(f"--row {start}", message, advice)
+        return keys[0]
+
+    def case(self, key: str) -> Case:
+        """Return the case of a row with its changes, which ties its contacts if the row is a tied twin."""
+        task = self._task(key)
+        changed = self._case(task.case)[0].with_overrides(task.changes)
+        return tied_twin(changed) if task.tied else changed
+
+    def rerun(self, key: str) -> Rerun:
+        """Make the run of a row again, and compare what the study holds of it to the last bit."""
+        task = self._task(key)
+        about, (case, settings) = self._about[task.case], self._case(task.case)
+        run = perform_timed(case, task, nudge=settings.nudge, repeats=1, critical_step=settings.critical_step)
+        if run.status == "interrupted":
+            raise KeyboardInterrupt
+        now, then = record(key, run, settings, 0.0, case.registry), self._runs[key]
+        timed = {column.name for column in settings.columns if column.path.startswith("seconds")}
+        arrays = unpacked(now.histories) if now.histories else {}
+        found = row_differences(_numbers(then, timed), _numbers(now, timed), self.study.histories(key) or {}, arrays)
+        since = changes(about, {**machine(), **origins(case, keys_of(about["plugins"]))})
+        label = f"{task.case}: {label_of(task.integrator, task.contact, task.varied)}"
+        return Rerun(f"{self.study.path} --row {key[:12]}", label, tuple(found), tuple(since))
+
+    def _task(self, key: str) -> Task:
+        row = self.plan[key]
+        names = row["case"], row["integrator"], row["contact"]
+        return Task(*names, varied=row["varied"], changes=row["changes"], tied=row["twin"])
+
+    def _case(self, label: str) -> tuple[Case, RowSettings]:
+        """Return the case of a label as the study has it, and the settings of its rows; see `case_inside`."""
+        if label not in self._read:
+            case = case_inside(self._about[label], plugins=self._plugins, name=str(self.study.path))
+            varied = dict.fromkeys(path for row in self.plan.values() for path in row["varied"])
+            self._read[label] = case, settings_of(self._spec, {label: case}, varied)
+        return self._read[label]
 
 
 def rerun_rows(
@@ -94,31 +115,15 @@ def rerun_rows(
     Raises
     ------
     InputError
-        As `stored_row`.
+        If no row or several rows have such a key, or the case cannot be read; see `case_inside`.
     """
-    study, made = Study(path), []
-    done = [row["key"] for row in study.as_records() if row["status"] == "done"]
-    for key in [start] if start else dict.fromkeys(done):
-        one = stored_row(study, key, plugins)
-        made.append(_rerun(study, one, settings_of(study.spec, {one.task.case: one.case}, one.task.varied)))
+    rows, made = StoredRows(path, plugins), []
+    keys = [rows.key(start)] if start else [key for key, run in rows.study.runs.items() if run.status == "done"]
+    for key in keys:
+        made.append(rows.rerun(key))
         if progress is not None:
-            progress(len(made), 1 if start else len(done))
+            progress(len(made), len(keys))
     return made
-
-
-def _rerun(study: Study, one: StoredRow, settings: RowSettings) -> Rerun:
-    task, about = one.task, study.cases[one.task.case]
-    run = perform_timed(one.case, task, nudge=settings.nudge, repeats=1, critical_step=settings.critical_step)
-    if run.status == "interrupted":
-        raise KeyboardInterrupt
-    now, then = record(one.key, run, settings, 0.0, one.case.registry), study.record(one.key)
-    timed = {column.name for column in settings.columns if column.path.startswith("seconds")}
-    arrays = unpacked(now.histories) if now.histories else {}
-    found = row_differences(_numbers(then, timed), _numbers(now, timed), study.histories(one.key) or {}, arrays)
-    components = [(family, name) for family, _, name in (each.partition("/") for each in about["plugins"])]
-    since = changes(about, {**machine(), **origins(one.case, components)})
-    label = f"{task.case}: {label_of(task.integrator, task.contact, task.varied)}"
-    return Rerun(f"{study.path} --row {one.key[:12]}", label, tuple(found), tuple(since))
 
 
 def _numbers(row: Record, timed: set[str]) -> Entries:

@@ -32,6 +32,7 @@ CREATE TABLE plan (number INTEGER PRIMARY KEY, key TEXT, row TEXT);
 CREATE TABLE runs (key TEXT PRIMARY KEY, status TEXT, row TEXT, histories BLOB);
 """
 STORED = ("reason", "said_by", "fragile", "seconds", "measures", "compiling", "cpu")  # of a record, in its row
+ANOTHER = "Use an undamaged copy, or make the study again: percuss study STUDY -o NEW.sqlite."
 # Errors of SQLite by which a file is none of its own, or damaged; all others come from the machine.
 OF_THE_FILE = {sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR}
 
@@ -90,7 +91,7 @@ class Store:
                 message = f"cannot be written to: {error}; all rows stored before are kept"
                 advice = "When the file can be written again, the same command continues."
                 raise UnwrittenError(f"{self.path}: {message}. {advice}") from error
-            advice = "Use an undamaged copy, or make the study again: percuss study STUDY -o NEW.sqlite."
+            advice = ANOTHER
             if code == sqlite3.SQLITE_NOTADB:
                 found, advice = file_advice(str(self.path), self.path.read_bytes(), texts=True) or (error, advice)
                 raise self._error(f"expected the file of a study, found {found}", advice) from error
@@ -102,8 +103,7 @@ class Store:
         try:
             yield
         except (ValueError, LookupError, TypeError, AttributeError) as error:
-            advice = "Use an undamaged copy, or make the study again: percuss study STUDY -o NEW.sqlite."
-            raise self._error(f"the file is damaged: {type(error).__name__}: {error}", advice) from error
+            raise self._error(f"the file is damaged: {type(error).__name__}: {error}", ANOTHER) from error
 
     # ------------------------------------------------------------------------------------------- writing
 

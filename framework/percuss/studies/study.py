@@ -21,7 +21,7 @@ from percuss.errors import InputError, shortened, wrong_input
 from percuss.files import expect_no_input, expect_place, expect_writable
 from percuss.jsonable import Data, Entries, as_lists
 from percuss.locks import NotWritableError, locked
-from percuss.results.provenance import machine, origins
+from percuss.results.provenance import keys_of, machine, origins
 from percuss.studies.dispatch import Progress, make, number_of_workers, row_counter
 from percuss.studies.job_package import Bench, Job
 from percuss.studies.pool import Workers
@@ -197,8 +197,11 @@ def _begin(
 
 def _inside(case: Case, bench: Bench, label: str) -> Entries:
     """Return a case with all from which it is read again, as the provenance of a result has it."""
-    components = [(family, name) for family, _, name in (each.partition("/") for each in bench.components[label])]
-    return {"case": as_lists(case.data), **origins(case, components), "data_files": dict(bench.cases[label].data_files)}
+    return {
+        "case": as_lists(case.data),
+        **origins(case, keys_of(bench.components[label])),
+        "data_files": dict(bench.cases[label].data_files),
+    }
 
 
 def _common_units(of_cases: Sequence[Mapping[str, str]]) -> dict[str, str]:

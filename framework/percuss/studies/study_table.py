@@ -82,9 +82,10 @@ class Study:
         last, cases = (self._store.sessions() or [{}])[-1], self._store.facts().get("cases") or {}
         return {label: {**last, **case} for label, case in cases.items()}
 
-    def record(self, key: str) -> Record:
-        """Return the run of a row, without its histories."""
-        return next(run for _, run in self._store.runs() if run.key == key)
+    @property
+    def runs(self) -> dict[str, Record]:
+        """The run of each row, without its histories, by key."""
+        return {run.key: run for _, run in self._store.runs()}
 
     def command(self, key: str) -> str | None:
         """Return the command that makes the run of a row alone, or None if no row has this key."""
