@@ -52,7 +52,7 @@ def compiled_with(**options: object) -> Callable[[AnyKernel], AnyKernel]:
     """Return a mark that gives a function options of the compiler, or a slot those of the kernel in it."""
 
     def mark(function: AnyKernel) -> AnyKernel:
-        function.options = options  # type: ignore[attr-defined]
+        function.compiler_options = options  # type: ignore[attr-defined]
         return function
 
     return mark
@@ -149,7 +149,7 @@ class Binder:
         copy.__kwdefaults__ = source.__kwdefaults__
         bound = Bound(copy)
         if self.jit:
-            options = self._options(source, {**getattr(function, "options", {}), **options})
+            options = self._options(source, {**getattr(function, "compiler_options", {}), **options})
             digest = _digest(_about(source), sorted(options.items()), _digests(read), [part.digest for part in closure])
             copy.__name__ = copy.__qualname__ = f"{source.__name__}_{digest}"
             bound = Bound(copy, digest, options)
@@ -183,7 +183,7 @@ class Binder:
             return slot
         if slot is None and plain_function(value) is None:
             return Bound(value, _text(value))
-        maker, kernel, options = self, slot or value, getattr(value, "options", {})
+        maker, kernel, options = self, slot or value, getattr(value, "compiler_options", {})
         if "inline" in options:  # which all that the kernel calls is given too
             maker, options = replace(maker, inline=self.inline and options, _done={}), {}
         if isinstance(slot, Filled):
