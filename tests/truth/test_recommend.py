@@ -26,6 +26,7 @@ from percuss.studies.recommendation import (
     recommend,
     why_never,
 )
+from percuss.studies.rows import rerun_rows
 from percuss.studies.search import Search
 from places import CASES
 
@@ -542,4 +543,6 @@ def test_a_search_between_surfaces_tries_the_pairings_by_a_finer_run(tmp_path):
     assert {one.candidate.pairing for one in answer.tried} > {"mortar"}
     assert all(one.candidate.refine <= 1 for one in answer.tried)
     assert answer.study.cases["blocks"]["case"]["reference"]["refine"] == 2
-    assert answer.study.plan[answer.best.key]["changes"]["contacts.seam.pairing"] is None
+    assert answer.study.cases["blocks"]["case"]["contacts"]["seam"]["pairing"] is None
+    (again,) = rerun_rows(answer.study.path, answer.best.key)
+    assert again.differences == ()

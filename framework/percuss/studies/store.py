@@ -10,6 +10,7 @@ import contextlib
 import json
 import os
 import sqlite3
+import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -102,7 +103,7 @@ class Store:
         """Refuse rows inside this context that are not as they were written."""
         try:
             yield
-        except (ValueError, LookupError, TypeError, AttributeError) as error:
+        except (ValueError, LookupError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
             raise self._error(f"the file is damaged: {type(error).__name__}: {error}", ANOTHER) from error
 
     # ------------------------------------------------------------------------------------------- writing
@@ -131,8 +132,9 @@ class Store:
         """Make the file, of which nobody sees a part."""
         for ending in ("-wal", "-shm", "-journal"):  # of a file that was here before, which SQLite would replay
             self.path.with_name(f"{self.path.name}{ending}").unlink(missing_ok=True)
-        with replacing(self.path, self.path.suffix) as temporary, closing(sqlite3.connect(temporary)) as db:
+        with replacing(self.path, self.path.suffix) as temporary, closing(sqlite3.connect(":memory:")) as db:
             db.executescript(f"{TABLES} PRAGMA user_version = {FORMAT};")
+            temporary.write_bytes(db.serialize())
         self._there = True
 
     def add(self, records: Sequence[Record]) -> None:
