@@ -1,6 +1,6 @@
 """Profiles of hypothesis (HYPOTHESIS_PROFILE): a repeatable quick one, a larger one, and a long one that draws anew.
 
-Marks: `deep` tests are left out unless asked for (``-m deep``), `slow` ones take more than some seconds.
+Marks: `deep` and `nightly` tests are left out unless asked for (``-m deep``), `slow` ones take more than some seconds.
 """
 
 import gc
@@ -44,9 +44,9 @@ def repeatable_draws():
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark deep tests as slow ones too, so that ``-m "not slow"`` is the quick subset."""
+    """Mark deep and nightly tests as slow ones too, so that ``-m "not slow"`` is the quick subset."""
     for item in items:
-        if item.get_closest_marker("deep"):
+        if item.get_closest_marker("deep") or item.get_closest_marker("nightly"):
             item.add_marker("slow")
 
 
