@@ -25,7 +25,7 @@ from percuss.testing.kit import outcome_of
 def written(folder, method, line):
     """Write the template of a family with a line put into one method, and its case; return case and plug-in."""
     family, _, name = method.partition(".")
-    files = new("my-method", family, folder, single_file=True).files
+    files = new("my-method", family, folder).files
     (plugin,) = [path for path in files if path.suffix == ".py"]
     (case,) = [path for path in files if path.suffix == ".yaml" and ".study" not in path.suffixes]
     text = plugin.read_text()

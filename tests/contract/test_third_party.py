@@ -1,10 +1,10 @@
 """Somebody else's packages: built as wheels, installed beside percuss, used, and taken away again.
 
 Everything happens in one fresh virtual environment that sees nothing of the environment in which the tests run:
-percuss comes from a wheel of this checkout, the packages from wheels of what `percuss new` writes, third-party
-dependencies from the package index. That takes half a minute, once for the module; borrowing the dependencies of the
-running environment by a ``.pth`` would save most of it, but where percuss itself is installed there, as in a check of
-the whole project, it would come along.
+percuss comes from a wheel of this checkout, the packages from wheels of what `percuss new` writes and the page of
+packages shows, third-party dependencies from the package index. That takes half a minute, once for the module;
+borrowing the dependencies of the running environment by a ``.pth`` would save most of it, but where percuss itself is
+installed there, as in a check of the whole project, it would come along.
 """
 
 import json
@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+import pages
 import percuss
 import places
 
@@ -62,15 +63,32 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     world.pip("wheel", "-q", "--no-deps", "--no-build-isolation", "-w", "wheels", str(ROOT))
     (wheel,) = world.wheels("percuss")
     world.pip("install", "-q", "--no-compile", f"{wheel}[kit]", "pytest")  # most modules are never imported
-    for name, kind in (("soft-stop", "contact"), ("leaper", "integrator"), ("crooked", "load"), ("misnamed", "mass")):
-        assert world.run("new", name, "--kind", kind).returncode == 0
+    made = {"soft-stop": "contact", "leaper": "integrator", "crooked": "load", "misnamed": "mass"}
+    for name, kind in made.items():
+        package(world, name, kind)
     edit(world, "crooked/crooked.py", "from percuss import Doc, Floats,", "from percuss import Doc, Float,")
     with (world.folder / "misnamed" / "misnamed.py").open("a") as file:
         file.write("\n\nfrom percuss import hookimpl\n\n\n@hookimpl\ndef percuss_mass():\n    return [Misnamed]\n")
-    folders = [f".{os.sep}{name}" for name in ("soft-stop", "leaper", "crooked", "misnamed")]
+    folders = [f".{os.sep}{name}" for name in made]
     world.pip("wheel", "-q", "--no-deps", "--no-build-isolation", "-w", "wheels", *folders)
-    world.pip("install", "-q", "--no-deps", *world.wheels("soft-stop", "leaper", "crooked", "misnamed"))
+    world.pip("install", "-q", "--no-deps", *world.wheels(*made))
     return world
+
+
+def package(world: World, name: str, kind: str) -> None:
+    """Write a method and make it a package, as the page says."""
+    assert world.run("new", name, "--kind", kind).returncode == 0
+    module, folder, page = name.replace("-", "_"), world.folder / name, pages.texts()["plugins/PACKAGE.md"]
+    (folder / "tests").mkdir(parents=True)
+    (world.folder / f"{name}.py").rename(folder / f"{module}.py")
+    case = (world.folder / f"{name}.yaml").read_text()
+    (folder / "case.yaml").write_text(case.replace(f"plugins: [{name}.py]\n", ""))
+    (project,) = pages.blocks(page, "toml")
+    (folder / "pyproject.toml").write_text(project.replace("soft-stop", name).replace("soft_stop", module))
+    (test,) = pages.blocks(page, "python")
+    imported = f"from {module} import {name.title().replace('-', '')} as Penalty"
+    test = test.replace("from percuss_methods.contacts.penalty import Penalty", imported)
+    (folder / "tests" / "test_it.py").write_text(test)
 
 
 def edit(world: World, file: str, old: str, new: str) -> None:
@@ -156,13 +174,6 @@ def test_its_own_tests_pass(world: World, name: str) -> None:
     done = world.run("-q", "tests", program="pytest", cwd=name)
     assert done.returncode == 0, done.stdout
     assert " passed" in done.stdout
-
-
-def test_a_single_file_is_verified(world: World) -> None:
-    assert world.run("new", "lone", "--kind", "contact", "--single-file").returncode == 0
-    done = world.run("verify", "--plugin", "lone.py")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "lone" in done.stdout
 
 
 def test_once_uninstalled_it_is_gone(world: World) -> None:

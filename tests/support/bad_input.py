@@ -293,7 +293,7 @@ COMMANDS = [
     "plugins bipenalty --json",
     "plugins --plugin spring.py",
     "schema --study",
-    "new my-law --kind contact --single-file -o here",
+    "new my-law --kind contact -o here",
 ]
 
 
@@ -391,7 +391,7 @@ class Ground:
         plug_ins = self.folder / "plug-ins"
         for kind in ("integrator", "contact", "load", "shape", "element", "material", "mass", "solution", "measure"):
             (plug_ins / kind).mkdir(parents=True)
-            made = percuss_command("new", "my-method", "--kind", kind, "--single-file", "-o", plug_ins / kind)
+            made = percuss_command("new", "my-method", "--kind", kind, "-o", plug_ins / kind)
             assert made.returncode == 0, made.stderr
             shutil.move(next((plug_ins / kind).glob("*.py")), plug_ins / f"my_{kind}.py")
             shutil.rmtree(plug_ins / kind)

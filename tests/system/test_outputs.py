@@ -39,7 +39,7 @@ def bench(tmp_path_factory):
     """A folder with a case that names a plug-in and a record, a study of it, and its rows."""
     folder = tmp_path_factory.mktemp("bench")
     (folder / "record.csv").write_text("0,0\n0.1,0.01\n")
-    new("my-law", "contact", folder, single_file=True)
+    new("my-law", "contact", folder)
     push = {"push": {"table": {"file": "record.csv"}, "on": "short.left"}}
     case = {**hunek(4, end=0.2), "plugins": ["my-law.py"], "loads": push}
     (folder / "case.yaml").write_text(yaml.safe_dump(case))

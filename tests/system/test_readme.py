@@ -28,6 +28,7 @@ README = PAGES["README.md"]
 LONGEST, MOST_WORDS = 120, 900  # lines and words of the first page
 LONGEST_TABLE = 40  # rows, which a screen shows
 CHECKED = {"sh", "python", "yaml", "console"}  # kinds of blocks that the tests below execute or load
+CHECKED |= {"toml"}  # test_third_party installs the package that it describes
 FREE = {"text", "bibtex"}  # and those that they do not
 
 

@@ -37,7 +37,7 @@ LAGRANGE = {"name": "lagrange"}
 def softer(tmp_path_factory):
     """The material that `percuss new` writes: softer in tension."""
     folder = tmp_path_factory.mktemp("softer")
-    scaffold.new("softer", "material", folder, single_file=True)
+    scaffold.new("softer", "material", folder)
     return str(folder / "softer.py")
 
 

@@ -80,7 +80,7 @@ def test_a_users_file_is_checked_against_the_types_of_percuss(tmp_path):
     (tmp_path / "user.py").write_text(USER, encoding="utf-8")
     (tmp_path / "wrong.py").write_text(WRONG, encoding="utf-8")
     for kind in KINDS:
-        new(f"my-{kind}", kind, tmp_path, single_file=True)
+        new(f"my-{kind}", kind, tmp_path)
     said = strict_mypy(tmp_path, *sorted(path.name for path in tmp_path.glob("*.py"))).splitlines()
     first, second, _ = said
     assert first.startswith('wrong.py:4: error: Argument 1 to "run" has incompatible type "str"; expected "Case"')

@@ -20,19 +20,18 @@ def new(
             "or solid-material for bodies in two dimensions.",
         ),
     ],
-    single_file: Annotated[bool, option("--single-file", "Write NAME.py and NAME.yaml, without a package.")] = False,
     out: Annotated[Path, option("-o --out FOLDER", "Folder to write into.")] = Path(),
     as_json: AsJson = False,
 ) -> None:
     """Write the first files of a method of your own.
 
-    They are a package with a test, a case and a README, and run as they are.
+    They are a plug-in, NAME.py, and a case, NAME.yaml, and run as they are.
     """
     with reporting(as_json) as answer:
         from percuss.cli.scaffold import new as write
         from percuss.reporting.tables import Unbroken
 
-        made = write(name, kind, out, single_file=single_file)
+        made = write(name, kind, out)
         files = [str(file) for file in made.files]
         written = f"{made.component}, a method of the family {made.family}, is written and runs:"
         lines = [written, *(f"  {file}" for file in files), "next:", *(f"  {line}" for line in made.next)]
