@@ -451,34 +451,6 @@ def test_the_least_of_the_repeats_counts(monkeypatch):
     assert all(np.array_equal(one.record.gap, made[0].record.gap) for one in made)
 
 
-def test_a_march_that_takes_as_long_as_one_alike_is_not_repeated(monkeypatch):
-    from percuss.march.march import March
-    from percuss.results import runner
-
-    real, times, made = March.run, [], []
-
-    def run(self, *args, **options):
-        outcome = real(self, *args, **options)
-        outcome.seconds["march"] = times.pop(0)
-        made.append(outcome)
-        return outcome
-
-    def seconds(beta, *coming, elements=4):
-        times[:], made[:] = coming, []
-        case = percuss.load(hunek(elements, end=0.1), {"method.contact.beta_s": beta})
-        return runner.timed_run(case).summary["seconds"]["march"], len(made)
-
-    monkeypatch.setattr(March, "run", run)
-    monkeypatch.setattr(runner, "SHORTEST", {})
-    monkeypatch.setattr(runner, "REPEAT_SECONDS", 100.0)
-    assert seconds(0.1, 0.25, 0.2, 0.206) == (0.2, 3)
-    assert seconds(0.2, 0.207) == (0.207, 1)
-    assert seconds(0.3, 0.195) == (0.195, 1)
-    assert seconds(0.4, 0.3, 0.31) == (0.3, 2)  # the machine is slower now
-    assert seconds(0.5, 0.15, 0.4, 0.155) == (0.15, 3)
-    assert seconds(0.1, 0.15, 0.151, elements=8) == (0.15, 2)  # another mesh
-
-
 def test_ctrl_c_while_a_march_is_repeated_makes_no_row(monkeypatch):
     from percuss.march.march import March
     from percuss.results import runner

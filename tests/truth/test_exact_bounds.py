@@ -132,7 +132,7 @@ def test_pauses_change_no_bit(monkeypatch):
     model = model_of(unlike(most_fronts=2_000_000))
     whole = exact_solution(model, 20.0)[0]
     monkeypatch.setattr(_row, "EVENTS", 10)
-    exact._kept.clear()
+    exact._solved.cache_clear()
     paused = exact_solution(model, 20.0)[0]
     assert paused is not whole
     for one, other in zip(
@@ -203,14 +203,6 @@ def test_the_progress_of_an_exact_solution_is_told(monkeypatch):
     assert shares == sorted(shares)
     assert len(set(shares)) > 3
     assert shares[-1] == 1.0
-
-
-def test_a_solution_of_few_fronts_and_many_pieces_is_not_kept():
-    exact._kept.clear()
-    solution, _, _ = exact_solution(model_of(pressed(1e-5)), 1.0)
-    assert solution.fronts < 100
-    assert solution.memory > exact.MOST_BYTES
-    assert not exact._kept
 
 
 def test_that_there_is_no_solution_in_time_is_kept(monkeypatch):

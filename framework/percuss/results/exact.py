@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-import threading
+import pickle
 from collections.abc import Mapping
 from typing import Any, Protocol
 
@@ -18,9 +17,6 @@ from percuss.methods.interfaces import ContactProblem, Exact, ExactContact, Floa
 from percuss.methods.plugin_calls import answer
 
 ROUND_OFF = 1e-12  # relative tolerance of times; a force below this fraction of the peak counts as zero
-# The last exact solutions are kept for other runs of the same problem: those of a study often differ in methods alone.
-MOST_KEPT = 4
-MOST_FRONTS, MOST_BYTES = 10_000, 2**24  # of the largest solution that is kept
 
 
 class Judge(Protocol):
@@ -145,63 +141,19 @@ def sampled(solution: Judge, names: list[str], time: Floats, middle: Floats, dt:
     return force, gap
 
 
-_kept: dict[object, Exact | str] = {}  # with the last one used at its end
-_lock = threading.Lock()
-
-
 def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact | str:
-    """Return the exact solution of a problem up to `end`, kept or found by `engine`, or why there is none."""
-    try:
-        key = _identity(engine), end, _identity(problem)
-    except (TypeError, AttributeError):
-        key = None
-    with _lock:
-        kept = _kept.pop(key, None)
-    if kept is None:
-        kept = answer(engine, "solve", problem, end)
-    if key is not None and _is_small(kept):
-        with _lock:
-            _kept[key] = kept
-            while len(_kept) > MOST_KEPT:
-                del _kept[next(iter(_kept))]
-    return kept
+    """Return the exact solution of a problem up to `end`, or why there is none.
 
-
-def _is_small(found: Exact | str) -> bool:
-    """Return whether a solution is kept; that there is none is kept too, since the search may have taken long."""
-    return isinstance(found, str) or (found.fronts <= MOST_FRONTS and found.memory <= MOST_BYTES and not found.stopped)
-
-
-@functools.lru_cache(maxsize=256)
-def _field_names(kind: type[Any]) -> tuple[str, ...]:
-    """Return the names of the fields of a dataclass, whose look-up takes longer than everything else about it."""
-    return tuple(field.name for field in dataclasses.fields(kind))
-
-
-def _identity(value: object) -> object:
-    """Return a hashable value that is equal for equal values only, to the last bit.
-
-    Raises
-    ------
-    TypeError
-        If a value is of another type, or may change although it looks the same: a load, whose amplitude may depend on
-        more than its options.
-    AttributeError
-        If an option of a component has no value.
+    The last one is kept for the next run, as runs of a study often differ in their methods alone.
     """
-    if value is None or isinstance(value, (str, int)):
-        return type(value), value
-    if isinstance(value, float):
-        return type(value), value.hex()
-    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
-        return value.dtype.str, value.shape, value.tobytes()
-    if isinstance(value, tuple):
-        return type(value), tuple(map(_identity, value))
-    if isinstance(value, Mapping):
-        return tuple((name, _identity(entry)) for name, entry in value.items())
-    family = getattr(value, "family", "")
-    if dataclasses.is_dataclass(value) and not isinstance(value, type) and family != "loads":
-        options = tuple(_identity(getattr(value, name)) for name in _field_names(type(value)))
-        numbers = tuple(map(_identity, value.parameters())) if family == "materials" else ()  # type: ignore[attr-defined]
-        return type(value), options, numbers
-    raise TypeError(f"a {type(value).__name__} has no identity")
+    try:
+        return _solved(pickle.dumps((engine, problem, end)))
+    except (pickle.PicklingError, TypeError, AttributeError):  # a class of a single file
+        return answer(engine, "solve", problem, end)
+
+
+@functools.lru_cache(maxsize=1)
+def _solved(asked: bytes) -> Exact | str:
+    """Return the solution of a problem given by its bits."""
+    engine, problem, end = pickle.loads(asked)  # noqa: S301 - written above
+    return answer(engine, "solve", problem, end)

@@ -11,7 +11,6 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.case.case import Case, expect_case
 from percuss.certificate import verdict
-from percuss.contact.model import Model
 from percuss.errors import RunError
 from percuss.interrupt import interruptible
 from percuss.jit import Stopwatch
@@ -26,10 +25,7 @@ from percuss.results.result import Result
 from percuss.results.saved_state import SavedState
 from percuss.results.summary import StopSummary
 
-REPEATS, REPEAT_SECONDS = 5, 0.3  # most marches of a timed run, and seconds after which no other begins
-SAME_TIME = 1.05  # ratio of two times of a march at which a third one would tell nothing
-MOST_MARCHES_KNOWN = 10_000  # whose shortest time this process remembers
-SHORTEST: dict[tuple[object, ...], float] = {}  # time of a march, by what its work depends on
+REPEATS, REPEAT_SECONDS = 3, 0.3  # marches of a timed run, and seconds after which no other begins
 NUDGE_OF_AREA = 1e-12  # relative, of the nudged twin
 FRAGILE_DIFFERENCE = 1e-4  # relative, in L2
 MARCH_LOCK = threading.Lock()  # a process times one march at a time
@@ -98,9 +94,7 @@ def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None, cr
     nudge
         As in `run`.
     repeats
-        Number of marches; None: until the two shortest agree within `SAME_TIME`, or the shortest agrees so with
-        that of an earlier run of the same methods with as many nodes and steps, or `REPEATS` marches are made, or
-        `REPEAT_SECONDS` have passed.
+        Number of marches; None: `REPEATS`, of which none begins after `REPEAT_SECONDS`.
     critical_step
         Whether to search a critical step that only the black box can tell.
     """
@@ -208,32 +202,14 @@ def _repeat(
     march: March, outcome: Outcome, repeats: int | None, interrupted: threading.Event, *, marginal: bool
 ) -> None:
     """Repeat the march from its beginning and keep the smallest time; Ctrl-C meanwhile interrupts the whole run."""
-    limit = REPEATS if repeats is None else repeats
     times = [outcome.seconds["march"]]
-    work = _work_of(march.model)
-    earlier = SHORTEST.get(work, np.inf)
-    for _ in range(limit - 1):
-        shortest, next_shortest = sorted([*times, np.inf])[:2]
-        agreed = next_shortest <= SAME_TIME * shortest or earlier <= SAME_TIME * shortest <= SAME_TIME**2 * earlier
-        if repeats is None and (agreed or sum(times) > REPEAT_SECONDS):
-            break
+    while len(times) < (repeats or REPEATS) and (repeats or sum(times) < REPEAT_SECONDS):
         repeated = march.again().run(marginal=marginal, interrupted=interrupted)
         if repeated.status == "interrupted":
             outcome.status = "interrupted"
             return
         times.append(repeated.seconds["march"])
     outcome.seconds["march"] = min(times)
-    if len(SHORTEST) < MOST_MARCHES_KNOWN:
-        SHORTEST[work] = min(earlier, *times)
-
-
-def _work_of(model: Model) -> tuple[object, ...]:
-    """Return the facts on which the work of a march depends most: its methods, nodes, steps and records."""
-    laws = (type(bound_law.law) for bound_law in model.laws)
-    bodies = ((type(body.spec.element), type(body.spec.material)) for body in model.bodies.values())
-    record = model.case.record
-    methods = dict.fromkeys([type(model.case.method.integrator), *laws, *bodies])
-    return (*methods, model.bodies.mass.size, model.steps, record.every, record.fields)
 
 
 def stop_message(stop: StopSummary) -> str:

@@ -184,7 +184,7 @@ class StudySection(Section):
             Ge(1),
             Le(1000),
             Unit("1"),
-            Doc("marches of each run, of which the least time counts; null: up to 5, until two agree to 5 %"),
+            Doc("marches of each run, of which the least time counts; null: 3, none after 0.3 s"),
         ]
         | None
     ) = None

@@ -197,7 +197,6 @@ class ChainSolution(Exact):
         self.chain, self.reached, self.fronts, self.stopped = chain, chain.reached, chain.fronts, chain.stopped
         self.end = end
         waves, forces = chain.waves, chain.forces
-        self.memory = sum(array.nbytes for array in (*waves, *forces, *chain.loads))
         self._waves = [PiecewisePolynomial(waves.times[h, :n], waves.pieces[h, :n]) for h, n in enumerate(waves.count)]
         self._numbers = {body.name: b for b, body in enumerate(chain.bodies)}
         self.contacts = {}

@@ -54,14 +54,11 @@ class Exact(ABC):
         `ExactContact` of each contact, by name.
     stopped
         Reason, in words, why the solution holds no farther than `reached`; empty if that is the end asked for.
-    memory
-        Bytes that the solution takes; a large one is not kept for other runs of the same problem.
     """
 
     reached: float
     fronts: int
     stopped: str = ""
-    memory: int = 0
     contacts: Mapping[str, ExactContact]
 
     @abstractmethod
