@@ -185,10 +185,6 @@ def of_exact(case):
         if out.exists():
             saved = percuss.open_result(out)
             arrays = {name: np.asarray(array) for name, array in saved.arrays.items()}
-            # Histories of a run that files of an exact solution had at first; they kept digests comparable.
-            nothing = np.zeros_like(arrays["time"])
-            arrays |= {"contact_work": nothing, "contact_energy": nothing}
-            arrays |= {"energy_growth": arrays["energy_error"], "time_half": arrays["time"]}
     lines = [line for line in text.getvalue().splitlines() if folder not in line and " s" not in line[-12:]]
     return looked({"arrays": arrays, "text": lines})
 

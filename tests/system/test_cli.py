@@ -94,7 +94,7 @@ def test_the_exact_solution_alone_is_printed_saved_and_drawn(tmp_path: Path) -> 
     pytest.importorskip("matplotlib")
     done = percuss_command("run", HUNEK, "--exact-only", "-o", "a.nc", "--plot", "a.svg", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    for words in ("done", "bars-in-a-row", "0.02", "ledger closes to", "momentum and impulses: balanced to"):
+    for words in ("done", "bars-in-a-row", "0.02"):
         assert words in done.stdout
     from percuss import open_result
 

@@ -2,7 +2,6 @@
 
 import signal
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from percuss.listeners import heard_by
 from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
 from percuss.reporting.verdict import run_verdict
-from percuss.results import exact, exact_only
+from percuss.results import exact
 from percuss.results.exact import exact_solution
 from percuss.results.exact_only import run_exact
 from percuss_methods.solutions import _bounds, _row
@@ -213,16 +212,3 @@ def test_that_there_is_no_solution_in_time_is_kept(monkeypatch):
     reasons = [exact_solution(model_of(unlike(most_seconds=1e-4)), 20.0)[2] for _ in range(2)]
     assert reasons[0] == reasons[1]
     assert calls.count("solve") == 1
-
-
-def test_many_waves_and_bars_have_fewer_samples():
-    """Their energies at 2001 times would take minutes."""
-    model = model_of(pressed(1e-3))
-    counts = [exact_only._sample_count(model, SimpleNamespace(fronts=fronts)) for fronts in (100, 100_000, 10_000_000)]
-    assert counts == [2001, 332, 101]
-
-
-def test_an_exact_solution_of_few_fronts_has_all_samples():
-    few = run_exact(pushed({"harmonic": {"value": 1.0, "mean": 1.0, "frequency": 1.0}}, end=1.0))
-    assert few.arrays["time"].size == 2001
-    assert not few.summary["notes"]

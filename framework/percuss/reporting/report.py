@@ -48,18 +48,18 @@ def notebook_html(result: Result) -> str:
     It looks the same in light and dark notebooks. Without matplotlib it has no picture.
     """
     if not result.marched:
+        balance: dict[str, str] = {}
         facts = {"status": result.status, "solution": subtitle_lines(result)[0]}
     else:
         methods, steps = subtitle_lines(result)
         why_unknown = f": {result.summary['exact_reason']}" if result.summary["exact_reason"] else ""
         facts = {"true error": f"{error_words(result)}{why_unknown}", "status": result.status}
         facts |= {"methods": methods, "steps": steps}
+        balance = balances(result)
     title = escape(one_line(result.title or "Untitled case"))
     head = f'<div style="font-size:16px;font-weight:bold">{title}</div>'
     bad = "".join(f'<div style="{BAND}">{escape(line)}</div>' for line in warning_lines(result))
-    table = "".join(
-        f"<tr>{_cell(name, head=True)}{_cell(words)}</tr>" for name, words in (facts | balances(result)).items()
-    )
+    table = "".join(f"<tr>{_cell(name, head=True)}{_cell(words)}</tr>" for name, words in (facts | balance).items())
     contacts, picture_html = _contacts(result), _picture(result, axis_end(result))
     return f'<div style="{CARD}">{head}{bad}<table style="{TABLE}">{table}</table>{contacts}{picture_html}</div>'
 

@@ -1,4 +1,4 @@
-"""Figure of a run or of an exact solution: contact forces, energies, and stress in space and time."""
+"""Figure of a run or of an exact solution: contact forces, energies of a run, and stress in space and time."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 def figure_of(result: Result) -> Figure:
-    """Return the figure of a run or of an exact solution: contact forces, energies, and stress in space and time.
+    """Return the figure of a run or of an exact solution: contact forces, energies of a run, stress in space and time.
 
     Where its attribute ``exact_histories`` is not None, a mapping of a contact's name to (times, forces), these exact
     forces are drawn over those of the run; else those of a finer run, ``finer_histories``.
@@ -51,17 +51,24 @@ def figure_of(result: Result) -> Figure:
     until = axis_end(result)
     count, notes = _panel_count(result), contacts_left_out(result.coordinates["contact"])
     with new_figure(
-        12.8, 6.2 + 1.2 * count, result.title, [*subtitle_lines(result), *notes], warning_lines(result)
+        12.8,
+        5.0 + 1.2 * (count + result.marched),
+        result.title,
+        [*subtitle_lines(result), *notes],
+        warning_lines(result),
     ) as figure:
-        widths, heights = (1.15, 1.0 if result.field_arrays else 0.4), [1.0] * count + [1.0 if count == 1 else 1.4]
-        grid = figure.add_gridspec(count + 1, 2, width_ratios=widths, height_ratios=heights)
+        widths, heights = (1.15, 1.0 if result.field_arrays else 0.4), [1.0] * count
+        heights += [1.0 if count == 1 else 1.4] * result.marched
+        grid = figure.add_gridspec(len(heights), 2, width_ratios=widths, height_ratios=heights)
         panels = [figure.add_subplot(grid[0, 0])]
-        panels += [figure.add_subplot(grid[k, 0], sharex=panels[0]) for k in range(1, count + 1)]
-        forces(panels[:-1], result)
-        _energies(panels[-1], result)
+        panels += [figure.add_subplot(grid[k, 0], sharex=panels[0]) for k in range(1, len(heights))]
+        forces(panels[:count], result)
+        if result.marched:
+            _energies(panels[-1], result)
+        set_labels(panels[-1], result.units, xlabel=TIME)
         panels[0].set_xlim(0, until)
         for k, axes in enumerate(panels):
-            axes.tick_params(labelbottom=k == count)
+            axes.tick_params(labelbottom=axes is panels[-1])
             hatch_after_stop(axes, result, until, word=k == 0)
         if "cell_nodes" in result.field_arrays:
             deformed(figure, grid[:, 1], result)
@@ -149,18 +156,17 @@ def _energies(axes: Axes, result: Result) -> None:
         heads["elastic_energy"]: (arrays["elastic_energy"], "#E69F00", "-", 1.5),
         "sum": (total, FAINT, "-", 4.0),
         f"sum − {heads['external_work']}": (total - arrays["external_work"], INK, (0, (4, 2)), 1.2),
-        heads["contact_work"]: (arrays.get("contact_work"), "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
+        heads["contact_work"]: (arrays["contact_work"], "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
         heads["external_work"]: (arrays["external_work"], "#009E73", (0, (1.2, 1.2)), 1.8),
     }
-    lines = {label: line for label, line in lines.items() if line[0] is not None}  # exact contact does no work
-    time = arrays.get("time_half", arrays["time"])
+    time = arrays["time_half"]
     handles = []
     for values, colour, dash, width in lines.values():
         line = axes.plot(*thinned(time, values), color=colour, linestyle=dash, linewidth=width)
         handles += line
     handles[2].set_zorder(1.9)
     axes.margins(y=0.18)  # The margin leaves the upper right corner free for the words.
-    set_labels(axes, result.units, xlabel=TIME, ylabel=(heads["energy"], "energy"))
+    set_labels(axes, result.units, ylabel=(heads["energy"], "energy"))
     closure = ledger_words(result.summary["energy"])
     axes.text(0.99, 0.975, closure, transform=axes.transAxes, ha="right", va="top", size=9, color=SOFT, bbox=PAPER)
     legend(axes, dict(zip(lines, handles, strict=True)))

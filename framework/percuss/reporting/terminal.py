@@ -51,7 +51,7 @@ def number_text(value: object, digits: int = 6) -> str:
 
 
 def result_lines(result: Result) -> Iterator[Piece]:
-    """Yield a run or an exact solution: status, notes, contacts, true errors, balances of energy and momentum."""
+    """Yield a run or an exact solution: status, notes, contacts; of a run true errors and balances too."""
     summary = result.summary
     yield (result.title or "untitled case", "bold"), f": {result.status}"
     if result.marched:
@@ -71,9 +71,9 @@ def result_lines(result: Result) -> Iterator[Piece]:
         yield Table(contact_columns(result, 3))
     if result.marched:
         yield from _error_lines(summary)
+        yield from (f"{what}: {balance}" for what, balance in balances(result).items())
     elif summary["exact_reason"]:
         yield f"exact solution: {summary['exact_reason']}"
-    yield from (f"{what}: {balance}" for what, balance in balances(result).items())
 
 
 def contact_columns(result: Result, digits_of_errors: int = 6, none: str = "-") -> list[Column]:
@@ -112,7 +112,7 @@ def balances(result: Result) -> dict[str, str]:
         with_unit("energy", "energy", result.units): f"{number_text(energy['initial'])} at the start, "
         f"{number_text(energy['final'])} at the end, at most {number_text(energy['max'])}; "
         f"external work {number_text(energy['external_work'])}, "
-        f"contact work {number_text(energy.get('contact_work', 0.0), 4)}; {ledger_words(energy)}",
+        f"contact work {number_text(energy['contact_work'], 4)}; {ledger_words(energy)}",
         "momentum and impulses": f"{balance} {percent(momentum['error'], 2)}",
     }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import pickle
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -149,11 +149,11 @@ def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact | str:
     try:
         return _solved(pickle.dumps((engine, problem, end)))
     except (pickle.PicklingError, TypeError, AttributeError):  # a class of a single file
-        return answer(engine, "solve", problem, end)
+        return cast("Exact | str", answer(engine, "solve", problem, end))
 
 
 @functools.lru_cache(maxsize=1)
 def _solved(asked: bytes) -> Exact | str:
     """Return the solution of a problem given by its bits."""
     engine, problem, end = pickle.loads(asked)  # noqa: S301 - written above
-    return answer(engine, "solve", problem, end)
+    return cast("Exact | str", answer(engine, "solve", problem, end))

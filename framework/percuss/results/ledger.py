@@ -279,9 +279,11 @@ def open_accounts(summary: Accounts) -> list[str]:
     Parameters
     ----------
     summary
-        Summary of a `percuss.Result`, or its accounts alone.
+        Summary of a `percuss.Result`, or its accounts alone; an exact solution alone has none.
     """
     messages = []
+    if "energy" not in summary:  # of an exact solution alone
+        return messages
     energy, momentum = summary["energy"], summary["momentum"]
     if energy.get("ledger_closed") is False:
         error, allowed, bodies_error = (

@@ -47,7 +47,7 @@ def definition_attributes(source: Source, units: Mapping[str, str]) -> dict[str,
         if definition:
             unit = unit_name(quantity.unit, units) or quantity.unit
             attributes[name] = {"long_name": quantity.label, "definition": definition, "units": unit}
-            if quantity.axis == "time_half" and source != "exact":
+            if quantity.axis == "time_half":
                 attributes[name]["at"] = "time_half"
     return attributes
 

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 class Result:
     """Result of a case, saved to NetCDF-4 and drawn: of a run, or of its exact solution alone, for which none marched.
 
-    The exact solution alone has no methods, steps, certificate and contact work: their histories and the entries of the
-    summary about them are missing.
+    The exact solution alone has forces, gaps, motion and stresses, and the entries of the summary about them.
 
     Attributes
     ----------

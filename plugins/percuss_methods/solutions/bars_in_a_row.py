@@ -196,7 +196,7 @@ class ChainSolution(Exact):
     def __init__(self, chain: BarChain, end: float) -> None:
         self.chain, self.reached, self.fronts, self.stopped = chain, chain.reached, chain.fronts, chain.stopped
         self.end = end
-        waves, forces = chain.waves, chain.forces
+        waves = chain.waves
         self._waves = [PiecewisePolynomial(waves.times[h, :n], waves.pieces[h, :n]) for h, n in enumerate(waves.count)]
         self._numbers = {body.name: b for b, body in enumerate(chain.bodies)}
         self.contacts = {}
