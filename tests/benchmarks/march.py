@@ -13,14 +13,12 @@ from __future__ import annotations
 import argparse
 import ctypes
 import functools
-import importlib.util
 import itertools
 import json
 import os
 import platform
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from collections import defaultdict
@@ -34,8 +32,6 @@ import numpy as np
 import percuss
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parents[1]
-HUNEK = ROOT / "cases" / "hunek.yaml"
 
 INTEGRATORS = ("central-difference", "wu-predictor-corrector")
 LAWS: dict[str, Any] = {
@@ -364,87 +360,10 @@ def line(row: dict[str, Any]) -> str:
     )
 
 
-# ---------------------------------------------------------------------------------------------- whole process
-
-
-STAGES = f"""
-import json, time
-clock = [time.perf_counter()]
-import percuss
-clock.append(time.perf_counter())
-case = percuss.load({str(HUNEK)!r})
-clock.append(time.perf_counter())
-result = percuss.run(case)
-clock.append(time.perf_counter())
-text = json.dumps(result.summary)
-clock.append(time.perf_counter())
-first, load, run, dump = (b - a for a, b in zip(clock, clock[1:]))
-out = {{"import percuss": first, "load": load, **result.summary["seconds"], "json": dump}}
-out["rest of run"] = run - out["build"] - out["compile"] - out["march"]
-del out["total"]
-print(json.dumps(out))
-"""
-
-
-def spawn(command: list[str], repeats: int) -> tuple[list[float], subprocess.CompletedProcess[str]]:
-    """Run a command some times; return how long each took and the last of them."""
-    took = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
-        took.append(time.perf_counter() - began)
-    return took, done
-
-
-def import_times(command: list[str]) -> dict[str, float]:
-    """Return seconds spent importing, each module by itself, summed up by package."""
-    done = subprocess.run([command[0], "-X", "importtime", *command[1:]], check=True, capture_output=True, text=True)
-    packages: dict[str, float] = defaultdict(float)
-    for entry in done.stderr.splitlines():
-        if entry.startswith("import time:") and entry.count("|") == 2 and "self [us]" not in entry:
-            own, _, name = entry.removeprefix("import time:").split("|")
-            root = name.strip().split(".")[0]
-            packages["standard library" if root in sys.stdlib_module_names else root] += int(own) * 1e-6
-    return dict(sorted(packages.items(), key=lambda item: -item[1]))
-
-
-def whole_process(repeats: int) -> dict[str, Any]:
-    """Time a process that runs a case from start to exit, and where its time goes."""
-    python = sys.executable
-    commands = {"python -c pass": [python, "-c", "pass"]}
-    if importlib.util.find_spec("percuss.cli.main") is not None:
-        entry = [python, "-c", "import sys; from percuss.cli.main import main; sys.exit(main())"]
-        commands["percuss --help"] = [*entry, "--help"]
-        commands["percuss run cases/hunek.yaml --json"] = [*entry, "run", str(HUNEK), "--json"]
-    script = f"import percuss, json; print(json.dumps(percuss.run(percuss.load({str(HUNEK)!r})).summary))"
-    commands["percuss.run(percuss.load('cases/hunek.yaml'))"] = [python, "-c", script]
-    out: dict[str, Any] = {"seconds": {}, "stages": {}, "imports": {}}
-    for name, command in commands.items():
-        spawn(command, 1)
-        took, _ = spawn(command, repeats)
-        out["seconds"][name] = {"min": min(took), "median": statistics.median(took), "max": max(took)}
-        if "percuss" in name:
-            out["imports"][name] = import_times(command)
-    stages = [json.loads(spawn([python, "-c", STAGES], 1)[1].stdout) for _ in range(repeats)]
-    out["stages"] = {name: min(stage[name] for stage in stages) for name in stages[0]}
-    return out
-
-
-def show_process(out: dict[str, Any]) -> None:
-    """Print what `whole_process` found."""
-    print("\nWhole process, warm cache, seconds (min, median, max)")
-    for name, took in out["seconds"].items():
-        print(f"  {name:<48} {took['min']:.3f} {took['median']:.3f} {took['max']:.3f}")
-    print("  stages of a run: " + ", ".join(f"{name} {took:.3f}" for name, took in out["stages"].items()))
-    for name, packages in out["imports"].items():
-        top = itertools.islice(packages.items(), 10)
-        print(f"  imports of {name}: " + ", ".join(f"{package} {took:.3f}" for package, took in top))
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="shorter runs, fewer rounds, no whole process")
+    parser.add_argument("--quick", action="store_true", help="shorter runs, fewer rounds")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write all that was measured")
     parser.add_argument("--elements", type=int, nargs="+", choices=list(SIZES), default=list(SIZES))
     parser.add_argument("--rounds", type=int, help="rounds a row; 7, or 3 with --quick")
@@ -469,12 +388,8 @@ def main() -> None:
     above = sum(row["ratio"]["of_best"] > row["target"] for row in judged)
     differ = max(row["forces_differ"] for row in rows)
     print(f"{above} of {len(judged)} pairs above target; all forces agree to {differ:.0e} of their peak")
-    process = {} if args.quick else whole_process(rounds)
-    if process:
-        show_process(process)
     if args.json:
-        text = json.dumps({"rows": rows, "process": process}, indent=1)
-        args.json.write_text(text + "\n", encoding="utf-8")
+        args.json.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

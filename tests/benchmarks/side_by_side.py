@@ -1,14 +1,21 @@
-"""percuss and other programs on one impact: true error, energy kept and time, in one table.
+"""Two blocks in the plane and a ball on a wall: percuss and other programs, in one table.
 
-    python tests/benchmarks/side_by_side.py [--programs NAME ...] [--python NAME=PATH ...] [--refine N] [--repeats N]
+    python tests/benchmarks/side_by_side.py [--programs NAME ...] [--python NAME=PATH ...] [--cases CASE ...]
+        [--keep FOLDER] [--repeats N] [--write]
 
-The impact is that of cases/hunek.yaml: a bar hits one that is fixed at its far end. All have the same elements, lumped
-masses and time step, and the spring of the `penalty` of percuss where they have a spring. The errors are those of
-percuss, against the exact solution: of the contact force in L1, each force against the mean exact force of the step on
-which it acts, and of the final displacement in L2. The energy is that of the bars at the end over that at the start;
-leap-frog schemes have the one that they conserve, with the velocity between the last two displacements. The time of a
-step is the CPU time of all steps over their number, least of the repeats, with one thread. Where a program is driven
-from Python in each step, that is part of its time, and the table says so.
+All programs have the nodes, cells, densities and time step of percuss; where a method takes longer steps, its row says
+so. For other programs, the wall under the ball is a block whose nodes are all held. A program gives the momentum of the
+struck body after each step, the second of the blocks or the ball, along the direction of impact, and the final
+displacement and velocity of all nodes. From these percuss computes alike for all:
+
+- the force, as change of momentum over a step, its peak, and its mean, as impulse over contact time;
+- the contact time, as the time of the steps whose force is above a thousandth of the known peak;
+- the restitution, from the impulse and the masses;
+- the energy at the end over that at the start, with the lumped masses and the stiffness of percuss;
+- the true error of the force in L1, each force against the mean exact force of its step, where that is known.
+
+The time of an element-step is the CPU time of all steps over their number and the number of elements, with one thread;
+that of CalculiX is the time of its whole run.
 """
 
 from __future__ import annotations
@@ -16,11 +23,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
+import shutil
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,137 +40,207 @@ from percuss.blas import ONE_THREAD, one_blas_thread
 from percuss.certificate import verdict
 from percuss.march.march import March
 from percuss.results.exact import exact_solution
-from percuss.results.true_error import contact_errors, displacement_error
+from percuss.results.true_error import contact_errors
 
 HERE = Path(__file__).resolve().parent
-HUNEK = HERE.parents[1] / "cases" / "hunek.yaml"
-SYSTEM_PYTHON = "/usr/bin/python3"  # of packages of Debian
+CASES = {
+    "blocks": HERE / "programs" / "blocks.yaml",
+    "ball": HERE.parents[1] / "cases" / "ball-on-wall-3d.yaml",
+}
+TITLES = {"blocks": "Two blocks in the plane", "ball": "A quarter of a ball on a wall"}
+AXIS = {"blocks": 0, "ball": 2}  # direction of the impact
+FIRST, LAST = "<!-- solids side by side -->\n", "<!-- end of solids side by side -->"
+HEAD = (
+    "program", "method", "mean force", "peak", "contact time", "restitution", "energy kept", "force L1",
+    "ns per element-step",
+)  # fmt: skip
+LOW = 0.06  # height up to which the surface of the ball can meet the wall
+WALL = (-0.25, 0.75)  # sides of the wall, along x and y, around the place of contact of the ball
+WALL_CELLS = ([0, 1, 3, 7], [0, 5, 1, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 6, 4, 7])  # of a cube
+LONGEST = 600  # seconds of a run of another program
+
+
+class Known(NamedTuple):
+    """Peak of the force and duration of the contact, exact or converged, as the case says."""
+
+    peak: float
+    duration: float
+
+
+KNOWN = {"blocks": Known(0.025, 2.0), "ball": Known(0.00343795, 11.5356)}
+SMALL = 1e-3  # of the known peak: less is no contact
+CENTRAL = {"integrator": "central-difference", "contact": "penalty"}
+OWN: dict[str, dict[str, dict[str, Any]]] = {
+    "blocks": {"Wu's predictor-corrector, Lagrange, mortar (defaults)": {},
+               "central difference, penalty, mortar": CENTRAL},
+    "ball": {"Wu's predictor-corrector, Lagrange at nodes (of the case)": {},
+             "central difference, penalty, Gauss points": {**CENTRAL, "pairing": "gauss-points"}},
+}  # fmt: skip
 
 
 class Program(NamedTuple):
-    """Another program: how it solves the impact, its script, how it is installed, and its usual Python."""
+    """Another program: its script, how it is installed, and each of its methods in words, by case and name."""
 
-    method: str
     script: str
     install: str
-    python: str = sys.executable
+    methods: dict[str, dict[str, str]]
 
 
 PROGRAMS = {
-    "opensees": Program(
-        "ExplicitDifference, spring without tension; all steps in one call, forces to a file",
-        "with_opensees.py",
-        "pip install 'percuss[side-by-side]'",
+    "calculix": Program(
+        "solids_with_calculix.py",
+        "apt-get install calculix-ccx",
+        {
+            "blocks": {
+                "implicit-penalty": "implicit (HHT, alpha 0), penalty from face to face",
+                "explicit-penalty": "explicit, penalty from node to face",
+                "explicit-massless": "explicit, massless contact",
+            },
+            "ball": {"implicit-penalty": "implicit (HHT, alpha 0, 16 steps in one), penalty from face to face"},
+        },
+    ),
+    "fedoo": Program(
+        "solids_with_fedoo.py",
+        "pip install fedoo",
+        {
+            "blocks": {"explicit-penalty": "explicit (central difference), penalty from node to segment"},
+            "ball": {"explicit-penalty": "explicit (central difference), penalty from node to facet"},
+        },
     ),
     "akantu": Program(
-        "explicit_lumped_mass, spring; a call for each step, the spring in Python",
-        "with_akantu.py",
+        "solids_with_akantu.py",
         "pip install 'percuss[side-by-side]'",
+        {
+            "blocks": {"explicit-penalty": "explicit (central difference), penalty from node to segment, both ways"},
+            "ball": {"explicit-penalty": "explicit (central difference), penalty from node to facet"},
+        },
     ),
-    "siconos": Program(
-        "Moreau-Jean (theta 1/2, implicit, full matrices), impact law e = 0; a call for each step",
-        "with_siconos.py",
-        "apt-get install python3-siconos",
-        SYSTEM_PYTHON,
+    "kratos": Program(
+        "solids_with_kratos.py",
+        "pip install KratosContactStructuralMechanicsApplication KratosLinearSolversApplication",
+        {
+            "blocks": {
+                "implicit-alm": "implicit (Bossak), augmented Lagrangian, mortar",
+                "implicit-penalty": "implicit (Bossak), penalty, mortar",
+                "explicit-penalty": "explicit (central difference), penalty, mortar",
+            },
+            "ball": {
+                "implicit-alm": "implicit (Bossak, 32 steps in one), augmented Lagrangian, mortar",
+                "explicit-penalty": "explicit (central difference), penalty, mortar",
+            },
+        },
     ),
-}
-PENALTY = {"name": "penalty"}
-OWN = {
-    "central difference, penalty": {"integrator": "central-difference", "contact": PENALTY},
-    "central difference, Lagrange multipliers": {"integrator": "central-difference", "contact": "lagrange"},
-    "Wu's predictor-corrector, penalty": {"integrator": "wu-predictor-corrector", "contact": PENALTY},
 }
 
 
 class Row(NamedTuple):
-    """One line of the table: errors and energy as fractions, CPU time of a step [s]."""
+    """One line of the table; `told` stands for the numbers where there are none."""
 
+    case: str
     program: str
     method: str
-    force_error: float
-    displacement_error: float
-    energy: float
-    seconds: float
+    mean: float = np.nan
+    peak: float = np.nan
+    contact_time: float = np.nan
+    restitution: float = np.nan
+    energy: float = np.nan
+    force_error: float | None = None
+    element_step: float = np.nan
+    told: str = ""
 
 
-def impact(refine: int, method: dict[str, Any]) -> percuss.Case:
-    """Return the case of the impact with a method."""
-    return percuss.load(
-        HUNEK, {"method.integrator": method["integrator"], "method.contact": method["contact"], "refine": refine}
-    )
+def model_of(case: str, method: dict[str, Any]) -> Any:
+    """Return the model of a case of percuss with a method."""
+    changed = {f"method.{key}": value for key, value in method.items()}
+    return verdict.settled(percuss.load(CASES[case], changed)).model
 
 
-def problem_of(model: Any) -> dict[str, Any]:
+def problem_of(case: str, model: Any) -> dict[str, Any]:
     """Return the impact in the words of the scripts (`programs`)."""
-    bars = [
-        {
-            "at": float(body.mesh.nodes[0, 0]), "length": float(body.mesh.lengths.sum()),
-            "elements": int(body.mesh.lengths.size), "young": body.spec.material.modulus,
-            "density": body.spec.material.rho, "area": body.spec.area, "velocity": float(body.velocity[0]),
-        }
-        for body in model.bodies.values()
-    ]  # fmt: skip
-    law = model.laws[0].linear
-    return {"bars": bars, "dt": model.dt, "steps": model.steps, "penalty": float(1.0 / law.sigma[0])}
+    bodies = []
+    fixed = []
+    for body in model.bodies.values():
+        ((_, cells),) = body.mesh.cells.items()
+        material = body.spec.material
+        bodies.append(
+            {
+                "name": body.name, "young": material.modulus, "poisson": material.poisson, "density": material.rho,
+                "first_node": body.start, "nodes": body.mesh.nodes.tolist(),
+                "cells": (cells + body.start).tolist(), "velocity": body.velocity.tolist(),
+            }
+        )  # fmt: skip
+        for region, axis in body.spec.supports:
+            nodes = [body.start + node for node in body.mesh.regions[region].nodes]
+            fixed += [[node, k] for node in nodes for k in (range(model.bodies.dim) if axis is None else [axis])]
+    sides = {"blocks": ("left.right", "right.left"), "ball": ("ball.skin",)}[case]
+    surfaces = []
+    for side in sides:
+        name, _, region = side.partition(".")
+        body = model.bodies[name]
+        (facets,) = body.mesh.regions[region].facets.values()
+        if case == "ball":  # the rest of its surface stays away from the wall
+            facets = facets[(body.mesh.nodes[facets, AXIS[case]] < LOW).all(axis=1)]
+        surfaces.append((facets + body.start).tolist())
+    nodes = int(model.bodies.mass.size)
+    struck = [bodies[-1]["first_node"], nodes]
+    if case == "ball":  # other programs meet the wall as a block of tetrahedra, all of whose nodes are held
+        bodies.append({**bodies[0], "name": "wall", "first_node": nodes, "velocity": [0.0] * 3,
+                       "nodes": [[WALL[k & 1], WALL[k >> 1 & 1], float(k >> 2) - 1.0] for k in range(8)],
+                       "cells": [[nodes + k for k in cell] for cell in WALL_CELLS]})  # fmt: skip
+        fixed += [[nodes + node, axis] for node in range(8) for axis in range(3)]
+        surfaces.append([[nodes + 4, nodes + 5, nodes + 7], [nodes + 4, nodes + 7, nodes + 6]])
+    return {
+        "case": case, "axis": AXIS[case], "bodies": bodies, "fixed": sorted(fixed), "surfaces": surfaces,
+        "struck": struck, "mass": model.bodies.mass.tolist(), "dt": model.dt, "steps": model.steps,
+    }  # fmt: skip
 
 
-def with_percuss(method: str, refine: int, repeats: int) -> Row:
+def judged(case: str, model: Any, moment: Any, force: Any) -> dict[str, Any]:
+    """Return what a force history shows; `moment` has the middles of the steps over which the forces act."""
+    first = next(iter(model.bodies.values()))
+    approach = abs(float(first.velocity[AXIS[case]]))
+    inverse = sum(1.0 / float(body.mass.sum()) for body in model.bodies.values())
+    known = KNOWN[case]
+    middle = np.abs(moment / known.duration - 0.5) < 0.4
+    shown = {
+        "mean": float(force[middle].mean()),
+        "peak": float(force.max()),
+        "contact_time": float((force > SMALL * known.peak).sum()) * model.dt,
+        "restitution": float(force.sum()) * model.dt * inverse / approach - 1.0,
+    }
+    solution, _, _ = exact_solution(model, (model.steps + 1) * model.dt)
+    if solution is not None:
+        (contact,) = solution.contacts.values()
+        exact = contact.mean_force(moment - 0.5 * model.dt, moment + 0.5 * model.dt)
+        errors = contact_errors(contact, moment, force, exact, model.dt, solution.reached, every=1)
+        shown["force_error"] = errors["force_error_l1"] or np.nan
+    return shown
+
+
+def with_percuss(case: str, name: str, repeats: int) -> Row:
     """Return the row of a method of percuss."""
-    result = percuss.run(impact(refine, OWN[method]))
-    model = verdict.settled(impact(refine, OWN[method])).model
+    method = OWN[case][name]
+    changed = {f"method.{key}": value for key, value in method.items()}
+    result = percuss.run(percuss.load(CASES[case], {**changed, "record.every": 1}))
+    model = model_of(case, method)
     march = March(model)
     march.compile()
     seconds = np.inf
-    for _ in range(max(repeats, 5)):
+    for _ in range(repeats):
         march = march.again()
         started = time.process_time()
         march.run(None)
         seconds = min(seconds, time.process_time() - started)
-    (contact,) = result.summary["exact"]["contacts"].values()
+    histories = result.histories
+    (force,) = histories["contact_force"].values.reshape(len(histories["time"]), -1).T
     energy = result.summary["energy"]
     return Row(
+        case,
         f"percuss {percuss.__version__}",
-        method,
-        contact["force_error_l1"],
-        result.summary["exact"]["displacement_error"],
-        energy["final"] / energy["initial"],
-        seconds / model.steps,
-    )
-
-
-def elastic_and_kinetic(model: Any, displacement: Any, other: Any, velocity: Any) -> float:
-    """Return the kinetic energy of a velocity plus the elastic energy as a product of two displacements, or of one."""
-    energy = 0.5 * float(model.bodies.mass @ velocity**2)
-    for body in model.bodies.values():
-        here = slice(body.start, body.stop)
-        energy += 0.5 * float(body.stiffness @ (np.diff(displacement[here]) * np.diff(other[here])))
-    return energy
-
-
-def judged(name: str, version: str, model: Any, solution: Any, found: dict[str, Any], seconds: float) -> Row:
-    """Return the row of another program, with the errors that percuss takes of its own runs."""
-    dt = model.dt
-    middle, force = np.array(found["time"]), np.array(found["force"])
-    (contact,) = solution.contacts.values()
-    exact = contact.mean_force(middle - 0.5 * dt, middle + 0.5 * dt)
-    errors = contact_errors(contact, middle, force, exact, dt, solution.reached, every=1)
-    u = np.array(found["displacement"])
-    if "before" in found:
-        before = np.array(found["before"])
-        energy = elastic_and_kinetic(model, u, before, (u - before) / dt)
-    else:
-        energy = elastic_and_kinetic(model, u, u, np.array(found["velocity"]))
-    start = 0.5 * sum(float(body.mass.sum()) * float(body.velocity @ body.velocity) for body in model.bodies.values())
-    away = displacement_error(model, solution, u[:, None], model.steps * dt)
-    if errors["force_error_l1"] is None or away is None:
-        raise SystemExit("the impact has no contact force or no displacement at its end")
-    return Row(
-        f"{name} {version}",
-        PROGRAMS[name].method,
-        errors["force_error_l1"],
-        away,
-        energy / start,
-        seconds / model.steps,
+        name,
+        **judged(case, model, histories["time"].values, force),
+        energy=energy["final"] / energy["initial"],
+        element_step=seconds / model.steps / sum(body.count for body in model.bodies.values()),
     )
 
 
@@ -188,70 +267,122 @@ def pythons_of(parser: argparse.ArgumentParser, pairs: Iterable[str], names: Col
     return found
 
 
-def versions(names: list[str], pythons: dict[str, str]) -> dict[str, str]:
-    """Return the versions of the programs; end with exit code 2 and what to install where one is missing."""
-    found, missing = {}, []
-    for name in names:
-        done = called(pythons[name], PROGRAMS[name].script, "--version")
-        if done.returncode == 0:
-            found[name] = done.stdout.split()[-1]
-        else:
-            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-            missing.append(f"  {name}: {PROGRAMS[name].install}\n    {pythons[name]} says: {last}")
-    if missing:
-        there = " ".join(found) or "none of them"
-        print(
-            "These programs are missing; nothing was run. Install them, name their Python with --python NAME=PATH, or "
-            f"choose with --programs those that are there ({there}):\n" + "\n".join(missing),
-            file=sys.stderr,
+def last_line(done: subprocess.CompletedProcess[str]) -> str:
+    """Return the last line that a failed process wrote."""
+    return ((done.stderr + done.stdout).strip().splitlines() or ["no message"])[-1].strip()
+
+
+def energy_of(model: Any, displacement: Any, velocity: Any) -> float:
+    """Return the kinetic and the elastic energy of a state."""
+    energy = 0.5 * float(model.bodies.mass @ (velocity**2).sum(axis=1))
+    for body in model.bodies.values():
+        own = displacement[body.start : body.stop].ravel()
+        energy += 0.5 * float(own @ (body.stiffness_matrix() @ own))
+    return energy
+
+
+def others(case: str, name: str, python: str, keep: Path) -> Iterator[Row]:
+    """Yield a row for each method of another program, whose input stays in a folder of its own below `keep`."""
+    program = PROGRAMS[name]
+    done = called(python, program.script, "--version")
+    version = done.stdout.split()[-1] if done.returncode == 0 else ""
+    model = model_of(case, {})
+    for method, words in program.methods[case].items():
+        folder = keep / f"{case}-{name}-{method}"
+        folder.mkdir(parents=True, exist_ok=True)
+        problem = folder / "problem.json"
+        problem.write_text(json.dumps(problem_of(case, model)), encoding="utf-8")
+        shutil.copy(HERE / "programs" / program.script, folder)
+        if not version:
+            yield Row(case, name, words, told=f"not installed: {program.install}")
+            continue
+        (folder / "result.json").unlink(missing_ok=True)
+        done = called(python, program.script, str(problem), str(folder), method, longest=LONGEST)
+        if done.returncode:
+            yield Row(case, f"{name} {version}", words, told=f"failed: {last_line(done)}")
+            continue
+        found = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+        momentum = np.array(found["momentum"])
+        own = slice(model.bodies.mass.size)  # without the wall
+        displacement, velocity = np.array(found["displacement"])[own], np.array(found["velocity"])[own]
+        if not (np.isfinite(momentum).all() and np.isfinite(displacement).all() and np.isfinite(velocity).all()):
+            yield Row(case, f"{name} {version}", words, told="the motion is not finite")
+            continue
+        force = np.diff(momentum) / model.dt
+        moment = (np.arange(force.size) + 0.5) * model.dt
+        start = energy_of(model, 0.0 * displacement, np.concatenate([b.nodal_velocity for b in model.bodies.values()]))
+        yield Row(
+            case,
+            f"{name} {version}",
+            words,
+            **judged(case, model, moment, force),
+            energy=energy_of(model, displacement, velocity) / start,
+            element_step=found["seconds"]
+            / found.get("steps", model.steps)
+            / sum(body.count for body in model.bodies.values()),
         )
-        raise SystemExit(2)
-    return found
 
 
-def others(names: list[str], pythons: dict[str, str], refine: int, repeats: int) -> list[Row]:
-    """Return a row for each program, each of whose runs is a process of its own."""
-    version = versions(names, pythons)
-    model = verdict.settled(impact(refine, OWN["central difference, penalty"])).model
-    solution, _, reason = exact_solution(model, (model.steps + 1) * model.dt)
-    if solution is None:
-        raise SystemExit(f"no exact solution: {reason}")
+def table(rows: list[Row]) -> str:
+    """Return the rows as tables of Markdown, one for each case."""
+    parts = []
+    for case, (peak, duration) in KNOWN.items():
+        known = f"{'exact' if case == 'blocks' else 'converged'}: peak {peak:.6g}, contact time {duration:.6g}"
+        lines = [
+            f"{TITLES[case]} ({known})", "",
+            "| " + " | ".join(HEAD) + " |", "| " + " | ".join(["---"] * len(HEAD)) + " |",
+        ]  # fmt: skip
+        for row in rows:
+            if row.case != case:
+                continue
+            if row.told:
+                numbers = [row.told.replace("|", "/"), *[""] * 6]
+            else:
+                error = "" if row.force_error is None else f"{row.force_error:.1%}"
+                numbers = [
+                    f"{row.mean:.4g}", f"{row.peak:.4g}", f"{row.contact_time:.4g}", f"{row.restitution:.4f}",
+                    f"{row.energy:.2%}", error, f"{1e9 * row.element_step:.0f}",
+                ]  # fmt: skip
+            lines.append("| " + " | ".join([row.program, row.method, *numbers]) + " |")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts) + "\n"
+
+
+def rows_of(cases: list[str], names: list[str], pythons: dict[str, str], keep: Path, repeats: int) -> list[Row]:
+    """Return all rows: those of percuss and of the named programs."""
     rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        problem, result = Path(folder) / "problem.json", Path(folder) / "result.json"
-        problem.write_text(json.dumps(problem_of(model)), encoding="utf-8")
+    for case in cases:
+        rows += [with_percuss(case, name, repeats) for name in OWN[case]]
         for name in names:
-            seconds, found = np.inf, {}
-            for _ in range(repeats):
-                done = called(pythons[name], PROGRAMS[name].script, str(problem), str(result))
-                if done.returncode:
-                    raise SystemExit(f"{name} failed:\n{done.stderr[-2000:]}")
-                found = json.loads(result.read_text(encoding="utf-8"))
-                seconds = min(seconds, found["seconds"])
-            rows.append(judged(name, version[name], model, solution, found, seconds))
+            rows += others(case, name, pythons.get(name, sys.executable), keep)
     return rows
+
+
+def machine() -> str:
+    """Return when and where the table was made."""
+    where = f"{platform.machine()} with {os.cpu_count()} cores, Python {platform.python_version()}"
+    return f"Made on {date.today().isoformat()} on {where}."
 
 
 @one_blas_thread()
 def main() -> None:
-    """Print the table."""
+    """Print the table; keep the input of each program in a folder."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--programs", nargs="+", choices=PROGRAMS, default=list(PROGRAMS))
+    parser.add_argument("--programs", nargs="*", choices=PROGRAMS, default=list(PROGRAMS))
     parser.add_argument("--python", nargs="+", default=[], metavar="NAME=PATH", help="the Python of a program")
-    parser.add_argument("--refine", type=int, default=1, help="elements for each one of the case")
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
+    parser.add_argument("--keep", type=Path, default=Path("side-by-side"), help="folder of the inputs and results")
+    parser.add_argument("--repeats", type=int, default=5, help="runs of percuss, of which the fastest counts")
+    parser.add_argument("--write", action="store_true", help="write the table into tests/README.md")
     given = parser.parse_args()
-    pythons = {name: program.python for name, program in PROGRAMS.items()} | pythons_of(parser, given.python, PROGRAMS)
-    if given.refine < 1 or given.repeats < 1:
-        parser.error("expected --refine and --repeats of at least 1")
-    rows = others(given.programs, pythons, given.refine, given.repeats)
-    rows = [*(with_percuss(method, given.refine, given.repeats) for method in OWN), *rows]
-    print(f"{'program':20}{'force L1':>10}{'displ. L2':>11}{'energy':>10}{'step':>11}   method")
-    for row in rows:
-        print(
-            f"{row.program:20}{row.force_error:10.3%}{row.displacement_error:11.3%}{row.energy:10.4%}"
-            f"{1e6 * row.seconds:8.1f} us   {row.method}"
-        )
+    pythons = pythons_of(parser, given.python, PROGRAMS)
+    text = table(rows_of(given.cases, given.programs, pythons, given.keep.resolve(), given.repeats))
+    text += f"\n{machine()}\n"
+    print(text, end="")
+    if given.write:
+        page = HERE.parent / "README.md"
+        before, _, rest = page.read_text(encoding="utf-8").partition(FIRST)
+        page.write_text(before + FIRST + "\n" + text + LAST + rest.partition(LAST)[2], encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
     python tests/benchmarks/study.py [--runs N] [--workers N]
 
-Prints runs a second of both, their ratio, what a run costs beyond the run itself, and peak memory of all processes.
-The ratio is to be at least 1.6 on two cores that are free.
+Prints runs a second of both, their ratio, and what a run costs beyond the run itself. The ratio is to be at least 1.6
+on two cores that are free.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import argparse
 import contextlib
 import os
 import tempfile
-import threading
 import time
 from pathlib import Path
 
@@ -38,52 +37,17 @@ def plain(runs: int) -> tuple[float, float]:
     return runs / (time.perf_counter() - started), (time.process_time() - busy) / runs
 
 
-TICK = os.sysconf("SC_CLK_TCK")
-
-
-def used(pid: int) -> tuple[int, float]:
-    """Return memory (shared pages counted once, bytes) and core-seconds of a process and all below it."""
-    total, seconds = 0, 0.0
-    children = Path(f"/proc/{pid}/task/{pid}/children")
-    try:
-        for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
-            if line.startswith("Pss:"):
-                total = int(line.split()[1]) * 1024
-        stat = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        seconds = (int(stat[11]) + int(stat[12])) / TICK
-        below = [used(int(one)) for one in children.read_text().split()]
-    except (OSError, ProcessLookupError):
-        return 0, 0.0
-    return total + sum(one[0] for one in below), seconds + sum(one[1] for one in below)
-
-
-def study(runs: int, workers: int) -> tuple[float, float, int]:
-    """Return runs a second of a study, start and end included, core-seconds a run, and peak memory."""
-    given = {
-        "percuss-study": 1,
-        "cases": [str(HUNEK)],
-        "set": SMALL,
-        "vary": {"method.contact.beta_s": f"{FIRST}:{LAST}:log:{runs}"},
-    }
-    peak, busy, over = [0], [0.0], threading.Event()
-    before = used(os.getpid())[1]
-
-    def watch() -> None:
-        while not over.wait(0.3):
-            memory, seconds = used(os.getpid())
-            peak[0], busy[0] = max(peak[0], memory), max(busy[0], seconds - before)
-
+def study(runs: int, workers: int) -> tuple[float, float]:
+    """Return runs a second of a study, start and end included, and core-seconds a run."""
+    values = f"{FIRST}:{LAST}:log:{runs}"
+    given = {"percuss-study": 1, "cases": [str(HUNEK)], "set": SMALL, "vary": {"method.contact.beta_s": values}}
     with tempfile.TemporaryDirectory() as folder:
-        watcher = threading.Thread(target=watch, daemon=True)
-        watcher.start()
-        started = time.perf_counter()
+        before, started = os.times(), time.perf_counter()
         made = percuss.study(given, Path(folder) / "study.sqlite", workers=workers)
-        speed = runs / (time.perf_counter() - started)
-        over.set()
-        watcher.join()
+        after, speed = os.times(), runs / (time.perf_counter() - started)
         assert made.complete
         assert len(made.table) == runs
-    return speed, busy[0] / runs, peak[0]
+    return speed, (sum(after[:4]) - sum(before[:4])) / runs
 
 
 def main() -> None:
@@ -94,7 +58,7 @@ def main() -> None:
     given = parser.parse_args()
     loop_runs = max(200, given.runs // 10)
     before = plain(loop_runs)
-    speed, busy, peak = study(given.runs, given.workers)
+    speed, busy = study(given.runs, given.workers)
     after = plain(loop_runs)  # the machine may be busier than it was
     loop, alone = (0.5 * (one + two) for one, two in zip(before, after, strict=True))
     spread = f"before {before[0]:.1f}, after {after[0]:.1f}"
@@ -102,7 +66,6 @@ def main() -> None:
     print(f"study        {speed:8.1f} runs/s, {1e3 * busy:.2f} core-ms a run, {given.workers} workers, with start-up")
     by_core = given.workers * alone / busy
     print(f"ratio        {speed / loop:8.2f} by the clock, {by_core:.2f} by core time: what cores that are free give")
-    print(f"peak memory  {peak / 2**20:8.0f} MiB, all processes")
 
 
 if __name__ == "__main__":
