@@ -1,12 +1,13 @@
 """A damaged result is one clear message, never other numbers without a word."""
 
+import json
+
 import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
 
 import percuss
-from bad_input import contents
 from percuss.results.netcdf import FORMAT
 from strategies import hunek
 
@@ -17,6 +18,12 @@ def whole(tmp_path_factory):
     case = {**hunek(4, end=0.3), "record": {"fields": 3}}
     percuss.run(percuss.load(case), compiled=False).save(folder / "whole.nc")
     return folder / "whole.nc"
+
+
+def contents(result):
+    told = [json.dumps(part) for part in (result.summary, result.provenance, result.coordinates)]
+    arrays = {**result.arrays, **{"field " + name: values for name, values in result.field_arrays.items()}}
+    return told + [(name, np.asarray(values).astype(str).tolist()) for name, values in sorted(arrays.items())]
 
 
 def refusal(file):
