@@ -10,7 +10,6 @@ import percuss
 from percuss.case import source
 from percuss.case.case import load
 from percuss.case.source import Source
-from percuss.cli.main import expect_no_space_in_lists
 from percuss.errors import InputError
 from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
@@ -127,18 +126,6 @@ def test_bars_that_overlap_may_have_swapped_ends(folder, ends, advice):
     with pytest.raises(InputError) as caught:
         model_of(load("case.yaml", {"contacts.tip.between": ends}))
     assert advice in str(caught.value)
-
-
-def test_a_space_in_a_list_is_told(capsys):
-    expect_no_space_in_lists(["compare", "case.yaml", "--contact", "penalty,", "--json"])
-    with pytest.raises(SystemExit) as ended:
-        expect_no_space_in_lists(["compare", "case.yaml", "--contact", "penalty,", "lagrange"])
-    assert ended.value.code == 2
-    expected = "percuss: expected a list without spaces, found 'penalty, lagrange'\n  Write penalty,lagrange\n"
-    assert capsys.readouterr().err == expected
-    with pytest.raises(SystemExit):
-        expect_no_space_in_lists(["run", "case.yaml", "--set", "refine=2,", "time.courant=1"])
-    assert "\n  Write --set refine=2 --set time.courant=1\n" in capsys.readouterr().err
 
 
 def test_a_plugin_given_as_a_case_or_a_method(folder):

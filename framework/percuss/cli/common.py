@@ -7,7 +7,6 @@ import json
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,9 +18,11 @@ from percuss.errors import InputError, PercussError, Problem, UnwrittenError, pr
 from percuss.files import expect_writable
 from percuss.listeners import heard_by
 from percuss.methods.blame import described, plugin_faults
+from percuss.reporting.tables import duration, show
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.progress import Progress
 
     from percuss.case.case import Case
     from percuss.jsonable import Entries
@@ -49,59 +50,36 @@ AsJson = Annotated[bool, option("--json", "Print one JSON object; the rest goes 
 
 
 FIRST_LINE, LINES_EVERY = 10.0, 30.0  # seconds until the first line of progress, and between two lines
-MINUTE = 60.0  # seconds over which the pace of the work is taken
+PACE = 600.0  # seconds over which the pace of the work is taken
 
 COMPILING = "compiling the time loop, once for this kind of model"
 
-# The progress bar that is shown, if any: a terminal has no room for a spinner beside it.
-_ON_TERMINAL: list[Any] = []
-
 
 @contextmanager
-def _compiling_shown() -> Iterator[None]:
-    """Show on standard error that numba compiles."""
+def _compiling_told() -> Iterator[None]:
+    """Tell on standard error that numba compiles, if it still does after some time."""
     from percuss.jit import NOTICES
 
-    shown = _Compilations()
-    NOTICES.append(shown.notice)
+    busy = threading.Event()
+
+    def say() -> None:
+        if busy.is_set():
+            tell(COMPILING)
+
+    timer = threading.Timer(1.0 if sys.stderr.isatty() else FIRST_LINE, say)
+    timer.daemon = True
+
+    def notice(begun: bool) -> None:
+        (busy.set if begun else busy.clear)()
+        if begun and timer.ident is None:
+            timer.start()
+
+    NOTICES.append(notice)
     try:
         yield
     finally:
-        NOTICES.remove(shown.notice)
-        shown.notice(False)
-
-
-class _Compilations:
-    """The compilations of a command: a spinner on a terminal that shows no progress bar, else one line if they last."""
-
-    def __init__(self) -> None:
-        self._since: float | None = None
-        self._said = False
-        self._end: Callable[[], object] | None = None  # ends what is shown, or waits to be
-
-    def notice(self, begun: bool) -> None:
-        """Show that a compilation has begun, or that it has ended."""
-        if self._end is not None:
-            self._end()
-            self._end = None
-        if begun and sys.stderr.isatty() and not _ON_TERMINAL:
-            from rich.console import Console
-
-            spinner = Console(stderr=True).status(COMPILING)
-            spinner.start()
-            self._end = spinner.stop
-        elif begun and not sys.stderr.isatty() and not self._said:
-            now = time.monotonic()
-            self._since = now if self._since is None else self._since
-            # The line comes some seconds after the first compilation began, if one is under way then.
-            timer = threading.Timer(max(0.0, self._since + FIRST_LINE - now), self._say)
-            timer.daemon = True
-            timer.start()
-            self._end = timer.cancel
-
-    def _say(self) -> None:
-        self._said = True
-        print(COMPILING, file=sys.stderr, flush=True)
+        NOTICES.remove(notice)
+        timer.cancel()
 
 
 class Answer:
@@ -143,8 +121,6 @@ class Answer:
         if self.as_json:
             print_json(data, self._results)
         else:
-            from percuss.reporting.tables import show
-
             show(pieces)
 
     def conclude(self, lines: Iterable[str]) -> None:
@@ -162,7 +138,7 @@ class Answer:
 
 @contextmanager
 def reporting(as_json: bool) -> Iterator[Answer]:
-    """Turn errors into a message and an exit code, and show a spinner while the time loop is compiled.
+    """Turn errors into a message and an exit code, and tell while the time loop is compiled.
 
     Only errors that percuss raises on purpose, errors in plug-ins and lack of memory are treated so. Numbers that
     overflow are told by the result or by an error, not by warnings of numpy besides.
@@ -175,7 +151,7 @@ def reporting(as_json: bool) -> Iterator[Answer]:
             plugin_faults(),
             np.errstate(all="ignore"),
             contextlib.redirect_stdout(sys.stderr) if as_json else contextlib.nullcontext(),
-            _compiling_shown(),
+            _compiling_told(),
         ):
             yield answer
             answer.finish()
@@ -198,51 +174,35 @@ def progress_bar(unit: str = "steps") -> Iterator[Callable[[int, int], None]]:
     """Yield a callback that shows the progress of work that lasts: as a bar on a terminal, else as lines now and then.
 
     Both go to standard error. A line comes after 10 s, then every half minute, and of work that lasts for hours more
-    rarely. The time to go is that at the pace of the last minute.
+    rarely. The time to go is that at the pace from the first piece of work on, before which functions are compiled.
     """
-    started = time.monotonic()
-    shown: list[Any] = []
-    past: deque[tuple[float, int]] = deque()  # seconds and work done, the first of them a minute ago
-    next_line = FIRST_LINE
+    started, next_line = time.monotonic(), FIRST_LINE
+    bar: Progress | None = None
 
     def show(done: int, total: int) -> None:
-        nonlocal started, next_line
+        nonlocal started, next_line, bar
         if done == 0:
             started = time.monotonic()
-            past.clear()
         elapsed = time.monotonic() - started
-        past.append((elapsed, done))
-        while len(past) > 1 and past[1][0] <= elapsed - MINUTE:
-            past.popleft()
-        left = _time_left(past, total)
-        if not sys.stderr.isatty():
-            if elapsed >= next_line and done < total:
-                print(_progress_line(done, total, unit, elapsed, left), file=sys.stderr, flush=True)
-                next_line = elapsed + max(LINES_EVERY, 0.1 * elapsed)
+        if bar is None and elapsed > 1.0 and done < total:
+            bar = _bar(unit, total)
+        if bar is None:
             return
-        if not shown and elapsed > 1.0 and done < total:
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn
-
-            columns = (
-                TextColumn(f"{{task.completed}}/{{task.total}} {unit}"),
-                BarColumn(),
-                TextColumn("{task.fields[left]}"),
-            )
-            bar = Progress(*columns, console=Console(stderr=True), transient=True)
-            bar.start()
-            shown.extend([bar, bar.add_task("march", total=total, left=left)])
-            _ON_TERMINAL.append(bar)
-        if shown:
-            shown[0].update(shown[1], completed=done, left=left)
+        task = bar.tasks[0]
+        bar.update(task.id, completed=done)
+        if bar.disable and elapsed >= next_line and done < total:
+            left = task.time_remaining
+            to_go = "" if left is None else f", about {duration(left)} to go"
+            tell(f"{done} of {total} {unit} after {duration(elapsed)}{to_go}")
+            next_line = elapsed + max(LINES_EVERY, 0.1 * elapsed)
         if done >= total:
             end()
 
     def end() -> None:
-        if shown:  # other work may show its own bar from now on
-            shown[0].stop()
-            _ON_TERMINAL.remove(shown[0])
-            shown.clear()
+        nonlocal bar
+        if bar is not None:  # other work may show its own bar from now on
+            bar.stop()
+            bar = None
 
     try:
         yield show
@@ -250,26 +210,32 @@ def progress_bar(unit: str = "steps") -> Iterator[Callable[[int, int], None]]:
         end()
 
 
+def _bar(unit: str, total: int) -> Progress:
+    """Return a bar on standard error that runs; one that shows nothing where this is no terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    bar = Progress(
+        MofNCompleteColumn(),
+        TextColumn(unit),
+        BarColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        speed_estimate_period=PACE,
+        transient=True,
+        disable=not sys.stderr.isatty(),
+        get_time=time.monotonic,
+    )
+    bar.start()
+    bar.add_task("", total=total)
+    return bar
+
+
 @contextmanager
 def exact_solution_shown() -> Iterator[None]:
     """Show the progress of an exact solution that lasts."""
     with progress_bar("percent of the exact solution") as show, heard_by(lambda share: show(int(100 * share), 100)):
         yield
-
-
-def _time_left(past: Sequence[tuple[float, int]], total: int) -> str:
-    """Return in words how long the rest of some work takes at its pace from the first to the last of `past`."""
-    from percuss.reporting.tables import duration
-
-    (since, before), (now, done) = past[0], past[-1]
-    return f"about {duration((now - since) * (total - done) / (done - before))} to go" if done > before else ""
-
-
-def _progress_line(done: int, total: int, unit: str, elapsed: float, left: str) -> str:
-    """Return the line that tells the progress where there is no terminal."""
-    from percuss.reporting.tables import duration
-
-    return f"{done} of {total} {unit} after {duration(elapsed)}{', ' if left else ''}{left}"
 
 
 def tell(text: str) -> None:
@@ -284,18 +250,18 @@ def print_json(data: Entries, file: TextIO | None = None) -> None:
     print(printable(json.dumps(infinity_as_text(data), indent=2, ensure_ascii=False, allow_nan=False)), file=file)
 
 
+def _assignments(items: Iterable[str], option: str, expected: str, advice: str) -> dict[str, str]:
+    """Return the values that an option assigns, each as ``KEY=VALUE``."""
+    parted = [(item, *item.partition("=")) for item in items]
+    wrong = [item for item, key, equals, _ in parted if not (key and equals)]
+    refuse_if_any([Problem(option, "", f"expected {expected}, found '{shortened(item)}'", advice) for item in wrong])
+    return {key: value for _, key, _, value in parted}
+
+
 def reference_of(text: str) -> dict[str, str]:
     """Return the values that ``--reference refine=4,contact=lagrange`` sets in a case, by path."""
-    changes = [(item, *item.partition("=")) for item in text.split(",") if text]
-    advice = "Write it as refine=4."
-    refuse_if_any(
-        [
-            Problem("--reference", "", f"expected KEY=VALUE, found '{shortened(item)}'", advice)
-            for item, key, equals, _ in changes
-            if not (key and equals)
-        ]
-    )
-    return {f"reference.{key}": value for _, key, _, value in changes}
+    given = _assignments(filter(None, text.split(",")), "--reference", "KEY=VALUE", "Write it as refine=4.")
+    return {f"reference.{key}": value for key, value in given.items()}
 
 
 def load_case(
@@ -309,16 +275,7 @@ def load_case(
     from percuss.case.case import load
     from percuss.case.overrides import as_given_by
 
-    changes = [(item, *item.partition("=")) for item in sets or []]
-    advice = "Write it as time.end=0.5."
-    refuse_if_any(
-        [
-            Problem(f"--set {shortened(item)}", "", "expected PATH=VALUE", advice)
-            for item, key, equals, _ in changes
-            if not (key and equals)
-        ]
-    )
-    given = {key: value for _, key, _, value in changes}
+    given = _assignments(sets or [], "--set", "PATH=VALUE", "Write it as time.end=0.5.")
     named = reference_of(reference)
     try:
         return (read or load)(path, given | named, plugins=files or [])

@@ -7,7 +7,6 @@ import gc
 import os
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -89,19 +88,6 @@ def options(
     """Take the options that belong to no command."""
 
 
-def expect_no_space_in_lists(arguments: list[str]) -> None:
-    """End the command if a space stands after a comma: the shell made two arguments of one list."""
-    for option, before, after in zip(arguments, arguments[1:], arguments[2:], strict=False):
-        of_option = option.startswith("-") or (before.startswith("--") and "=" in before)
-        if of_option and before.endswith(",") and not after.startswith("-") and not Path(after).is_file():
-            several = option == "--set" and "=" in after
-            expected = "one value for each --set" if several else "a list without spaces"
-            print(f"percuss: expected {expected}, found '{before} {after}'", file=sys.stderr)
-            advice = f"--set {before.removesuffix(',')} --set {after}" if several else f"{before}{after}"
-            print(f"  Write {advice}", file=sys.stderr)
-            sys.exit(2)
-
-
 def main() -> None:
     """Run the command line: exit code 0 for done, 1 for a run or expectation that failed, 2 for bad input.
 
@@ -113,7 +99,6 @@ def main() -> None:
     # Importing makes many objects that stay: to look for garbage among them every time takes a tenth of a short run.
     gc.set_threshold(GARBAGE_THRESHOLD)
     try:
-        expect_no_space_in_lists(sys.argv[1:])
         try:
             app(standalone_mode=True)
         finally:

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import textwrap
-from collections import Counter
-from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,17 +10,15 @@ import typer
 
 from percuss.cli import common
 from percuss.cli.common import option
-from percuss.errors import InputError, PercussError, PluginError, Problem
+from percuss.errors import InputError, PercussError, Problem
 from percuss.files import is_file
 
 if TYPE_CHECKING:
     from percuss.jsonable import Entries
-    from percuss.methods.registry import Key, Registry
     from percuss.results.rerun import Rerun
-    from percuss.testing.kit import Outcome
 
-BEGINNING_OF_STUDIES = (b"SQLite format 3",)
-BEGINNINGS_OF_RESULTS = (b"\x89HDF", b"CDF")  # NetCDF-4, and older NetCDF, which is refused as what it is
+STUDY = b"SQLite format 3"
+RESULTS = (b"\x89HDF", b"CDF")  # NetCDF-4, and older NetCDF, which is refused as what it is
 
 
 def verify(
@@ -59,10 +53,9 @@ def verify(
         if files:
             passed = _verify_files(answer, files, plugin or [], row)
         else:
-            methods = _run_kit(plugin or [], method or [], quiet=as_json, verbose=verbose)
-            passed = all(one["passed"] for one in methods)
-            lines = [f"cases of failed checks in {cases}: {_write_cases(cases, methods)}"] if cases else []
-            answer.show({"passed": passed, "methods": methods}, lines)
+            from percuss.cli.kit import verify_methods
+
+            passed = verify_methods(answer, plugin or [], method or [], cases, verbose=verbose)
         answer.exit_code = 0 if passed else 1
 
 
@@ -74,13 +67,12 @@ def _verify_files(answer: common.Answer, files: list[Path], plugins: list[Path],
 
     cases: list[Entries] = []
     reruns: list[Rerun] = []
-    if row and not all(_begins(path, BEGINNING_OF_STUDIES) for path in files):
-        raise InputError([Problem("percuss verify", "", "expected the file of a study with --row", "Name it.")])
     for path in files:
-        if _begins(path, BEGINNING_OF_STUDIES):
+        beginning = _beginning(path)
+        if row or beginning.startswith(STUDY):
             with common.progress_bar("rows") as progress:
                 reruns += rerun_rows(path, row, plugins, progress)
-        elif path.suffix == ".nc" or _begins(path, BEGINNINGS_OF_RESULTS):
+        elif path.suffix == ".nc" or beginning.startswith(RESULTS):
             reruns.append(rerun(path, plugins))
         else:
             cases.append(_verify_case(path, plugins))
@@ -91,15 +83,15 @@ def _verify_files(answer: common.Answer, files: list[Path], plugins: list[Path],
     return passed
 
 
-def _begins(path: Path, beginnings: tuple[bytes, ...]) -> bool:
-    """Return whether a file begins with one of some bytes."""
-    if not is_file(path):  # reading it as a case gives the message
-        return False
+def _beginning(path: Path) -> bytes:
+    """Return the first bytes of a file; none of what cannot be read, which is told by reading it as a case."""
     try:
-        with path.open("rb") as file:
-            return file.read(15).startswith(beginnings)
+        if is_file(path):
+            with path.open("rb") as file:
+                return file.read(len(STUDY))
     except OSError:
-        return False
+        pass
+    return b""
 
 
 def _verify_case(path: Path, plugins: list[Path]) -> Entries:
@@ -123,87 +115,3 @@ def _verify_case(path: Path, plugins: list[Path]) -> Entries:
         checks, error = [], str(stopped)
     passed = not error and all(check["passed"] for check in checks)
     return {"case": str(path), "title": case.title, "passed": passed, "error": error, "checks": checks}
-
-
-def _run_kit(files: list[Path], names: list[str], *, quiet: bool, verbose: bool) -> list[Entries]:
-    """Run the conformance kit on the named methods, or else on those of the files; tell of each unless `quiet`."""
-    from percuss.methods.registry import Registry
-    from percuss.reporting.component import components_named
-
-    try:
-        from hypothesis.configuration import set_hypothesis_home_dir
-    except ModuleNotFoundError:
-        raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'") from None
-    # Hypothesis would otherwise keep what it computes in the user's current folder.
-    set_hypothesis_home_dir(os.devnull)
-    registry = Registry.load(files)
-    keys = [key for name in names for key in components_named(registry, name, f"--method {name}")]
-    # without a name, every component that is registered by a single file
-    keys = keys or [key for key, source in registry.sources.items() if not source.distribution]
-    if not keys:
-        advice = "Give a single-file plug-in (--plugin FILE), a method (--method NAME) or a case."
-        raise InputError([Problem("percuss verify", "", "nothing to verify", advice)])
-    methods = []
-    for key in keys:
-        outcomes, unmade = _outcomes(registry, key, verbose=verbose and not quiet)
-        if not quiet:
-            print("\n".join(_told(key, outcomes, unmade, verbose=verbose)), flush=True)
-        passed = all(one.status != "failed" for one in outcomes)
-        checks = [one._asdict() for one in outcomes]
-        methods.append({"name": key[1], "family": key[0], "passed": passed, "unmade": unmade, "checks": checks})
-    return methods
-
-
-def _outcomes(registry: Registry, key: Key, *, verbose: bool) -> tuple[list[Outcome], int]:
-    """Return the outcomes of the checks of a method, and how many were not made because it cannot run."""
-    from percuss.testing.kit import checks, outcome_of
-
-    planned = list(checks(registry.components[key], registry=registry))
-    outcomes: list[Outcome] = []
-    with common.progress_bar(f"checks of {key[1]}") as progress:
-        for name, check in planned:
-            outcomes.append(outcome_of(check))
-            progress(len(outcomes), len(planned))
-            if verbose:
-                print(here(str(outcomes[-1])), flush=True)
-            if name == "starts" and outcomes[-1].status == "failed":
-                break
-    return outcomes, len(planned) - len(outcomes)
-
-
-def _told(key: Key, outcomes: list[Outcome], unmade: int, *, verbose: bool) -> Iterator[str]:
-    """Yield the lines on a method: those on its failures with the case of each, or the smallest case, and a verdict."""
-    failed = [one for one in outcomes if one.status == "failed"]
-    smallest = min((one for one in failed if one.case), key=lambda one: len(one.case), default=None)
-    for one in failed:
-        yield here(f"{one.name}: {one.message}")
-        if verbose:
-            yield textwrap.indent(f"{textwrap.fill(f'demanded: {one.demand}', 96)}\n{one.case}", "    ")
-    if smallest and not verbose:
-        yield f"\nThe smallest case, of {smallest.name}:\n{textwrap.indent(smallest.case.rstrip(), '    ')}"
-    if unmade:
-        yield f"\nIt cannot run, so {unmade} checks were not made."
-    if failed and all(" with " in one.name for one in failed):
-        yield "\nIf this is the nature of the method, declare it in its class, with the reason:"
-        yield f'    expected_failures = {{"{failed[0].name}": "why"}}'
-    counts = ", ".join(f"{count} {status}" for status, count in Counter(one.status for one in outcomes).items())
-    yield f"{key[1]} ({key[0]}) {'DOES NOT CONFORM' if failed else 'conforms'}: {counts}"
-
-
-def _write_cases(folder: Path, methods: list[Entries]) -> int:
-    """Write the case of each failed check to a file of its name in a folder, and return how many there are."""
-    folder.mkdir(parents=True, exist_ok=True)
-    named = [
-        (f"{method['name']}-{check['name'].replace(' ', '-')}.yaml", check["case"])
-        for method in methods
-        for check in method["checks"]
-        if check["case"]
-    ]
-    for name, case in named:
-        (folder / name).write_text(case, encoding="utf-8")
-    return len(named)
-
-
-def here(text: str) -> str:
-    """Return a text with the paths of files below the current folder relative to it."""
-    return text.replace(f"{Path.cwd()}{os.sep}", "")

@@ -33,9 +33,9 @@ def recommendation_lines(found: Recommendation) -> Iterator[Piece]:
         columns = [
             words("methods", map(methods_in_words, front)),
             Column("error", [error_text(one.error, one.both) for one in front]),
-            Column("energy", [percent(one.energy) for one in front], drop=1),
+            Column("energy", [percent(one.energy) for one in front]),
             Column("node evaluations", [f"{one.evaluations:.3g}" for one in front]),
-            Column("ms", [f"{1e3 * one.seconds:.3g}" if one.seconds is not None else "-" for one in front], drop=2),
+            Column("ms", [f"{1e3 * one.seconds:.3g}" if one.seconds is not None else "-" for one in front]),
         ]
         yield Table(columns, "no run is both cheaper and nearer to the bounds")
     if found.refused:

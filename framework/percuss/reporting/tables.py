@@ -1,15 +1,13 @@
-"""What commands print: lines and tables, which one writer shows on a terminal or in a pipe; no number is ever cut.
+"""What commands print: lines and tables, on a terminal or in a pipe; no number is ever cut.
 
-On a terminal long names are broken into lines; if that is not enough, columns are left out in an order that the table
-states, and named below it; or, where all columns weigh the same, the table is continued below itself. In a pipe nothing
-is left out or broken, and there are no lines that are drawn.
+On a terminal names are folded into lines. Where the numbers have no room beside them the last columns are left out, and
+named below the table. In a pipe nothing is left out or folded: each row is a line.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 from percuss.errors import printable
@@ -18,12 +16,12 @@ if TYPE_CHECKING:  # rich is imported only where something is printed
     from rich.console import Console
 
 GAP = 3  # characters between two columns: two of padding and the line
-BREAKS = re.compile(r"[^\s._,/=-]*[\s._,/=-]*")  # the pieces of a name or a head, between which a line may end
+NAME, HEAD = 16, 12  # characters above which a name, or a word in the head of a column of numbers, may be folded
 
 
-@dataclass
+@dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """A column of numbers, which are never folded, or of words.
 
     Attributes
     ----------
@@ -31,54 +29,33 @@ class Column:
         Head of the column.
     cells
         Its cells as text, one for each row.
-    drop
-        Rank in which it is left out where the table is too wide: the highest first; None if it never is.
     is_number
-        Whether its cells are numbers, which are never broken.
+        Whether its cells are numbers.
     """
 
     head: str
-    cells: list[str] = field(default_factory=list)
-    drop: int | None = None
+    cells: Sequence[str]
     is_number: bool = True
 
     @property
-    def full_width(self) -> int:
-        """Width in which nothing is broken."""
-        return max(len(self.head), *map(len, self.cells), 1)
-
-    @property
     def least_width(self) -> int:
-        """Width below which a number, or a piece of a name, would be broken."""
-        pieces = BREAKS.findall(self.head)
-        for cell in self.cells:
-            pieces += [cell] if self.is_number else BREAKS.findall(cell)
-        return max(1, *(len(piece.rstrip()) for piece in pieces))
+        """Width below which a number would be folded, or a name into too many lines."""
+        if self.is_number:
+            return max(*map(len, self.cells), *(min(len(word), HEAD) for word in self.head.split()), 1)
+        return min(max(map(len, self.cells), default=1), NAME)
 
 
-def words(head: str, cells: Iterable[object], drop: int | None = None) -> Column:
-    """Return a column of words, which may be broken into lines."""
-    return Column(head, list(map(str, cells)), drop, is_number=False)
+def words(head: str, cells: Iterable[object]) -> Column:
+    """Return a column of words."""
+    return Column(head, list(map(str, cells)), is_number=False)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Table:
-    """A table of columns.
-
-    Attributes
-    ----------
-    columns
-        The columns.
-    title
-        Title of the table.
-    continued
-        Number of columns that name a row. If it is not 0, columns without room are not left out: the table is continued
-        below, with these columns again.
-    """
+    """A table of columns; its last numbers are those that a narrow terminal leaves out first."""
 
     columns: Sequence[Column]
     title: str = ""
-    continued: int = 0
 
 
 class Unbroken(str):
@@ -96,7 +73,6 @@ def console() -> Console:
     from rich.console import Console
 
     made = Console(highlight=False)
-    # Text in a pipe is read by programs and pasted into notes: lines are as long as what they say.
     return made if made.is_terminal else Console(highlight=False, width=100_000)
 
 
@@ -119,81 +95,33 @@ def show(pieces: Iterable[Piece], out: Console | None = None) -> None:
 
 def _print_table(out: Console, table: Table) -> None:
     """Print a table, and below it the names of the columns that had no room."""
-    from rich.text import Text
-
-    title, continued = printable(table.title), table.continued
-    columns = [replace(c, head=printable(c.head), cells=[printable(cell) for cell in c.cells]) for c in table.columns]
-    if continued:
-        names, rest = columns[:continued], columns[continued:]
-        while rest:
-            taken = [rest.pop(0)]
-            while rest and _fits([*names, *taken, rest[0]], out.width):
-                taken.append(rest.pop(0))
-            _print_columns(out, [*names, *taken], title)
-            title = ""
-        return
-    shown = list(columns)
-    while not _fits(shown, out.width) and any(column.drop is not None for column in shown):
-        shown.remove(max((column for column in shown if column.drop is not None), key=lambda column: column.drop or 0))
-    _print_columns(out, shown, title)
-    if left_out := [column.head for column in columns if column not in shown]:
-        out.print(Text(f"not shown, for lack of width: {', '.join(left_out)}; --json has all, a wider terminal too"))
-
-
-def _fits(columns: Sequence[Column], room: int) -> bool:
-    return sum(column.least_width + GAP for column in columns) + 1 <= room
-
-
-def _print_columns(out: Console, columns: Sequence[Column], title: str) -> None:
-    """Print columns as a table; row by row where there is too little room for that."""
     from rich import box
     from rich.table import Table as Drawn
     from rich.text import Text
 
-    if not _fits(columns, out.width):
-        out.print(Text(title, style="italic"))
-        for cells in zip(*(column.cells for column in columns), strict=True):
-            for column, cell in zip(columns, cells, strict=True):
-                out.print(Text(f"{column.head}: {cell}"), soft_wrap=True)
-            out.print()
-        return
-    widths = _widths(columns, out.width)
-    table = Drawn(box=box.HEAVY_HEAD if out.is_terminal else box.MARKDOWN, title=Text(title) if title else None)
-    for column, width in zip(columns, widths, strict=True):
-        head = Text("\n".join(_broken(column.head, width)))
-        table.add_column(head, width=width, no_wrap=True, justify="right" if column.is_number else "left")
-    for cells in zip(*(column.cells for column in columns), strict=True):
-        table.add_row(*(Text("\n".join(_broken(cell, width))) for cell, width in zip(cells, widths, strict=True)))
+    shown: list[Column] = list(table.columns)
+    left_out: list[Column] = []
+    while sum(column.least_width + GAP for column in shown) + 1 > out.width and any(c.is_number for c in shown[1:]):
+        left_out.insert(0, next(column for column in reversed(shown) if column.is_number))
+        shown.remove(left_out[0])
+    title = Text(printable(table.title)) if table.title else None
+    drawn = Drawn(box=box.HEAVY_HEAD if out.is_terminal else box.MARKDOWN, title=title)
+    for column in shown:
+        width = column.least_width if column.is_number and out.is_terminal else None
+        head = Text(printable(column.head))
+        drawn.add_column(head, width=width, overflow="fold", justify="right" if column.is_number else "left")
+    for cells in zip(*(column.cells for column in shown), strict=True):
+        drawn.add_row(*(Text(printable(cell)) for cell in cells))
     if out.is_terminal:
-        out.print(table)
-        return
-    with out.capture() as captured:
-        out.print(table)
-    lines = (line.rstrip() for line in captured.get().splitlines())
-    out.print(Text("\n".join(line for line in lines if line)), soft_wrap=True)
-
-
-def _widths(columns: Sequence[Column], room: int) -> list[int]:
-    """Return the widths of the columns: as wide as their content if there is room, and the widest are made narrower."""
-    widths = [column.full_width for column in columns]
-    for _ in range(sum(widths) + GAP * len(columns) + 1 - room):
-        spare = [width - column.least_width for column, width in zip(columns, widths, strict=True)]
-        widest = max(range(len(columns)), key=lambda i: (spare[i] > 0, widths[i]))
-        widths[widest] -= 1
-    return widths
-
-
-def _broken(text: str, width: int) -> list[str]:
-    """Return a text in lines of at most a width, broken behind spaces and punctuation where that is possible."""
-    lines = [""]
-    for part in text.split("\n"):
-        if lines != [""]:
-            lines.append("")
-        for piece in BREAKS.findall(part):
-            if len(lines[-1]) + len(piece.rstrip()) > width:
-                lines.append("")
-            lines[-1] += piece
-    return [line.rstrip() for line in lines if line.strip()] or [""]
+        out.print(drawn)
+    else:
+        with out.capture() as captured:
+            out.print(drawn)
+        lines = (line.rstrip() for line in captured.get().splitlines())
+        out.print(Text("\n".join(line for line in lines if line)), soft_wrap=True)
+    if left_out:
+        heads = printable(", ".join(column.head for column in left_out))
+        out.print(Text(f"not shown, for lack of width: {heads}; --json has all, a wider terminal too"))
 
 
 def duration(seconds: float) -> str:

@@ -86,7 +86,7 @@ def contact_columns(result: Result, digits_of_errors: int = 6, none: str = "-") 
         options = ", ".join(f"{key} {number_text(law[key], 4)}" for key in headline)
         laws.append(f"{law['law']}{f' ({options})' if options else ''}")
     columns = [words("contact", contacts), words("law", laws)]
-    for rank, quantity in enumerate(CONTACT_NUMBERS.values()):
+    for quantity in CONTACT_NUMBERS.values():
         digits = digits_of_errors if quantity.is_error else 6
         # Exact contacts do not overlap; the table has the columns of a run, so that both are read alike.
         overlaps = result.marched or not quantity.is_error
@@ -95,7 +95,7 @@ def contact_columns(result: Result, digits_of_errors: int = 6, none: str = "-") 
         if quantity is CONTACT_NUMBERS["last_open"]:
             opened = zip(cells, contacts.values(), strict=True)
             cells = ["still closed" if _is_closed(contact) else cell for cell, contact in opened]
-        columns.append(Column(with_unit(quantity.head, quantity.unit, result.units), cells, drop=rank or None))
+        columns.append(Column(with_unit(quantity.head, quantity.unit, result.units), cells))
     return columns
 
 
@@ -146,9 +146,8 @@ def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
     units = next((row.result.units for row in rows if row.result is not None), {})
     columns = [words(name, (getattr(row, name) for row in rows)) for name in ("integrator", "contact")]
     columns += [Column(path, [number_text(row.varied.get(path)) for row in rows]) for path in varied]
-    # The last numbers are left out first, and the state of the runs only after all that has nothing to say.
-    columns.append(words("status", (row.status for row in rows), drop=0))
-    for rank, key in enumerate((*COMPARISON_TABLE, "seconds")):
+    columns.append(words("status", (row.status for row in rows)))
+    for key in (*COMPARISON_TABLE, "seconds"):
         digits = 3 if key in {*TRUE_ERRORS, "seconds", "penetration"} else 5
         quantity = QUANTITIES.get(key)
         head = with_unit(quantity.head, quantity.unit, units) if quantity is not None else "s"
@@ -156,7 +155,7 @@ def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
         if key in TRUE_ERRORS:
             both = [[*estimates(row.result, key).values()][:2] if row.result is not None else [] for row in rows]
             cells = [error_text(None, two) if two else cell for two, cell in zip(both, cells, strict=True)]
-        columns.append(Column(head, cells, drop=1 + rank))
+        columns.append(Column(head, cells))
     yield Table(columns, title)
     summaries = [row.result.summary for row in rows if row.result is not None]
     judges = dict.fromkeys(filter(None, map(judge_words, summaries)))
@@ -175,10 +174,9 @@ def order_lines(orders: list[Entries]) -> Iterator[Piece]:
     others = list(dict.fromkeys(path for fit in orders for path in fit if "." in path))
     columns = [words(name, (fit[name] for fit in orders)) for name in ("integrator", "contact")]
     columns += [Column(path, [number_text(fit.get(path)) for fit in orders]) for path in others]
-    columns.append(words("refine", (", ".join(map(str, fit["refine"])) for fit in orders), drop=9))
-    for rank, name in enumerate(TRUE_ERRORS):
-        cells = [number_text(fit[f"{name}_order"], 3) for fit in orders]
-        columns.append(Column(QUANTITIES[name].label, cells, drop=rank or None))
+    columns.append(words("refine", (", ".join(map(str, fit["refine"])) for fit in orders)))
+    for name in TRUE_ERRORS:
+        columns.append(Column(QUANTITIES[name].label, [number_text(fit[f"{name}_order"], 3) for fit in orders]))
     if orders:
         yield Table(columns, "observed orders of convergence")
 
@@ -228,10 +226,7 @@ def _best_runs(done: Sequence[Data], measured: list[str], keys: list[str]) -> It
         ]
         if apart := apart_of(rows, error):
             columns.append(Column("rank", _ranks([row[error] for row in best], apart)))
-        columns += [
-            Column(head, [_cell(row, head) for row in best], drop=None if head == error else rank)
-            for rank, head in enumerate(shown)
-        ]
+        columns += [Column(head, [_cell(row, head) for row in best]) for head in shown]
         title = f"smallest {error}" if error else "first runs"
         yield Table(columns, f"{case}: {title}" if len(cases) > 1 else title)
 
@@ -251,12 +246,12 @@ def _cell(row: Data, name: str) -> str:
 
 
 def _cases(done: Sequence[Data], error: str) -> Table:
-    """Return one measure as a table with one line per case and one column per pair of methods."""
+    """Return one measure as a table with one line per pair of methods and one column per case."""
     value_of = {(row["case"], row["integrator"], row["contact"]): _cell(row, error) for row in done}
-    cases = list(dict.fromkeys(case for case, *_ in value_of))
-    pairs = dict.fromkeys((integrator, contact) for _, integrator, contact in value_of)
-    columns = [Column(" ".join(pair), [value_of.get((case, *pair), "-") for case in cases]) for pair in pairs]
-    return Table([words("case", cases), *columns], error, continued=1)
+    cases = dict.fromkeys(case for case, *_ in value_of)
+    pairs = list(dict.fromkeys((integrator, contact) for _, integrator, contact in value_of))
+    columns = [Column(case, [value_of.get((case, *pair), "-") for pair in pairs]) for case in cases]
+    return Table([words("integrator", (i for i, _ in pairs)), words("contact", (c for _, c in pairs)), *columns], error)
 
 
 def stability_lines(title: str, rows: list[Entries], *, whole: bool = False) -> Iterator[Piece]:
@@ -283,9 +278,9 @@ def stability_lines(title: str, rows: list[Entries], *, whole: bool = False) -> 
         found = [lines[values].get(criterion) for values in shown]
         cells = [number_text(row["courant_critical"]) if row is not None else "-" for row in found]
         columns.append(Column(f"C critical, {criterion}", cells))
-    for rank, key in enumerate(extra_columns):
+    for key in extra_columns:
         given = [[row[key] for row in lines[values].values() if row.get(key) is not None] for values in shown]
-        columns.append(Column(key, [number_text(numbers[0] if numbers else None) for numbers in given], drop=rank))
+        columns.append(Column(key, [number_text(numbers[0] if numbers else None) for numbers in given]))
     yield Table(columns, title)
     if len(shown) < len(lines):
         yield f"{len(shown)} of {len(lines)} combinations: --all prints every one, -o FILE.csv saves them"
@@ -345,11 +340,7 @@ def waves_lines(title: str, waves: Waves) -> Iterator[Piece]:
         "by formula": "formula",
         "energy that leaves again": "energy_kept",
     }
-    columns = [
-        Column(head, [number_text(row[key], 5) for row in rows], drop=rank or None)
-        for rank, (head, key) in enumerate(heads.items())
-    ]
-    yield Table(columns, title)
+    yield Table([Column(head, [number_text(row[key], 5) for row in rows]) for head, key in heads.items()], title)
     if waves.reason:
         yield waves.reason
     kept, passed = waves.kept, abs(waves.transmitted)
