@@ -11,7 +11,6 @@ import yaml
 import percuss
 from command_line import percuss_command
 from percuss import digest
-from percuss.results import provenance
 from strategies import hunek
 
 LAW = """\
@@ -130,15 +129,6 @@ def test_an_interrupted_run_ends_after_the_same_step(tmp_path):
     assert verified(path)[0] == 0
 
 
-def test_an_exact_solution_is_made_again(tmp_path):
-    (tmp_path / "law.py").write_text(LAW, encoding="utf-8")
-    case = hunek(5, contact="spring") | {"plugins": ["law.py"]}
-    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case), encoding="utf-8")
-    words = ("run", tmp_path / "case.yaml", "--exact-only", "-o", tmp_path / "exact.nc")
-    assert percuss_command(*words).returncode == 0
-    assert verified(tmp_path / "exact.nc")[0] == 0
-
-
 def test_one_bit_is_found_with_its_time(tmp_path):
     path = saved(tmp_path, hunek(5, end=0.1))
     result = percuss.open_result(path)
@@ -155,30 +145,21 @@ def test_one_bit_is_found_with_its_time(tmp_path):
     assert "nothing that percuss records has changed" in percuss_command("verify", path).stdout
 
 
-def test_what_has_changed_is_told_although_the_bits_agree(tmp_path, monkeypatch):
-    machine, origin = provenance.machine, provenance._origin
-
-    def elsewhere():
-        there = machine()
-        there["versions"]["numpy"] = "1.0"
-        there["settings"]["NUMBA_CPU_NAME"] = "generic"
-        there["source_digest"] = "0" * 64
-        there["machine"] |= {"cpu": "another", "compiled_for": "older", "instructions": "sse2 fma"}
-        return there
-
-    monkeypatch.setattr("percuss.results.provenance.machine", elsewhere)
-    monkeypatch.setattr(provenance, "_origin", lambda source: {**origin(source), "digest": "f" * 64})
+def test_what_has_changed_is_told_although_the_bits_agree(tmp_path):
     path = saved(tmp_path, hunek(5, end=0.1))
-    monkeypatch.undo()
+    result = percuss.open_result(path)
+    there = result.provenance
+    there["versions"]["numpy"], there["source_digest"], there["machine"]["cpu"] = "1.0", "0" * 64, "another"
+    there["plugins"]["contacts/bipenalty"]["digest"] = "f" * 64
+    result.save(path)
     code, compared = verified(path)
     assert (code, compared["differences"]) == (0, [])
     changed = {one["what"]: (one["then"], one["now"]) for one in compared["changes"]}
-    assert changed["version of numpy"] == ("1.0", np.__version__)
-    assert changed["setting NUMBA_CPU_NAME"] == ("generic", None)
-    assert changed["sources of percuss"] == ("0" * 64, digest.own_digest())
-    assert changed["processor"][0] == "another"
-    assert "sse2" not in changed["instructions of the processor that numba uses"][0]
-    assert changed["plug-in contacts/bipenalty"][0].endswith("f" * 64)
+    assert changed.pop("version of numpy") == ("1.0", np.__version__)
+    assert changed.pop("sources of percuss") == ("0" * 64, digest.own_digest())
+    assert changed.pop("processor")[0] == "another"
+    assert changed.pop("plug-in contacts/bipenalty")[0].endswith("f" * 64)
+    assert not changed
     told = percuss_command("verify", path).stdout
     assert "the same bits" in told
     assert f"changed since: version of numpy: 1.0, now {np.__version__}" in told
@@ -189,21 +170,19 @@ def test_what_is_no_result_is_refused_in_one_message(tmp_path):
     older = percuss.open_result(path)
     del older.provenance["single_files"]
     older.save(tmp_path / "older.nc")
-    (tmp_path / "damaged.nc").write_bytes(path.read_bytes()[:-2000])
-    (tmp_path / "text.nc").write_text("percuss: 1", encoding="utf-8")
-    for name in ("older.nc", "damaged.nc", "text.nc", "absent.nc"):
-        refused = percuss_command("verify", tmp_path / name)
-        assert refused.returncode == 2, name
-        assert "1 mistake; nothing was run" in refused.stderr
-        assert "Traceback" not in refused.stderr
+    refused = percuss_command("verify", tmp_path / "older.nc")
+    assert refused.returncode == 2
+    assert "as an older percuss has written it" in refused.stderr
+    assert "1 mistake; nothing was run" in refused.stderr
 
 
 def test_results_and_cases_are_verified_together_whatever_their_names(tmp_path):
     path = saved(tmp_path, hunek(5, end=0.1), name="result.dat")
+    exact = tmp_path / "exact.nc"
     expectation = {"quantity": "steps", "value": 8, "within": 0, "source": "exact"}
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(hunek(5, end=0.1) | {"expect": [expectation]}), encoding="utf-8")
+    assert percuss_command("run", tmp_path / "case.yaml", "--exact-only", "-o", exact).returncode == 0
     steps = percuss.open_result(path).summary["steps"]
-    made = percuss_command("verify", path, tmp_path / "case.yaml", "--json")
-    both = json.loads(made.stdout)
-    assert both["results"][0]["passed"]
-    assert both["passed"] == both["cases"][0]["passed"] == (steps == 8)
+    made = json.loads(percuss_command("verify", path, exact, tmp_path / "case.yaml", "--json").stdout)
+    assert [one["passed"] for one in made["results"]] == [True, True]
+    assert made["passed"] == made["cases"][0]["passed"] == (steps == 8)

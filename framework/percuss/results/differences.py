@@ -14,12 +14,6 @@ from percuss.results.result import Result
 
 # Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
 _NOT_COMPARED = {"seconds", "notes", "compiled_why"}
-_MACHINE_WORDS = {
-    "cpu": "processor",
-    "processor": "architecture",
-    "compiled_for": "processor that numba compiles for",
-    "instructions": "instructions of the processor that numba uses",
-}
 
 
 @dataclass(frozen=True)
@@ -98,17 +92,18 @@ def _of_arrays(then: Data, now: Data, coordinates: Mapping[str, list[str]]) -> I
         differs = _bits(before) != _bits(after)
         if not differs.any():
             continue
-        first = tuple(int(i) for i in np.unravel_index(int(np.argmax(differs)), differs.shape))
+        first = np.unravel_index(int(np.argmax(differs)), differs.shape)
         quantity = QUANTITIES.get(name)
-        times = then.get("time_half" if quantity and quantity.axis == "time_half" else "time")
-        times = then.get("time of the fields") if times is None else times
+        times = then.get("time_half" if quantity and quantity.axis == "time_half" else "time", ())
+        times = times if len(times) else then.get("time of the fields", ())
+        names = coordinates.get({"element": "body"}.get(of := quantity.of if quantity else "", of), [])
         largest, relative = _size(before, after)
         yield Difference(
             name,
             _plain(before[first]),
             _plain(after[first]),
-            time=None if times is None or len(times) != len(before) else float(times[first[0]]),
-            of=_owner(quantity.of if quantity else "", first, coordinates),
+            time=float(times[first[0]]) if len(times) == len(before) else None,
+            of=str(names[first[1]]) if len(first) > 1 and first[1] < len(names) else "",
             largest=largest,
             relative=relative,
         )
@@ -116,6 +111,10 @@ def _of_arrays(then: Data, now: Data, coordinates: Mapping[str, list[str]]) -> I
 
 def _shape(values: Floats | None) -> str | None:
     return None if values is None else f"{' x '.join(map(str, np.shape(values)))} values"
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def _bits(values: Floats) -> Integers:
@@ -133,15 +132,6 @@ def _size(before: Floats, after: Floats) -> tuple[float | None, float | None]:
     return largest, largest / scale if scale > 0.0 else None
 
 
-def _owner(of: str, first: tuple[int, ...], coordinates: Mapping[str, list[str]]) -> str:
-    names = coordinates.get("body" if of == "element" else of, [])
-    return str(names[first[1]]) if len(first) > 1 and first[1] < len(names) else ""
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def _of_numbers(then: object, now: object, path: str) -> Iterator[Difference]:
     if isinstance(then, Mapping) and isinstance(now, Mapping):
         for name in dict.fromkeys([*then, *now]):
@@ -156,40 +146,25 @@ def _of_numbers(then: object, now: object, path: str) -> Iterator[Difference]:
 
 
 def changes(then: Data, now: Data) -> list[Change]:
-    """Return what has changed between the provenances of two results: versions, settings, sources, plug-ins, machine.
+    """Return what has changed between the provenances of two results: versions, sources, plug-ins, processor.
 
-    What one of them does not know, such as the instructions of the processor where nothing was compiled, is no change.
+    What one of them does not know is no change, but a plug-in that it does not use is one.
     """
-    out = []
-    for what, before, after in _facts(then, now):
-        if before != after and (None not in {before, after} or what.startswith(("setting ", "plug-in "))):
-            out.append(Change(what, before, after))
-    return out
+    before, after = _facts(then), _facts(now)
+    names = [name for name in {**before, **after} if (name in before and name in after) or name.startswith("plug-in ")]
+    return [Change(name, before.get(name), after.get(name)) for name in names if before.get(name) != after.get(name)]
 
 
-def _facts(then: Data, now: Data) -> Iterator[tuple[str, str | None, str | None]]:
-    """Yield name, earlier and later value of each fact about the provenances of two results."""
-    for part, words in (("versions", "version of "), ("settings", "setting ")):
-        before, after = then.get(part) or {}, now.get(part) or {}
-        yield from ((f"{words}{name}", before.get(name), after.get(name)) for name in sorted({*before, *after}))
-    yield "sources of percuss", then.get("source_digest"), now.get("source_digest")
-    before, after = then.get("machine") or {}, now.get("machine") or {}
-    for name in sorted({*before, *after}):
-        first, second = before.get(name), after.get(name)
-        if name == "instructions" and first and second:
-            first, second = _without_common_words(first, second), _without_common_words(second, first)
-        yield _MACHINE_WORDS.get(name, name), first, second
-    for name in {**then["plugins"], **now["plugins"]}:
-        yield f"plug-in {name}", _plugin_words(then["plugins"].get(name)), _plugin_words(now["plugins"].get(name))
+def _facts(provenance: Data) -> dict[str, str]:
+    """Return all that numbers depend on, by its name in words."""
+    facts = {f"version of {name}": version for name, version in provenance.get("versions", {}).items()}
+    facts |= {"sources of percuss": provenance.get("source_digest")}
+    facts |= {"processor": provenance.get("machine", {}).get("cpu")}
+    facts |= {f"plug-in {name}": _plugin_words(origin) for name, origin in provenance["plugins"].items()}
+    return {name: value for name, value in facts.items() if value is not None}
 
 
-def _without_common_words(text: str, other: str) -> str:
-    return " ".join(sorted({*text.split()} - {*other.split()}))
-
-
-def _plugin_words(origin: Data | None) -> str | None:
+def _plugin_words(origin: Data) -> str:
     """Return version and digest of a plug-in; its place is no change."""
-    if origin is None:
-        return None
     version = f"{origin['distribution']} {origin['version']}" if origin["distribution"] else "a file"
     return f"{version}, sources {origin['digest'] or 'edited while they were in use'}"

@@ -9,8 +9,6 @@ import contextlib
 import dataclasses
 import datetime as dt
 import platform
-import subprocess
-import sys
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
@@ -21,7 +19,7 @@ from percuss.case.source import Source
 from percuss.contact.laws import parameters
 from percuss.contact.model import Model
 from percuss.contact.pairs import walls_of
-from percuss.digest import numeric_settings, own_digest
+from percuss.digest import own_digest
 from percuss.errors import PluginError, Problem, refuse_if_any, wrong_input
 from percuss.jsonable import Data, Entries, as_lists, plain
 from percuss.methods.provenance import Provenance
@@ -37,47 +35,17 @@ def processor_model() -> str:
     """Return the processor model as named by the system, or ``unknown`` if it names none."""
     with contextlib.suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-        named_lines = (line.partition(":") for line in lines if line.startswith(("model name", "Model", "cpu model")))
-        for _, _, name in named_lines:
-            if name.strip():
-                return " ".join(name.split())
-    if sys.platform == "darwin":
-        with contextlib.suppress(OSError, subprocess.SubprocessError):
-            command = ["/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string"]
-            return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()  # noqa: S603
+        named = (line.partition(":")[2].split() for line in lines if line.startswith(("model name", "Model")))
+        return " ".join(next(filter(None, named), [])) or "unknown"
     return platform.processor() or "unknown"
 
 
-@cache
-def _instructions() -> tuple[str, str]:
-    """Return the name of the processor and the sets of instructions for which numba compiles."""
-    from llvmlite import binding
-
-    features = binding.get_host_cpu_features()
-    return binding.get_host_cpu_name(), " ".join(sorted(name for name, present in features.items() if present))
-
-
-_settings = cache(numeric_settings)
-
-
 def machine() -> Entries:
-    """Return versions, settings, the digest of percuss, machine and current time for the provenance of a result.
-
-    The processor for which numba compiles is named once this process has loaded the compiler's library.
-    """
-    described = {
-        "system": platform.platform(),
-        "processor": platform.machine(),
-        "cpu": processor_model(),
-        "byteorder": sys.byteorder,
-    }
-    if "llvmlite" in sys.modules:
-        described["compiled_for"], described["instructions"] = _instructions()
+    """Return versions, the digest of percuss, the processor and the current time for the provenance of a result."""
     return {
         "versions": {"python": platform.python_version(), **{name: installed_version(name) for name in PACKAGES}},
-        "settings": dict(_settings()),
         "source_digest": own_digest(),
-        "machine": described,
+        "machine": {"processor": platform.machine(), "cpu": processor_model()},
         "time": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
     }
 
@@ -181,8 +149,7 @@ def keys_of(components: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def _origin(source: Provenance) -> dict[str, str]:
-    names = "distribution", "version", "file", "digest"
-    return {name: getattr(source, name) for name in names}
+    return {name: getattr(source, name) for name in ("distribution", "version", "file", "digest")}
 
 
 def _content(file: SingleFile) -> Entries:
