@@ -1,6 +1,5 @@
 """Single-file plug-ins in the loop: compiled where they can be, in Python with the reason where they cannot."""
 
-import itertools
 import json
 import os
 import subprocess
@@ -12,8 +11,6 @@ import pytest
 import percuss
 import places
 from strategies import apart, hunek, round_off, run
-
-DEEP = os.environ.get("HYPOTHESIS_PROFILE") == "deep"  # compiling the loop takes seconds each time
 
 IMPORTS = """
 from dataclasses import dataclass
@@ -51,27 +48,14 @@ PLAIN_BODY = """for p in range(multiplier.size):
 # what each kernel does beside the same spring: the first ones compile, the others do not
 BODIES = {
     "loop": PLAIN_BODY,
-    "vectors": "multiplier[:] = bound.stiffness * np.maximum(-gap, 0.0)",
-    "allocates": """work = np.zeros(multiplier.size)
-        for p in range(multiplier.size):
-            work[p] = bound.stiffness[p] * max(-gap[p], 0.0)
-        multiplier[:] = work.copy()""",
     "helper": "helped(bound.stiffness, gap, multiplier)",
     "dict of lists": """table = {"gap": [float(g) for g in gap]}
         table["stiffness"] = list(bound.stiffness)
         table[1] = "a key of another type"
         for p in range(multiplier.size):
             multiplier[p] = table["stiffness"][p] * max(-table["gap"][p], 0.0)""",
-    "f-string": """for p in range(multiplier.size):
-            try:
-                multiplier[p] = bound.stiffness[p] * max(-gap[p], 0.0)
-            except (KeyError, ArithmeticError) as error:
-                print(f"{error!r}")
-                raise""",
-    "sparse": """from scipy.sparse import diags
-        multiplier[:] = diags(bound.stiffness) @ np.maximum(-gap, 0.0)""",
 }
-COMPILES = ("loop", "vectors", "allocates", "helper")
+COMPILES = ("loop", "helper")
 
 HELPER = """
 
@@ -244,12 +228,8 @@ def test_a_material_that_is_nearly_linear_is_nearly_the_elastic_one(softening):
     assert off > 1e-3, "the knee is not felt: the material is not used"
 
 
-KINDS = list(itertools.product(["elastic", "soft"], repeat=3))
-
-
 @pytest.mark.deep
-@pytest.mark.parametrize("kinds", KINDS if DEEP else [KINDS[2]], ids="-".join)
-def test_bodies_of_unlike_materials_in_any_order(softening, kinds):
+def test_bodies_of_unlike_materials_in_any_order(softening):
     """Groups of bodies run through code of their own; a group is not a run of neighbours."""
     file, compiles = softening
     case = hunek(20, end=0.3)
@@ -257,31 +237,24 @@ def test_bodies_of_unlike_materials_in_any_order(softening, kinds):
         "bar": {"length": 5.0, "elements": 11}, "at": -5.0, "area": 1.3, "material": None, "velocity": 0.2,
     }  # fmt: skip
     case["contacts"]["behind"] = {"between": ["third.right", "short.left"]}
-    for k, (kind, body) in enumerate(zip(kinds, case["bodies"].values(), strict=True)):
+    for k, body in enumerate(case["bodies"].values()):
         young = 100.0 - 20.0 * k
-        body["material"] = soft(1e-3, young) if kind == "soft" else {"young": young, "density": 0.01}
+        body["material"] = soft(1e-3, young) if k == 1 else {"young": young, "density": 0.01}
     result = run_with(file, case)
     plain = run_with(file, case, compiled=False)
     for name, value in apart(result, plain).items():
         assert value < 1e-11, name
-    assert result.summary["compiled"] is (compiles or "soft" not in kinds)
+    assert result.summary["compiled"] is compiles
     assert result.summary["momentum"]["error"] < 1e-12
     assert result.summary["contacts"]["behind"]["impulse"] > 0
     # the same bodies in another order are other groups
     first, *others = case["bodies"].items()
     swapped = {**case, "bodies": dict([*others, first])}
-    for name, value in apart(result, run_with(file, swapped, compiled=DEEP)).items():
+    for name, value in apart(result, run_with(file, swapped, compiled=False)).items():
         assert value < 1e-11, name
 
 
 # ------------------------------------------------------------------------------------------- edited plug-ins
-
-
-EDITS = {
-    "constant": ("FACTOR = 1.0", "FACTOR = 2.0"),
-    "helper": ("FACTOR * stiffness[p]", "2.0 * FACTOR * stiffness[p]"),
-    "kernel": ("helped(bound.stiffness,", "helped(2.0 * bound.stiffness,"),
-}
 
 
 def peak(file):
@@ -291,13 +264,11 @@ def peak(file):
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("what", EDITS if DEEP else ["constant"])
-def test_an_edit_is_seen_by_the_next_run(tmp_path, what):
+def test_an_edit_is_seen_by_the_next_run(tmp_path):
     file = spring(tmp_path, "helper")
     before = peak(file)
     text = file.read_text(encoding="utf-8")
-    assert text.count(EDITS[what][0]) == 1
-    file.write_text(text.replace(*EDITS[what]), encoding="utf-8")
+    file.write_text(text.replace("FACTOR = 1.0", "FACTOR = 2.0"), encoding="utf-8")
     after = peak(file)
     assert after != before
     # twice the stiffness is the built-in penalty at twice the stiffness
@@ -317,12 +288,8 @@ print(json.dumps([result.summary["compiled"], result.arrays["contact_force"].max
 
 @pytest.mark.deep
 def test_an_edit_is_seen_by_another_process(tmp_path):
-    """Machine code is kept on disk between processes: it must not outlive the source, nor be a trap after an edit.
-
-    It is loaded with the modules of what it calls, which are those of the file as it was.
-    """
-    law = IMPORTS.replace("BODY", BODIES["helper"]) + HELPER
-    text = law + MATERIAL.replace("EXTRA", "pass")
+    """Machine code is kept on disk between processes: it must not outlive the source, nor be a trap after an edit."""
+    text = IMPORTS.replace("BODY", BODIES["helper"]) + HELPER + MATERIAL.replace("EXTRA", "pass")
     file, cache = write(tmp_path, text), tmp_path / "cache"
     case = hunek(10, contact="spring")
     for body in case["bodies"].values():
@@ -342,14 +309,8 @@ def test_an_edit_is_seen_by_another_process(tmp_path):
     first = fresh()
     kept = set(cache.rglob("*.nbi"))
     assert kept, "nothing was kept on disk: there is nothing to test"
-    edits = [EDITS["constant"], ("SCALE = 1.0", "SCALE = 2.0")] if DEEP else [("SCALE = 1.0", "SCALE = 2.0")]
-    for old, new in edits:
-        assert text.count(old) == 1
-        file.write_text(text.replace(old, new), encoding="utf-8")
-        assert abs(fresh() - first) > 1e-6 * first
-    if DEEP:
-        file.write_text(text + "# a remark\n", encoding="utf-8")
-        assert fresh() == first
+    file.write_text(text.replace("SCALE = 1.0", "SCALE = 2.0"), encoding="utf-8")
+    assert abs(fresh() - first) > 1e-6 * first
     assert kept < set(cache.rglob("*.nbi"))
 
 
@@ -369,14 +330,6 @@ def test_machine_code_on_disk_serves_runs_without_the_plug_ins_of_others(tmp_pat
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
         assert done.returncode == 0, done.stderr
         assert json.loads(done.stdout)[0] is True
-
-
-def test_a_kernel_that_fails_in_python_too_says_so(tmp_path):
-    """Falling back is for what cannot be compiled; a mistake is still a mistake."""
-    text = IMPORTS.replace("BODY", "multiplier[:] = bound.no_such_thing") + HELPER
-    file = write(tmp_path, text)
-    with pytest.raises(Exception, match="no_such_thing"):
-        run_with(file, hunek(10, contact="spring"))
 
 
 def test_a_law_that_is_neither_rows_nor_a_kernel_is_refused(tmp_path):

@@ -1,7 +1,5 @@
 """Code that nothing names never runs: files that happen to lie where a command is typed, or beside a plug-in."""
 
-import json
-import os
 import subprocess
 import sys
 
@@ -11,6 +9,7 @@ import pytest
 import yaml
 
 import percuss
+import places
 from fake_studies import TWO_BARS
 
 # A file instead of each of these modules tells that it was imported, and fails.
@@ -32,108 +31,37 @@ for words in sys.argv[1:]:
 """
 STUDY = {
     "percuss-study": 1,
-    "title": "stiffness",
     "cases": ["case.yaml"],
     "methods": {"integrators": ["wu-predictor-corrector"], "contacts": ["bipenalty"]},
     "vary": {"method.contact.beta_s": [0.1, 0.2]},
 }
 COMMANDS = (
-    "run case.yaml -o result.nc --plot result.png",
-    "check case.yaml",
-    "compare case.yaml --contact penalty,bipenalty",
-    "study study.yaml --workers 2",
-    "recommend case.yaml --error 50% --runs 10 --workers 2 --contact bipenalty",
-    "stability case.yaml",
-    "waves case.yaml",
-    "report study.sqlite -o report.html",
-    "verify result.nc",
-    "plugins",
-    "schema",
-    "new soft --kind contact --single-file",
-    "run soft.yaml",
-    "verify --plugin soft.py",
+    *("check case.yaml", "study study.yaml --workers 2", "run case.yaml -o result.nc --plot result.png"),
+    *("report study.sqlite -o report.html", "verify result.nc"),
 )
-# A plug-in that notes, in each process that imports it, the path and the environment that it finds there.
-LAW = """import dataclasses, json, os, sys
-from percuss import ContactLaw, LinearLaw
-
-with open(f"seen-{os.getpid()}.json", "w") as file:
-    json.dump([sys.path, os.environ.get("PYTHONSAFEPATH")], file)
 
 
-@dataclasses.dataclass(frozen=True)
-class Noting(ContactLaw):
-    '''A regularised multiplier.
-
-    Formula: ``lambda >= 0``, ``g_{n+1} + lambda / eps_s >= 0``, one of them zero.
-    '''
-
-    name = "noting"
-    summary = "Multiplier with a compliance"
-    references = ("Wriggers: Computational Contact Mechanics, Springer 2006",)
-    guarantees = ("never pulls",)
-
-    def bind(self, points, dt):
-        return LinearLaw(at="end", sigma=1.0 / points.stiffness, active="all", sign=">= 0")
-"""
-
-
-@pytest.fixture
-def folder(tmp_path):
-    """A folder with a case and a study."""
+@pytest.mark.parametrize("commands", [COMMANDS[:2], pytest.param(COMMANDS, marks=pytest.mark.deep)], ids=["few", "all"])
+def test_commands_import_nothing_from_a_folder_full_of_shadows(tmp_path, commands):
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(TWO_BARS), encoding="utf-8")
     (tmp_path / "study.yaml").write_text(yaml.safe_dump(STUDY), encoding="utf-8")
-    return tmp_path
-
-
-def execute(folder, *words, **variables):
-    environment = {**os.environ, **variables}
-    return subprocess.run(
-        [sys.executable, *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=500, check=False
-    )
-
-
-@pytest.mark.parametrize(
-    "commands", [COMMANDS[1:4:2], pytest.param(COMMANDS, marks=pytest.mark.deep)], ids=["a study", "every command"]
-)
-def test_commands_import_nothing_from_a_folder_full_of_shadows(folder, commands):
-    sentinel = folder / "sentinel"
+    sentinel = tmp_path / "sentinel"
     for name in sorted({*sys.stdlib_module_names, *THIRD_PARTY, "sitecustomize", "usercustomize"} - {"__main__"}):
-        (folder / f"{name}.py").write_text(STRAY.format(sentinel=str(sentinel), name=name), encoding="utf-8")
-    (folder / "script").write_text(SCRIPT, encoding="utf-8")
-    done = execute(folder, "script", *commands)
+        (tmp_path / f"{name}.py").write_text(STRAY.format(sentinel=str(sentinel), name=name), encoding="utf-8")
+    (tmp_path / "script").write_text(SCRIPT, encoding="utf-8")
+    command = [sys.executable, "script", *commands]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=500, check=False)
     assert not sentinel.exists(), sentinel.read_text(encoding="utf-8")
     assert done.returncode == 0, done.stderr
 
 
-def test_every_command_is_among_them():
-    from command_line import COMMAND
-
-    assert {words.split()[0] for words in COMMANDS} == set(COMMAND.commands)
-
-
-def test_workers_of_a_session_do_not_inherit_the_empty_entry_of_its_path(folder):
-    """What they inherit is all else, the path of the user too; what a plug-in starts there has no path of ours."""
-    (folder / "noting.py").write_text(LAW, encoding="utf-8")
-    session = "import sys; sys.path.insert(0, ''); import percuss; percuss.study(STUDY)".replace(
-        "STUDY", "'study.yaml', workers=2, plugins=['noting.py']"
-    )
-    done = execute(folder, "-P", "-c", session, PYTHONPATH=str(folder / "own"))
-    assert done.returncode == 0, done.stderr
-    seen = [json.loads(file.read_text(encoding="utf-8")) for file in folder.glob("seen-*.json")]
-    assert sum("" in path for path, _ in seen) == 1  # that of the session
-    for path, variable in seen:
-        assert str(folder) not in path
-        assert str(folder / "own") in path
-        assert variable is None
-
-
-def test_a_plug_in_takes_no_place(folder, monkeypatch):
+def test_a_plug_in_takes_no_place(tmp_path, monkeypatch):
     """A plug-in may be called like a module of Python."""
-    monkeypatch.chdir(folder)
-    (folder / "random.py").write_text(LAW, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    law = (places.SUPPORT / "bodies" / "laws.py").read_text(encoding="utf-8")
+    (tmp_path / "random.py").write_text(law, encoding="utf-8")
     before = sys.path.copy(), sys.modules["random"]
-    percuss.load("case.yaml", {"method.contact": "noting"}, plugins=["random.py"])
+    percuss.load(TWO_BARS, {"method.contact": "row"}, plugins=["random.py"])
     assert (sys.path, sys.modules["random"]) == before
 
 

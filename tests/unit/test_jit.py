@@ -8,6 +8,7 @@ import gc
 import json
 import os
 import shutil
+import stat
 import subprocess
 import sys
 import weakref
@@ -22,9 +23,11 @@ from numba import types
 import percuss
 import percuss_methods
 from percuss import cache, jit
+from percuss import digest as sources
 from percuss.jit import Binder, compiled_function, jit_disabled, plain
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
+from percuss.methods.provenance import Provenance
 from percuss.step import build
 from percuss.step.linked import Block, CannotLink, at
 from strategies import REGISTRY, hunek
@@ -48,6 +51,8 @@ class Data(NamedTuple):
     phase: complex
     column: np.ndarray
     nothing: tuple[()]
+    mixed: tuple[np.float32, tuple[np.float64, np.int8]]
+    last: np.int16
 
 
 def weighed(data):
@@ -63,21 +68,8 @@ def weighed(data):
             total += (11.0 + 3 * i + j) * data.inner.table[i, j]
     for i in range(data.column.size):
         total += (101.0 + i) * data.column[i]
+    total += 13.0 * data.mixed[0] + 17.0 * data.mixed[1][0] + 19.0 * data.mixed[1][1] + 23.0 * data.last
     return total + 211.0 * data.pair[0] + 223.0 * data.pair[1] + 227.0 * data.phase.real + 229.0 * data.phase.imag
-
-
-class Mixed(NamedTuple):
-    first: tuple[np.float32, tuple[np.float64, np.int8]]
-    second: np.int8
-    third: tuple[np.int16, np.int16]
-    last: np.int16
-
-
-def weighed_mixed(data):
-    return (
-        2.0 * data.first[0] + 3.0 * data.first[1][0] + 5.0 * data.first[1][1] + 7.0 * data.second
-        + 11.0 * data.third[0] + 13.0 * data.third[1] + 17.0 * data.last
-    )  # fmt: skip
 
 
 def read_from_block(function, data):
@@ -92,14 +84,9 @@ def test_compiled_code_reads_from_a_block_what_was_put_into_it(flag):
     column = np.arange(12.0).reshape(4, 3)[:, 1]
     column.flags.writeable = False
     inner = Inner(flag, np.array([[1.5, -2.0], [0.25, 8.0]]), np.int8(-3), np.uint32(2**32 - 5), np.bool(not flag))
-    data = Data(0.5, inner, np.float32(1.25), (4, -5), 2.0 - 3.0j, column, ())
+    mixed = (np.float32(0.5), (np.float64(0.25), np.int8(-7)))
+    data = Data(0.5, inner, np.float32(1.25), (4, -5), 2.0 - 3.0j, column, (), mixed, np.int16(-300))
     assert read_from_block(weighed, data) == weighed(data)
-
-
-def test_numbers_of_any_size_lie_where_compiled_code_reads_them():
-    first, third = (np.float32(0.5), (np.float64(0.25), np.int8(-7))), (np.int16(-300), np.int16(301))
-    data = Mixed(first, np.int8(9), third, np.int16(5))
-    assert read_from_block(weighed_mixed, data) == weighed_mixed(data)
 
 
 def test_other_values_are_refused():
@@ -177,54 +164,12 @@ def test_a_loop_that_is_kept_for_the_next_run_keeps_no_arrays_of_this_one(integr
     model = model_of(percuss.load(hunek(6, integrator=integrator, end=0.1)))
     march = March(model)
     march.run()
-    references = [
-        weakref.ref(march.u),
-        weakref.ref(march.arrays.blocks[0][0].start),
-        weakref.ref(march.arrays.step.boundary),
-    ]
+    arrays = march.arrays
+    references = [weakref.ref(one) for one in (march.u, arrays.blocks[0][0].start, arrays.step.boundary)]
+    del arrays
     del march
     gc.collect()
     assert [reference() for reference in references] == [None] * 3
-
-
-STRIDED = """
-from dataclasses import dataclass
-import numpy as np
-from percuss import Integrator, Stages, accelerations
-
-@dataclass(frozen=True)
-class Verlet(Integrator):
-    \"\"\"Velocity Verlet that asks for accelerations in every second entry of an array.\"\"\"
-
-    name = "strided"
-    summary = "velocity Verlet"
-    critical_courant = 1.0
-    kept = 1
-
-    def bind(self, dt):
-        return Stages(times=(1.0,))
-
-    @staticmethod
-    def step(numbers, system, u, v, kept, dt):
-        v += 0.5 * dt * kept[0]
-        u += dt * v
-        both = np.zeros((u.size, 2))
-        accelerations(system, 0, u, v, both[:, 0])
-        kept[0, :] = both[:, 0]
-        v += 0.5 * dt * kept[0]
-"""
-
-
-@pytest.mark.deep
-def test_a_scheme_that_asks_for_accelerations_in_a_strided_array_runs_in_python_and_says_why(tmp_path):
-    file = tmp_path / "scheme.py"
-    file.write_text(STRIDED)
-    case = hunek(4, integrator="strided", contact={"name": "penalty", "beta_s": 0.25}, end=0.05)
-    result = percuss.run(percuss.load(case, plugins=[file]))
-    assert result.summary["compiled"] is False
-    (why,) = result.summary["compiled_why"]
-    assert "integrator strided" in why
-    assert "array(float64, 1d, A)" in why
 
 
 # ------------------------------------------------------------------------------------------------------ bound functions
@@ -265,8 +210,7 @@ def test_what_a_function_reads_is_in_its_digest(monkeypatch):
     module.C = 1.0
     read = {"h": module, "A": np.array([1.0, 2.0]), "T": (1.0, 2)}
     found = {digest(given(text, **read))}
-    for name, value in {"A": np.array([1.0, 3.0]), "T": (2.0, 2)}.items():
-        found.add(digest(given(text, **{**read, name: value})))
+    found |= {digest(given(text, **{**read, **other})) for other in ({"A": np.array([1.0, 3.0])}, {"T": (2.0, 2)})}
     module.C = 2.0
     found.add(digest(given(text, **read)))
     found.add(digest(given(text.replace("T[0]", "T[1]"), **read)))
@@ -344,17 +288,13 @@ def test_a_slot_is_filled_in_compiled_code_as_in_python(fill):
 
 
 @pytest.fixture
-def afresh(monkeypatch):
+def afresh(monkeypatch, loop_anew):
     """A process that has compiled nothing, and finds nothing on disk."""
     monkeypatch.setattr(jit, "cache_folder", lambda: None)
     for memory in ("_CALLEES", "_ENTRIES"):
         monkeypatch.setattr(jit, memory, {})
     monkeypatch.setattr(jit, "_UNKNOWN", set())
-    for memory in (build._entrance, build._loop):
-        memory.cache_clear()
-    yield
-    for memory in (build._entrance, build._loop):
-        memory.cache_clear()
+    return loop_anew
 
 
 def test_an_option_that_numba_does_not_know_is_left_out(afresh, monkeypatch):
@@ -374,8 +314,7 @@ def test_without_undocumented_options_the_numbers_are_the_same(integrator, afres
     assert plainly.summary["compiled"], plainly.summary["compiled_why"]
     for memory in (jit._CALLEES, jit._ENTRIES, jit._UNKNOWN):
         memory.clear()
-    build._entrance.cache_clear()
-    build._loop.cache_clear()
+    afresh()
     for name, array in percuss.run(case).arrays.items():
         # The compiler may add the terms of an energy in another order.
         near = {"rtol": 1e-13, "atol": 1e-13 * np.abs(array).max(initial=0.0)} if "energy" in name else {"rtol": 0.0}
@@ -438,13 +377,10 @@ def in_a_process(folder, code, *arguments, **environment):
 
 
 @pytest.mark.slow
-def test_a_second_and_a_third_process_compile_nothing_until_a_file_of_the_method_is_edited(tmp_path):
+def test_a_second_process_compiles_nothing_until_a_file_of_the_method_is_edited(tmp_path):
     package = tmp_path / "theirs"
     package.mkdir()
-    (package / "__init__.py").write_text(
-        "from percuss import hookimpl\nfrom theirs.law import Spring\n\n\n@hookimpl\ndef percuss_contacts():\n"
-        "    return [Spring]\n"
-    )
+    (package / "__init__.py").write_text("")
     (package / "law.py").write_text(LAW)
     (package / "helpers.py").write_text(HELPERS)
     info = tmp_path / "theirs-1.0.dist-info"
@@ -455,19 +391,13 @@ def test_a_second_and_a_third_process_compile_nothing_until_a_file_of_the_method
     (compiled, first), stored = in_a_process(tmp_path, RUN, case)
     assert compiled
     assert stored
-    for _ in range(2):
-        assert in_a_process(tmp_path, RUN, case) == ([True, first], stored)
-    twice = 2.0 * first
-    for file, text in ((package / "law.py", LAW), (package / "helpers.py", HELPERS)):
-        file.write_text(text.replace("1.0 *", "2.0 *"))
-        (compiled, force), files = in_a_process(tmp_path, RUN, case)
-        assert compiled
-        assert first * 1.1 < force < twice
-        assert files > stored
-        assert len(files - stored) == 2  # of the law alone, an index and a file of machine code
-        stored = files
-        file.write_text(text)
-    assert in_a_process(tmp_path, RUN, case)[0] == [True, first]
+    assert in_a_process(tmp_path, RUN, case) == ([True, first], stored)
+    (package / "helpers.py").write_text(HELPERS.replace("1.0 *", "2.0 *"))
+    (compiled, force), files = in_a_process(tmp_path, RUN, case)
+    assert compiled
+    assert first * 1.1 < force < 2.0 * first
+    assert files > stored
+    assert len(files - stored) == 2  # of the law alone, an index and a file of machine code
 
 
 @pytest.mark.slow
@@ -481,6 +411,15 @@ def test_an_edited_kernel_of_percuss_is_seen_by_the_next_process(tmp_path):
     kernels = tmp_path / "percuss" / "step" / "bulk.py"
     kernels.write_text(kernels.read_text().replace("return 0.5 * total", "return 5.0 * total"))
     assert in_a_process(tmp_path, CALL)[0] == 15.0
+
+
+def test_the_cache_folder_is_for_its_user_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "own"))
+    assert cache.cache_folder() == tmp_path / "own" / "percuss"
+    assert os.name != "posix" or stat.S_IMODE(cache.cache_folder().stat().st_mode) == 0o700
+    (tmp_path / "file").write_text("in its place")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    assert cache.cache_folder() is None
 
 
 @pytest.mark.parametrize("folder", ["missing", "read-only", "damaged"])
@@ -500,6 +439,46 @@ def test_any_cache_folder_will_do(tmp_path, monkeypatch, folder):
     assert compiled_function(doubled)(3.0) == 6.0
     assert not list(tmp_path.rglob("*.nb?"))  # damaged files are removed, and written by the next process
     assert {*Path(__file__).parent.rglob("*.nb?")} == beside
+
+
+def source_digest_of(file):
+    """The digest of a file as a new process finds it."""
+    sources._package_digest.cache_clear()
+    sources.source_digest.cache_clear()
+    return sources.source_digest(str(file))
+
+
+def test_an_edit_of_any_file_of_a_package_gives_its_methods_another_digest(tmp_path):
+    folder = tmp_path / "theirs" / "laws"
+    folder.mkdir(parents=True)
+    method, *others = [folder / name for name in ("mine.py", "__init__.py", "../__init__.py", "../util.py")]
+    for file in (method, *others):
+        file.write_text("A = 1\n")
+    first = source_digest_of(method)
+    for file in (method, *others):
+        file.write_text("A = 2\n")
+        assert sources.source_digest(str(method)) == first  # a process has the digest of what it has imported
+        assert source_digest_of(method) != first
+        file.write_text("A = 1\n")
+        assert source_digest_of(method) == source_digest_of(file) == first  # there is one a package
+    (folder / "notes.txt").write_text("none of it")
+    assert source_digest_of(method) == first
+    installed = [Provenance("theirs", version, "theirs.laws.mine", str(method)) for version in ("1.0", "1.1")]
+    assert installed[0].digest != installed[1].digest
+    alone = tmp_path / "alone.py"
+    alone.write_text("A = 1\n")
+    before = source_digest_of(alone)
+    (tmp_path / "other.py").write_text("A = 1\n")
+    assert source_digest_of(alone) == before
+    alone.write_text("A = 2\n")
+    assert source_digest_of(alone) != before
+
+
+def test_the_loop_of_percuss_has_a_digest_of_its_own():
+    folder = Path(percuss.__file__).parent
+    for file in ("step/loop.py", "mesh/cell_kernels.py", "methods/slots.py"):
+        assert sources.source_digest(str(folder / file)) == sources.loop_digest()
+    assert sources.source_digest(str(folder / "march" / "march.py")) == sources.own_digest() != sources.loop_digest()
 
 
 # ------------------------------------------------------------------------------------------------ all shipped kernels
