@@ -1,9 +1,7 @@
 """Bodies from mesh files of gmsh: what is read is what is in the file, and every other file is one message."""
 
-import os
 import re
 import tempfile
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -72,15 +70,10 @@ def test_cells_turn_anticlockwise_unused_nodes_are_left_out_and_groups_are_regio
     ("old", "new", "words"),
     [
         ("$MeshFormat", "solid", "expected a mesh of gmsh, found a file that begins otherwise"),
-        ("2.2 0 8", "1.0 0 8", "expected version 2.2 or 4.1 of a mesh of gmsh, found 1.0"),
         ("3 2 2 1 1 1 3 2", "3 2 2 1 1 1 3 77", "cannot read this mesh of gmsh: plate.msh: an element names a node"),
-        ("3 2 2 1 1 1 3 2\n4 2 2 1 1 1 3 4\n", "", "cannot read this mesh of gmsh: plate.msh: "),
         ("$Nodes\n5", "$Nodes\n500000000000", "section count 500000000000 exceeds what the file holds"),
         ("3 2 1 0", "3 2 0 0", "found 1 of 2 that are flat or fold over, the first about (1.33333, 0, 0): plate.msh"),
-        ("3 2 2 1 1 1 3 2", "3 2 2 1 1 1 3 3", "found 1 of 2 that are flat or fold over"),
         ("3 2 1 0", "3 2 nan 0", "damaged mesh of gmsh"),
-        ("4\n1 1 2 2 1 4 1", "4\n1 8 2 2 1 4 1 2", "expected cells of first order"),
-        ("$Nodes", "$ParametricNodes", "Save it without parametric coordinates"),
         ("$Nodes", "$PartitionedEntities\n$EndPartitionedEntities\n$Nodes", "without partitions: plate.msh"),
         (ELEMENTS, UNGROUPED, "No cell has a group. Where gmsh saves all cells (Mesh.SaveAll), version 2.2 loses"),
         ('3\n1 2 "left"', '4\n1 7 "none"\n1 2 "left"', "found none in 'none': plate.msh"),
@@ -97,16 +90,6 @@ def test_a_file_that_cannot_be_a_body_is_one_message(old, new, words, tmp_path):
     assert words in done.stderr
     assert "bodies.plate.mesh" in done.stderr
     assert "1 mistake; nothing was run" in done.stderr
-
-
-def test_a_group_inside_the_body_is_no_region(tmp_path):
-    """The file is refused only where the case names the group, with the reason."""
-    (tmp_path / "plate.msh").write_text(TWO_TRIANGLES.replace("2 1 2 4 2 2 3", "2 1 2 4 2 1 3"), encoding="utf-8")
-    assert run(tmp_path).returncode == 0
-    done = run(tmp_path, "--set=contacts.stop.body=plate.right")
-    said = "the body 'plate' has no region 'right': 1 of 1 facets of this group are not on its boundary"
-    assert done.returncode == 2
-    assert f"{said}\n  Known regions: left, skin." in done.stderr
 
 
 def test_results_in_a_mesh_file_are_passed_over():
@@ -127,21 +110,6 @@ def test_a_part_of_a_group_that_gmsh_has_turned_around_belongs_to_it():
     assert {name: {k: v.tolist() for k, v in of.items()} for name, of in found.items()} == {
         name: {k: v.tolist() for k, v in of.items()} for name, of in expected.items()
     }
-
-
-@pytest.mark.parametrize("in_memory", [True, False])
-def test_a_mesh_is_read_without_a_folder_for_temporary_files_or_the_variable_is_named(in_memory, monkeypatch):
-    def none():
-        raise FileNotFoundError("No usable temporary directory found")
-
-    monkeypatch.setattr(tempfile, "TemporaryDirectory", none)
-    if not in_memory:
-        monkeypatch.delattr("os.memfd_create", raising=False)
-        with pytest.raises(ValueError, match="expected a folder for temporary files, found none: No usable") as said:
-            mesh_in(TWO_TRIANGLES, "plate.msh")
-        assert "TMPDIR" in said.value.advice
-    elif hasattr(os, "memfd_create"):
-        assert len(mesh_in(TWO_TRIANGLES, "plate.msh").nodes) == 5
 
 
 CASE = """percuss: 1
@@ -166,10 +134,8 @@ def run(folder, *words):
     ("word", "words"),
     [
         ("bodies.plate.mesh.part=plat", "expected a physical group of cells of plate.msh, found 'plat'; it has plate"),
-        ("bodies.plate.mesh.file=other.msh", "no such file"),
         ("contacts.stop.body=plate.lift", "Did you mean 'left'?"),
         ("refine=1.5", "refine: expected a whole number for a mesh from a file, found 1.5"),
-        ("refine=0.5", "refine: expected a whole number for a mesh from a file, found 0.5"),
         ("refine=1e6", "refine: expected elements that fit into memory"),
     ],
 )
@@ -263,14 +229,6 @@ def test_a_hanging_node_is_told_by_check_and_run(tmp_path):
     assert words in percuss.check(case).text
 
 
-def test_a_finer_run_of_cells_cut_into_parts_judges_a_body_from_a_file(tmp_path):
-    (tmp_path / "plate.msh").write_text(TWO_TRIANGLES, encoding="utf-8")
-    case = percuss.load(tmp_path / "case.yaml") if run(tmp_path).returncode == 0 else None
-    coarse, finer = (percuss.run(case, {"reference.refine": 16, "refine": refine}).summary for refine in (1, 8))
-    errors = [summary["estimated"]["contacts"]["stop"]["impulse_error"] for summary in (coarse, finer)]
-    assert 0.0 < errors[1] < 0.5 * errors[0]
-
-
 def made_by_gmsh(name):
     return (MADE_BY_GMSH / f"{name}.msh").read_bytes().decode(ENCODING)
 
@@ -315,14 +273,6 @@ def test_a_cell_in_two_groups_is_one_cell_or_the_file_is_refused(form):
     low, whole = (body(text, part=part).mesh(np.zeros(3), 1) for part in ("low", ""))
     assert len(whole.cells["tetra"]) == len(np.unique(np.sort(whole.cells["tetra"]), axis=0))
     assert (volume(low), volume(whole)) == pytest.approx((1.0, 2.0), rel=1e-14)
-
-
-def test_a_facet_that_a_group_has_twice_counts_once():
-    """Also where it is written the other way round; a pressure on the group is that of one edge."""
-    twice = TWO_TRIANGLES.replace("4\n1 1 2 2 1 4 1", "6\n5 1 2 2 1 1 4\n6 1 2 2 1 4 1\n1 1 2 2 1 4 1")
-    once, again = (body(text).mesh(np.zeros(2), 2).regions["left"] for text in (TWO_TRIANGLES, twice))
-    assert once.facets["line"].tolist() == again.facets["line"].tolist()
-    assert list(once.nodes) == list(again.nodes)
 
 
 @pytest.mark.parametrize(("corner", "folds"), [(0.9, False), (0.5, True), (0.2, True)])
@@ -370,28 +320,6 @@ def test_a_file_with_wrong_bytes_is_a_mesh_or_one_message(seed):
         assert tempfile.gettempdir() not in said
     else:
         assert volume(mesh) > 0.0
-
-
-def with_number(text, after, at, number):
-    """Return a file of bytes with another number of four bytes, `at` bytes after the count of a section."""
-    good = text.encode(ENCODING)
-    begin = good.index(b"\n", good.index(after.encode()) + len(after) + 1) + 1 + at
-    return (good[:begin] + number.to_bytes(4, "little") + good[begin + 4 :]).decode(ENCODING)
-
-
-def test_a_wrong_number_of_a_node_takes_no_memory():
-    tracemalloc.start()
-    try:
-        with pytest.raises(ValueError, match="node tags too sparse"):
-            body(with_number(made_by_gmsh("hexahedron-2.2-bytes"), "$Nodes", 0, 10**9))
-        assert tracemalloc.get_traced_memory()[1] < 20e6
-    finally:
-        tracemalloc.stop()
-
-
-def test_an_element_of_more_tags_than_bytes_is_refused_before_the_reader_takes_memory_for_them():
-    with pytest.raises(ValueError, match="an element has more tags than the file can hold"):
-        body(with_number(made_by_gmsh("hexahedron-2.2-bytes"), "$Elements", 8, 10**8))
 
 
 def test_without_the_reader_of_meshes_a_case_says_where_and_what_to_install(monkeypatch):

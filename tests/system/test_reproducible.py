@@ -151,34 +151,3 @@ def test_bits_do_not_depend_on_who_compiled_them(tmp_path):
     for around in ("", "tracer"):
         own = {"NUMBA_CACHE_DIR": str(tmp_path / f"cache {around}")}
         assert bits_of(["auto"], around, **own)["auto"] == expected["auto"]
-
-
-@pytest.mark.slow
-def test_bits_do_not_depend_on_the_workers_of_a_study(tmp_path):
-    plan = {
-        "percuss-study": 1,
-        "cases": [str(places.CASES / "hunek.yaml")],
-        "set": {"refine": 1, "time.end": 0.3},
-        "methods": {"integrators": ["central-difference", "wu-predictor-corrector"], "contacts": ["penalty"]},
-        "vary": {"method.contact.beta_s": [0.25, "auto"]},
-        "measure": ["force_error_l2", "displacement_error", "contacts.*.impulse", "energy.final", "dt"],
-    }
-    tables = []
-    for workers in (1, 2):
-        study = percuss.study(plan, tmp_path / f"{workers}.sqlite", workers=workers)
-        rows = [{name: row[name] for name in (*plan["measure"], "integrator")} for row in study.as_records()]
-        tables.append(sorted(rows, key=repr))
-    alone = []
-    for integrator in plan["methods"]["integrators"]:
-        for beta_s in plan["vary"]["method.contact.beta_s"]:
-            methods = {"method.integrator": integrator, "method.contact": {"name": "penalty", "beta_s": beta_s}}
-            summary = percuss.run(percuss.load(plan["cases"][0], {**plan["set"], **methods})).summary
-            alone.append({
-                "force_error_l2": summary["exact"]["contacts"]["tip"]["force_error_l2"],
-                "displacement_error": summary["exact"]["displacement_error"],
-                "contacts.*.impulse": summary["contacts"]["tip"]["impulse"],
-                "energy.final": summary["energy"]["final"],
-                "dt": summary["dt"],
-                "integrator": integrator,
-            })  # fmt: skip
-    assert tables == [sorted(alone, key=repr)] * 2

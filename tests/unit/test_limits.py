@@ -12,7 +12,6 @@ from command_line import percuss_command
 from percuss.certificate.linear_laws import LinearLaws
 from percuss.certificate.verdict import certificate, settled
 from percuss.errors import InputError
-from percuss.march.recording import recordable
 from percuss.mesh import size_limits
 from strategies import hunek
 
@@ -23,30 +22,14 @@ GIB = 2**30
 # what is set, and what the message says; on a machine of 16 GiB
 ABSURD = [
     ("time.courant=1e300", ["time.courant: expected a number between 1e-100 and 1e+100, found 1e+300"]),
-    ("time.courant=1e-100", ["time.courant: expected a time step between", "found 1e-103"]),
     ("method.contact.beta_s=1e154", ["method.contact.beta_s: expected a number between 1e-100 and", "found 1e+154"]),
-    ("method.contact.beta_s=5e-324", ["method.contact.beta_s: expected a number between", "found 5e-324"]),
-    ("method.integrator={name: noh-bathe, p: 5e-324}", ["method.integrator.p: expected a number between", "5e-324"]),
     ("method.contact={name: uzawa, iterations: 4611686018427387904}", ["iterations: expected", "at most 10000"]),
-    ("bodies.short.at=[1e300]", ["bodies.short.at.0: expected a number between -1e+100 and 1e+100 [length]"]),
     ("refine=1000000000", ["refine: expected elements that fit into memory", "1e+11 in body 'short'", "16 GiB"]),
-    ("bodies.short.bar.elements=1000000000000000", ["bodies.short: expected elements that fit into memory"]),
-    ("bodies.short.bar.elements=1000000000", ["bodies.short: expected elements", "1e+09 in body 'short'", "16 GiB"]),
     (f"bodies.short.bar.elements=1{30 * '0'}", ["elements: expected a whole number below 2^63, found 1000000"]),
     (f"refine={400 * '1'}", ["refine: expected a number greater than 0 and less than 1e18, found 1111"]),
-    (f"record.every={400 * '1'}", ["record.every: expected a whole number below 2^63, found 1111"]),
-    (f"time.steps={400 * '1'}", ["time.steps: expected a whole number below 2^63, found 1111"]),
-    (f"time.end={400 * '1'}", ["time.end: expected a number greater than 0 [time], found 1111"]),
-    (
-        "bodies.short.velocity=1e200",
-        ["bodies.short.velocity: expected a number between -1e+100 and", "found 1e+200", "Choose units"],
-    ),
     ("bodies.short.material.density=1e-100", ["bodies.short: expected a mass of an element between", "Choose units"]),
     ("bodies.short.material.young=1e100", ["bodies.short: expected a stiffness EA/h", "found 1e+101"]),
-    ("bodies.short.bar.length=1e-100", ["bodies.short: expected an element length"]),
-    ("bodies.short.area=1e100", ["bodies.short: expected a stiffness EA/h", "found 1e+103"]),
     ("time.end=1e8", ["found 2e+11 steps, whose records take", "TiB", "16 GiB", "record: {every: 10000}"]),
-    ("time.end=1e100", ["expected at most"]),
     ("record.fields=100000000", ["record.fields: expected snapshots that fit into memory"]),
 ]
 
@@ -67,21 +50,6 @@ def test_what_cannot_be_computed_is_refused(change, said, machine):
     assert "hunek.yaml:" in str(caught.value) or "--set" in str(caught.value)
 
 
-@pytest.mark.parametrize("command", ["run", "check"])
-@pytest.mark.parametrize("change", ["time.end=1e8", "time.courant=1e300", "refine=1000000000"])
-def test_the_command_line_says_so_without_a_traceback(command, change):
-    done = percuss_command(command, HUNEK, "--set", change)
-    assert done.returncode == 2
-    assert "1 mistake; nothing was run" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert done.stdout == ""
-
-
-def test_what_is_proposed_instead_fits(machine):
-    model = settled(percuss.load(HUNEK, {"time.end": 1e8, "record.every": 10_000})).model
-    assert recordable(model) is model
-
-
 def test_memory_that_runs_out_all_the_same_is_told(monkeypatch, capsys):
     import typer
 
@@ -96,27 +64,10 @@ def test_memory_that_runs_out_all_the_same_is_told(monkeypatch, capsys):
 WRONG = [
     (lambda case: percuss.run("file.yaml"), ["expected a case, found 'file.yaml' of type str", "percuss.load('file.y"]),
     (lambda case: percuss.run(case, "refine=2"), ["mapping of dotted paths to values as `overrides`", "'refine=2'"]),
-    (lambda case: percuss.run(case, {1: 2}), ["mapping of dotted paths"]),
     (lambda case: percuss.load(42), ["path of a YAML file, or the same as a mapping, found 42 of type int"]),
-    (lambda case: percuss.load(None), ["found None of type NoneType"]),
-    (lambda case: percuss.load(HUNEK, ["refine"]), ["`overrides`, found ['refine'] of type list"]),
-    (
-        lambda case: percuss.load(HUNEK, plugins="my.py"),
-        ["a list of files as `plugins`, found 'my.py'", "As ['my.py']"],
-    ),
-    (lambda case: percuss.study(42), ["percuss.study: expected the path of a YAML file"]),
-    (lambda case: percuss.study({}, plugins="my.py"), ["percuss.study: expected a list of files"]),
-    (lambda case: percuss.stability(case, vary="refine=1,2"), ["percuss.stability", "`vary`, found 'refine=1,2'"]),
+    (lambda case: percuss.study({}, plugins="my.py"), ["percuss.study: expected a list of files", "As ['my.py']"]),
     (lambda case: percuss.stability(case, vary={"refine": "1,2"}), ["a list of values for 'refine' of `vary`"]),
-    (lambda case: percuss.stability(case, curves={"refine": 2}), ["a list of values for 'refine' of `curves`"]),
-    (
-        lambda case: percuss.stability(case, by="black-box"),
-        ["a list of names as `by`, found 'black-box'", "As ['black-box']"],
-    ),
-    (lambda case: percuss.stability(HUNEK), ["percuss.stability: expected a case"]),
-    (lambda case: percuss.compare(HUNEK), ["percuss.compare: expected a case"]),
     (lambda case: percuss.compare(case, contacts="penalty"), ["a list of names as `contacts`, found 'penalty'"]),
-    (lambda case: percuss.compare(case, vary=3), ["`vary`, found 3 of type int"]),
 ]
 
 
@@ -129,7 +80,7 @@ def test_an_argument_of_the_wrong_kind_is_told_from_what_is_meant(call, said):
     assert str(caught.value).startswith("percuss.")
 
 
-@pytest.mark.parametrize("command", ["run", "check", "compare", "verify"])
+@pytest.mark.parametrize("command", ["run", "compare"])
 def test_a_study_given_for_a_case_is_told_so(command):
     done = percuss_command(command, str(ROOT / "cases" / "studies" / "scoreboard.yaml"))
     assert done.returncode == 2
@@ -138,25 +89,12 @@ def test_a_study_given_for_a_case_is_told_so(command):
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(
-    "override",
-    [
-        "bodies.short.bar.elements=10000000000", "bodies.short.material.density=1e300", "bodies.short.velocity=1e200",
-        "refine=1000000000", "time.end=1e30",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("override", ["bodies.short.bar.elements=10000000000", "bodies.short.velocity=1e200"])
 def test_a_limit_that_an_override_passes_is_told_of_the_override(override):
     path, _, value = override.partition("=")
     with pytest.raises(InputError) as caught:
         settled(percuss.load(places.CASES / "hunek.yaml", {path: value}))
     assert [(problem.place, problem.excerpt) for problem in caught.value.problems] == [(f"--set {override}", "")]
-
-
-def test_a_velocity_beyond_the_limits_is_told_at_its_place(tmp_path):
-    file, text = tmp_path / "fast.yaml", (places.CASES / "hunek.yaml").read_text(encoding="utf-8")
-    file.write_text(text.replace("velocity: 0.1", "velocity: 1e200"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"fast\.yaml:9:15: bodies\.short\.velocity: expected a number between"):
-        settled(percuss.load(file))
 
 
 EXTREME = [  # command, what is set, exit code, and what it says
@@ -197,18 +135,6 @@ def test_a_command_with_extreme_numbers_says_one_thing(tmp_path, command, change
     assert done.returncode == code
     assert said in done.stderr
     assert "Warning" not in done.stderr
-
-
-def test_a_table_holds_no_number_that_overflows(tmp_path):
-    (tmp_path / "pull.csv").write_text("0,0\n1,1e154\n", encoding="utf-8")
-    (tmp_path / "case.yaml").write_text(
-        yaml.safe_dump(
-            json.loads(json.dumps(hunek(4) | {"loads": {"pull": {"on": "short.left", "table": {"file": "pull.csv"}}}}))
-        ),
-        encoding="utf-8",
-    )
-    with pytest.raises(InputError, match=r"pull\.csv:2:3: expected a number of at most 1e\+100 in size, found '1e154'"):
-        percuss.load(tmp_path / "case.yaml")
 
 
 @pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector"])

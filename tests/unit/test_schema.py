@@ -8,19 +8,16 @@ from typing import Annotated
 import jsonschema
 import pytest
 import yaml
-from pydantic import Field, ValidationError
 
 import places
 from percuss.case.json_schema import case_schema, schema_of
 from percuss.case.quantities import MEASURABLE, SUMMARY
 from percuss.case.source import Source
 from percuss.case.specs import _existing_quantity
-from percuss.case.validation import Context, mistakes_in, validate
-from percuss.methods.interfaces import AllowInf, ContactLaw, Doc, Gt, LinearLaw, Load, Unit
+from percuss.methods.interfaces import ContactLaw, Doc, Gt, LinearLaw, Load, Unit
 from percuss.methods.registry import Registry
 from percuss.studies.layout import study_schema
 
-CASES = sorted(places.CASES.glob("*.yaml"))
 BASE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))["base"]
 
 FULL = """\
@@ -88,11 +85,6 @@ def test_a_good_case_validates(validator, text):
     assert [error.message for error in validator.iter_errors(plain(text))] == []
 
 
-@pytest.mark.parametrize("file", CASES, ids=lambda file: file.name)
-def test_every_case_validates(validator, file):
-    assert [error.message for error in validator.iter_errors(lists(Source.read(file).data))] == []
-
-
 @pytest.mark.parametrize("file", sorted(places.CASES.rglob("*.yaml")), ids=lambda file: file.name)
 def test_an_editor_that_reads_yaml_1_1_finds_no_mistake(schema, file):
     """There `on` is a truth and `2e11` a text, unless they are written as "on" and 2.0e+11."""
@@ -107,28 +99,16 @@ def test_an_editor_that_reads_yaml_1_1_finds_no_mistake(schema, file):
     [
         ("length: 10", "length: -10"),
         ("length: 10", "lenght: 10"),
-        ("length: 10, ", ""),
-        ("elements: 4", "elements: 4.5"),
         ("bar: {length: 10", "baar: {length: 10"),
-        ("title:", "titel:"),
         ("percuss: 1", "percuss: 2"),
-        ("young: 1e2, ", ""),
-        ("name: elastic", "name: elstic"),
         ("name: penalty, beta_s: 1", "name: lagrange, beta_s: 1"),
-        ("ratio: matched", "ratio: machted"),
         ("contact: {ratio: matched}", "contact: lagrang"),
         ("{constant: 1, ", "{constant: 1, ramp: {value: 1, duration: 1}, "),
-        ("{constant: 1, ", "{"),
         ("as: force", "as: power"),
-        ("refine: 2", "refine: 0"),
-        ("area: 1, fixed", "area: yes, fixed"),
         ("time: {step: 1e-3, ", "time: {courant: 1, step: 1e-3, "),
         ("steps: 100, on", "on"),
         ("within: 1.5%", "within: wide"),
-        ("source: exact", "source: guess"),
-        ("mean: 0, ", ""),
         ("  tip: {between", "  1st: {between"),
-        ("[a.right, b.left]", "[a.right]"),
     ],
 )
 def test_a_wrong_case_does_not(validator, old, new):
@@ -197,14 +177,9 @@ def test_other_peoples_components_appear_with_unit_and_description():
     [
         ("contact: {ratio: matched}", "contact: {name: lagrange, ratio: 1}", "method.contact"),
         ("contact: {ratio: matched}", "contact: {name: penalty, beta_s: stiff}", "method.contact.beta_s"),
-        ("contact: {ratio: matched}", "contact: {ratio: machted}", "method.contact.ratio"),
-        ("contact: {ratio: matched}", "contact: {name: penalti}", "method.contact.name"),
         ("contact: {ratio: matched}", "contact: penalti", "method.contact"),
-        ("contact: {ratio: matched}", "contact: 3", "method.contact"),
-        ("name: penalty, beta_s: 1", "name: penalty, beta_s: [1]", "contacts.tip.method.beta_s"),
         ("name: elastic, young: 1,", "name: elastic, young: -1,", "bodies.b.material.young"),
         ("quantity: gap", "quantity: gpa", "expect.0.quantity"),
-        ("quantity: steps", "quantity: stepz.final", "expect.1.quantity"),
     ],
 )
 def test_a_mistake_in_a_component_has_its_place(validator, old, new, path):
@@ -233,35 +208,6 @@ def test_every_quantity_that_can_be_expected_is_offered_or_allowed(validator, sc
         _existing_quantity(name)
         assert validator.is_valid(plain(FULL.replace("quantity: steps", f"quantity: {name}"))), name
     assert set(MEASURABLE) <= {*offered["enum"]}
-
-
-def test_units_and_required_keys_stand_beside_the_descriptions(schema):
-    assert schema["properties"]["time"]["properties"]["end"]["x-unit"] == "time"
-    # A material has no default, as its default component has options without one; an element has.
-    assert set(schema["properties"]["bodies"]["additionalProperties"]["required"]) == {"material"}
-
-
-@dataclass(frozen=True)
-class Loose(ContactLaw):
-    """A law with an option that may be infinite, and one that is a share or a number."""
-
-    name = "loose"
-    summary = "Somebody's law"
-
-    slack: Annotated[float, AllowInf()] = 0.0
-    share: Annotated[str, Field(pattern="^[0-9]+%$")] | Annotated[float, Gt(0)] = 1.0
-
-    def bind(self, points, dt):
-        return LinearLaw("explicit", self.slack)
-
-
-@pytest.mark.parametrize(("option", "value"), [("slack", float("nan")), ("share", "half")])
-def test_each_wrong_place_is_one_mistake(option, value):
-    context = Context(Registry.load(), Path())
-    assert validate(Loose, {"slack": float("inf"), "share": "3%"}, context).slack == float("inf")
-    with pytest.raises(ValidationError) as caught:
-        validate(Loose, {option: value}, context)
-    assert [mistake.path for mistake in mistakes_in(caught.value)] == [(option,)]
 
 
 def test_everything_is_described(schema):

@@ -12,19 +12,13 @@ if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
 PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
-FORTRAN = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))[dq]([-+]?\d+)|([-+]?(?:\d+\.\d*|\.\d+))([-+]\d+)", re.IGNORECASE)
 COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
-GROUPED = re.compile(r"[-+]?\d{1,3}(?:[ _'’]\d{3})+(?:\.\d+)?")
 SHARE = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*%")
 WITH_UNIT = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?)\s*([^\W\d_%][^\s,;]*)", re.IGNORECASE)
-PREFIXED = re.compile(r"([kMGmµun])(Pa|m|s|N|g|J)")
-POWERS = {"k": 3, "M": 6, "G": 9, "m": -3, "µ": -6, "u": -6, "n": -9}
 # The pattern of a kind of file, what it is, and what to do with it. Texts are read as YAML where YAML is expected.
 BINARY = (
     (rb"\A\x89HDF\r\n\x1a\n", "a NetCDF file, as `percuss run -o` writes", "Read it with `percuss verify {}`."),
     (rb"\ASQLite format 3\0", "a SQLite database, as `percuss study` makes", "Read it with `percuss report {}`."),
-    (rb"\A\x89PNG\r\n\x1a\n", "a picture", "Name the file that it was drawn from."),
-    (rb"\A%PDF-", "a PDF file", "Name the file that it was drawn from."),
 )
 TEXTS = (
     (rb"(?m)^percuss:", "a case", "Run it with `percuss run {}`."),
@@ -33,30 +27,16 @@ TEXTS = (
 
 
 def number_advice(text: str) -> str:
-    """Return advice for a text instead of a number: quotes, a comma, groups of digits, a share, a unit; or nothing."""
+    """Return advice for a text instead of a number: quotes, a comma, a share, a unit; or nothing."""
     if PLAIN.fullmatch(text):
         return f"Write {text} without quotes."
-    if parts := FORTRAN.fullmatch(text):  # 2.1D11, or 2.1+11 as Nastran writes it
-        return f"Write {parts[1] or parts[3]}e{parts[2] or parts[4]}."
     if COMMA.fullmatch(text):
         return comma_advice(text)
-    if GROUPED.fullmatch(text):
-        return f"Write {re.sub('[^-+.0-9]', '', text)}: digits stand together."
     if share := SHARE.fullmatch(text):
         return f"Write {float(share[1]) / 100:g}."
-    given = WITH_UNIT.fullmatch(text)
-    return _unit_advice(*given.groups()) if given else ""
-
-
-def _unit_advice(number: str, unit: str) -> str:
-    """Return advice for a number with a unit."""
-    prefixed = PREFIXED.fullmatch(unit)
-    if prefixed is None:
-        return f"Write {number} alone, without a unit: all numbers of a case are in units that fit together."
-    mantissa, _, exponent = number.lower().partition("e")
-    # Without the point and the sign YAML 1.1 reads a text.
-    scaled = f"{mantissa}{'' if '.' in mantissa else '.0'}e{int(exponent or 0) + POWERS[prefixed[1]]:+d}"
-    return f"Write the number alone: {scaled} if your unit is {prefixed[2]}, {number} if {unit}."
+    if given := WITH_UNIT.fullmatch(text):
+        return f"Write {given[1]} alone, without a unit: all numbers of a case are in units that fit together."
+    return ""
 
 
 def comma_advice(text: str) -> str:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import re
-import struct
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -15,12 +13,10 @@ from typing import Any
 import numpy as np
 
 from percuss.case.csv_file import UnusableFileError, read_bytes
-from percuss.files import is_folder
 from percuss.methods.interfaces import Integers, MeshFile
 from percuss.process import processes_with
 
 ENCODING = "latin-1"  # in which every byte is a letter, so that a binary file is kept as a text
-NODES = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 15: 1}  # of an element, by the number that gmsh gives its kind
 DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
 GMSH = "Save it by gmsh as .msh, version 2.2 or 4.1."
 PARAMETRIC = "Save it without parametric coordinates: gmsh writes them with Mesh.SaveParametric."
@@ -74,9 +70,6 @@ def mesh_in(text: str, path: str) -> MeshFile:
     if version not in (["2.2"], ["4.1"]):
         found = version[0][:20] if version else "nothing"
         raise UnusableFileError(f"expected version 2.2 or 4.1 of a mesh of gmsh, found {found}: {path}", GMSH)
-    content = text.encode(ENCODING)
-    if version == ["2.2"] and text.split(maxsplit=3)[2:3] == ["1"] and _too_many_tags(content):
-        raise UnusableFileError(f"damaged mesh of gmsh: {path}: an element has more tags than the file can hold", GMSH)
     for section, (found, advice) in FOREIGN.items():
         if section in text:
             raise UnusableFileError(f"expected a mesh of gmsh without {found}: {path}", advice)
@@ -120,38 +113,15 @@ def _add_turned(
 
 @contextlib.contextmanager
 def _as_file(content: bytes) -> Iterator[str]:
-    """Give the path of a file with some content for a while: in memory, where the system has such files."""
-    if hasattr(os, "memfd_create") and is_folder(Path("/proc/self/fd")):
-        with os.fdopen(os.memfd_create("mesh"), "wb") as file:
-            file.write(content)
-            file.flush()
-            yield f"/proc/self/fd/{file.fileno()}"
-        return
-    try:
-        folder = tempfile.TemporaryDirectory()
-    except OSError as error:
-        advice = "Name one by the variable TMPDIR of the environment."
-        raise UnusableFileError(f"expected a folder for temporary files, found none: {error}", advice) from None
-    with folder as name:
-        copy = Path(name) / "mesh.msh"
-        copy.write_bytes(content)
+    """Give the path of a file with some content for a while, as the reader takes no less."""
+    with contextlib.ExitStack() as files:
+        try:
+            copy = Path(files.enter_context(tempfile.TemporaryDirectory())) / "mesh.msh"
+            copy.write_bytes(content)
+        except OSError as error:
+            message = f"expected a folder with room for a temporary copy of the mesh, found none: {error}"
+            raise UnusableFileError(message, "Name one by the variable TMPDIR of the environment.") from None
         yield str(copy)
-
-
-def _too_many_tags(content: bytes) -> bool:
-    """Return whether an element of a binary file of version 2.2 has more tags than the file can hold.
-
-    The reader would take the memory for them before it looks whether they are there.
-    """
-    at = content.find(b"\n", content.find(b"$Elements\n") + len("$Elements\n")) + 1
-    while at + 12 <= len(content):
-        kind, count, tags = struct.unpack_from("<3i", content, at)
-        if kind not in NODES or count < 0:
-            break
-        if not 0 <= tags <= len(content) // 4:
-            return True
-        at += 4 * (3 + count * (1 + tags + NODES[kind]))
-    return False
 
 
 def _checked(

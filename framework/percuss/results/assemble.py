@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -220,29 +220,10 @@ def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact
         return None, ended_here
     errors = None
     if solution is not None:
-        ran = _Histories.of(march, outcome, arrays)
-        errors, force, gap = _errors(solution, name, march, outcome, ran)
+        moved = outcome.final_displacement.reshape(-1, march.dim)
+        errors, force, gap = _errors(solution, name, march, outcome, arrays["time"], arrays["contact_force"], moved)
         arrays |= {"contact_force_exact": force, "gap_exact": gap}
     return solution, true_error.summary_entries(errors, reason, estimated)
-
-
-class _Histories(NamedTuple):
-    """What is compared with a judge: times and middles of the steps, contact forces, and the displacement at the end.
-
-    The impulse lambda dt acts over the step around t_n, in a multi-stage scheme over that from t_n to t_n+1.
-    """
-
-    time: Floats
-    middle: Floats
-    force: Floats
-    moved: Floats | None
-
-    @classmethod
-    def of(cls, march: March, outcome: Outcome, arrays: Entries) -> _Histories:
-        """Return those of a run."""
-        middle = arrays["time"] + march.stepper.force_at * march.model.dt
-        moved = outcome.final_displacement.reshape(-1, march.dim)
-        return cls(arrays["time"], middle, arrays["contact_force"], moved)
 
 
 def _estimates(finer: Sequence[FinerRun], march: March, outcome: Outcome, arrays: Entries) -> ExactErrors:
@@ -251,46 +232,41 @@ def _estimates(finer: Sequence[FinerRun], march: March, outcome: Outcome, arrays
     Of two, ``apart`` has the errors of the second against the first, on the steps and nodes of the run: runs whose
     errors differ by less are not told apart.
     """
-    ran = _Histories.of(march, outcome, arrays)
+    time, ran = arrays["time"], arrays["contact_force"]
+    moved = outcome.final_displacement.reshape(-1, march.dim)
     first, *others = finer
     name = " and ".join(judge.name for judge in finer)
-    estimated, force, gap = _errors(first, name, march, outcome, ran)
+    estimated, force, gap = _errors(first, name, march, outcome, time, ran, moved)
     arrays |= {"contact_force_finer": force, "gap_finer": gap}
     for second in others:
-        estimated["second"], force, _ = _errors(second, second.name, march, outcome, ran)
+        estimated["second"], force, _ = _errors(second, second.name, march, outcome, time, ran, moved)
         there = second.displacement_of(march.model, outcome.done * march.model.dt)
-        as_run = ran._replace(force=np.nan_to_num(force), moved=there)
-        estimated["apart"] = _errors(first, first.name, march, outcome, as_run)[0]
+        estimated["apart"], _, _ = _errors(first, first.name, march, outcome, time, np.nan_to_num(force), there)
     return estimated
 
 
 def _errors(
-    judge: Exact | FinerRun, name: str, march: March, outcome: Outcome, ran: _Histories
+    judge: Exact | FinerRun, name: str, march: March, outcome: Outcome, time: Floats, ran: Floats, moved: Floats | None
 ) -> tuple[ExactErrors, Floats, Floats]:
-    """Return the errors of histories against their judge, and the forces and gaps of the judge on their steps."""
-    model, contact_names = march.model, list(march.model.case.contacts)
-    force, gap = sampled(judge, contact_names, ran.time, ran.middle, model.dt)
+    """Return the errors of contact forces `ran` and of displacements `moved`, and forces and gaps of their judge.
+
+    The impulse lambda dt acts over the step around t_n, in a multi-stage scheme over that from t_n to t_n+1.
+    """
+    model, names, middle = march.model, list(march.model.case.contacts), time + march.stepper.force_at * march.model.dt
+    force, gap = sampled(judge, names, time, middle, model.dt)
     contacts = {
         name: true_error.contact_errors(
-            judge.contacts[name],
-            ran.middle,
-            ran.force[:, k],
-            force[:, k],
-            model.dt,
-            judge.reached,
-            every=outcome.record.every,
-            impulse=judge.contacts[name].impulse,
+            judge.contacts[name], middle, ran[:, k], force[:, k], model.dt, judge.reached, every=outcome.record.every
         )
-        for k, name in enumerate(contact_names)
+        for k, name in enumerate(names)
     }
-    if not isinstance(judge, Exact):
+    end, displacement_error = outcome.done * model.dt, None
+    if isinstance(judge, Exact):
+        displacement_error = true_error.displacement_error(model, judge, moved, end) if moved is not None else None
+    else:
+        displacement_error = judge.displacement_error(model, moved, end) if moved is not None else None
         for of_contact in contacts.values():  # the peak of a finer run has an overshoot of its own
             of_contact["overshoot"] = None
-    time, displacement_error = outcome.done * model.dt, None
-    if ran.moved is not None and isinstance(judge, Exact):
-        displacement_error = true_error.displacement_error(model, judge, ran.moved, time)
-    elif ran.moved is not None and not isinstance(judge, Exact):
-        displacement_error = judge.displacement_error(model, ran.moved, time)
     errors: ExactErrors = {
         "solution": name,
         "reached": judge.reached,

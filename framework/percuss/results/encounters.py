@@ -6,9 +6,8 @@ in both cases a run goes on with forces that no body would feel.
 
 from __future__ import annotations
 
-import bisect
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +23,7 @@ from percuss.results.encounters_of_solids import foreseen_of_solids, notes_of_so
 NOT_DECLARED = "no contact is declared between them"
 
 
-@dataclass(frozen=True)
-class End:
+class End(NamedTuple):
     """An end of a body: its address in a case, its node in the model, its normal out of the body and its position."""
 
     name: str
@@ -53,33 +51,21 @@ def undeclared_pairs(model: Model) -> list[tuple[End, End, float]]:
 
     Ends that both have a contact with another partner are left out: several experiments may lie on one line.
     """
-    in_contact = set(model.contact_points.node.tolist())
-    lines: dict[tuple[float, ...], tuple[list[End], list[End]]] = {}
-    for end in _ends(model):
-        forward = next(part for part in end.outward.tolist() if abs(part) > 1e-9) > 0.0
-        lines.setdefault(_line(end, forward), ([], []))[0 if forward else 1].append(end)
-    pairs = []
-    for forward_ends, backward_ends in lines.values():
-        backward_ends.sort(key=lambda end: -float(end.position @ end.outward))
-        places = [-float(end.position @ end.outward) for end in backward_ends]
-        for end in forward_ends:
-            place, tolerance = float(end.position @ end.outward), _touching(end)
-            index = bisect.bisect_left(places, place - tolerance)
-            if index == len(places):
-                continue
-            other, gap = backward_ends[index], places[index] - place
+    in_contact, ends, pairs = set(model.contact_points.node.tolist()), list(_ends(model)), []
+    outward, position = (np.array([getattr(end, name) for end in ends]) for name in ("outward", "position"))
+    for end in ends:
+        if next(part for part in end.outward.tolist() if abs(part) > 1e-9) < 0.0:  # the other end of a pair
+            continue
+        along = (position - end.position) @ end.outward
+        beside = np.linalg.norm(position - end.position - np.outer(along, end.outward), axis=1)
+        on_line = beside < 1e-6 * float(end.body.mesh.lengths.sum())
+        facing = on_line & (outward @ end.outward < 1e-9 - 1.0) & (along >= -_touching(end))
+        if facing.any():
+            nearest = int(np.where(facing, along, np.inf).argmin())
+            other, gap = ends[nearest], float(along[nearest])
             if other.body is not end.body and not {end.node, other.node} <= in_contact:
-                pairs.append((end, other, 0.0 if gap <= tolerance else gap))
+                pairs.append((end, other, 0.0 if gap <= _touching(end) else gap))
     return pairs
-
-
-def _line(end: End, forward: bool) -> tuple[float, ...]:
-    """Return a key that ends on one line have in common."""
-    if end.outward.size == 1:
-        return ()
-    axis = end.outward if forward else -end.outward
-    beside = (end.position - (end.position @ axis) * axis) / float(end.body.mesh.lengths.sum())
-    return (*np.round(axis, 9) + 0.0, *np.round(beside, 6) + 0.0)
 
 
 def expected_meetings(model: Model) -> list[str]:

@@ -6,8 +6,7 @@ corner has come between two points, where a body without a contact is in the way
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Iterator, Sequence
 from itertools import permutations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,12 +15,12 @@ import numpy as np
 from percuss.contact.pairs import walls_of
 from percuss.mesh.surfaces import whole_surface
 from percuss.methods.interfaces import Surface
-from percuss.methods.interfaces.nearest import EVEN, nearest_places, places_on
+from percuss.methods.interfaces.nearest import EVEN, places_on
 
 if TYPE_CHECKING:
     from percuss.contact.model import Model
     from percuss.march.march import March, Outcome
-    from percuss.methods.interfaces import Floats, Integers, Wall
+    from percuss.methods.interfaces import Floats
 
 TOLD = 1e-3  # of a facet: a node that lies deeper inside another body is told
 APART = 1e-2  # of a facet: a larger distance of surfaces that press is told; means over facets err by less
@@ -58,50 +57,37 @@ class Solids:
         A model of bodies that are no bars.
     sights
         The model at these times.
+
+    Attributes
+    ----------
+    gaps
+        The gap that each contact point sees, at each time.
+    unseen
+        Whether no contact point sees each node, at each time: none has a force there, or no gap.
+    skins
+        The boundary of each body.
+    walls
+        The walls by the names of their contacts.
     """
 
     def __init__(self, model: Model, sights: Sequence[Sight]) -> None:
         from scipy.sparse import csr_array
 
-        self.model, self.sights = model, sights
-        points = model.contact_points
-        self.facet, self.contact = points.facet, points.contact
+        self.model, self.sights, points = model, sights, model.contact_points
         shape = len(points), model.bodies.n_nodes
         self.shares: Any = csr_array((points.share, (points.point, points.node)), shape=shape)
-        relative = [np.asarray(self.shares @ sight.displacement) for sight in sights]
+        relative = [self.shares @ sight.displacement for sight in sights]
         self.gaps = [points.gap + (each * points.normal).sum(axis=1) for each in relative]
-
-    @cached_property
-    def seen(self) -> Any:
-        """Whether a contact point sees each node where it is: it has a force there, or no gap, (times, nodes)."""
+        closed = [gap <= TOLD * points.facet for gap in self.gaps]
+        sees = [(sight.multiplier != 0.0) | each for sight, each in zip(sights, closed, strict=True)]
         at_points = abs(self.shares).T.tocsr()
-        sees = [(sight.multiplier != 0.0) | (gap <= TOLD * self.facet) for sight, gap in self]
-        return np.array([at_points @ each.astype(float) > 0.0 for each in sees])
+        self.unseen = [at_points @ each.astype(float) == 0.0 for each in sees]
+        self.skins = {body.name: whole_surface(body.view, body.start) for body in model.bodies.values()}
+        self.walls = walls_of(model.case, model.bodies)
 
-    def __iter__(self) -> Iterator[tuple[Sight, Floats]]:
-        """Yield the times, with the gap that each contact point sees, (P,)."""
-        return zip(self.sights, self.gaps, strict=True)
-
-    @cached_property
-    def skins(self) -> dict[str, Surface]:
-        """The boundary of each body."""
-        return {body.name: whole_surface(body.view, body.start) for body in self.model.bodies.values()}
-
-    @cached_property
-    def walls(self) -> dict[str, Wall]:
-        """The walls by the names of their contacts."""
-        return walls_of(self.model.case, self.model.bodies)
-
-    @cached_property
-    def moved(self) -> dict[str, Floats]:
-        """Places of the boundary of each body, (dim, times, nodes)."""
-
-        def places(skin: Surface) -> Floats:
-            return np.array([(skin.positions + sight.displacement[skin.nodes]).T for sight in self.sights])
-
-        return {name: places(skin).swapaxes(0, 1) for name, skin in self.skins.items()}
-
-    # -- nodes inside another body ---------------------------------------------------------------------------
+    def moved(self, surface: Surface, time: int) -> Surface:
+        """Return a surface where it is at one of the times."""
+        return surface._replace(positions=surface.positions + self.sights[time].displacement[surface.nodes])
 
     def inside(self, body: str, other: str) -> Inside | None:
         """Return the node of a body that lies deepest inside another one, where no contact point sees it.
@@ -109,17 +95,10 @@ class Solids:
         None where bodies overlap at the start: such bodies have no contact with each other.
         """
         skin, target = self.skins[body], self.skins[other]
-        if _deepest(*_in_box(skin.positions, target.positions), target) is not None:
+        if _deepest(skin, target, np.ones(len(skin.nodes), dtype=bool)) is not None:
             return None
-        near, places = ~self.seen[:, skin.nodes], zip(self.moved[body], self.moved[other], strict=True)
-        for own, others in places:
-            near &= (own > others.min(axis=1, keepdims=True)) & (own < others.max(axis=1, keepdims=True))
-        found = {}
-        for time in np.flatnonzero(near.any(axis=1)):
-            (nodes,) = np.nonzero(near[time])
-            there = target._replace(positions=self.moved[other][:, time].T)
-            if (deepest := _deepest(nodes, self.moved[body][:, time, nodes].T, there)) is not None:
-                found[int(time)] = deepest
+        moved = ((self.moved(skin, time), self.moved(target, time)) for time in range(len(self.sights)))
+        found = [_deepest(*both, unseen[skin.nodes]) for both, unseen in zip(moved, self.unseen, strict=True)]
         return self._first_and_deepest(body, found)
 
     def behind(self, contact: str) -> Inside | None:
@@ -129,138 +108,80 @@ class Solids:
         """
         body, wall = self.model.case.contacts[contact].sides[0].body, self.walls[contact]
         skin, least = self.skins[body], TOLD * self.model.bodies[body].shortest
-        depth = wall.point @ wall.normal - np.tensordot(wall.normal, self.moved[body], 1)
-        depth[self.seen[:, skin.nodes] | ((wall.point - skin.positions) @ wall.normal > least)] = 0.0
-        times = np.flatnonzero(depth.max(axis=1) > least).tolist()
-        return self._first_and_deepest(body, {t: (int(depth[t].argmax()), float(depth[t].max())) for t in times})
+        before = (wall.point - skin.positions) @ wall.normal <= least
+        found: list[tuple[int, float] | None] = []
+        for time, unseen in enumerate(self.unseen):
+            depth = (wall.point - self.moved(skin, time).positions) @ wall.normal
+            depth[~(before & unseen[skin.nodes])] = 0.0
+            found.append((int(depth.argmax()), float(depth.max())) if depth.max() > least else None)
+        return self._first_and_deepest(body, found)
 
-    def _first_and_deepest(self, body: str, found: Mapping[int, tuple[int, float]]) -> Inside | None:
-        """Return the deepest of the nodes found at some times, each with its depth, and the first of these times."""
-        if not found:
+    def _first_and_deepest(self, body: str, found: Sequence[tuple[int, float] | None]) -> Inside | None:
+        """Return the deepest of the nodes found at the times, each with its depth, and the first of these times."""
+        times = [sight.time for sight, one in zip(self.sights, found, strict=True) if one is not None]
+        if not times:
             return None
-        time = max(found, key=lambda time: found[time][1])
-        node, depth = found[time]
-        number = int(self.skins[body].nodes[node]) - self.model.bodies[body].start
-        return Inside(number, depth, self.sights[time].time, self.sights[min(found)].time)
-
-    # -- contacts at a distance ------------------------------------------------------------------------------
+        depth, time, node = max((one[1], -t, one[0]) for one, t in zip(filter(None, found), times, strict=True))
+        return Inside(int(self.skins[body].nodes[node]) - self.model.bodies[body].start, depth, -time, times[0])
 
     def apart(self, contact: int) -> tuple[float, float, float] | None:
         """Return when a contact first presses at a distance, the distance of its surfaces, and the gap that it sees.
 
         The distance is more than the gap of the strongest point.
         """
-        sides = list(self.model.case.contacts.values())[contact].sides
+        sides, points = list(self.model.case.contacts.values())[contact].sides, self.model.contact_points
         surfaces = [self.model.bodies[side.body].surface(side.region).surface for side in sides]
-        pressing = [np.where(self.contact == contact, sight.multiplier, 0.0) for sight, _ in self]
-        times = [time for time, force in enumerate(pressing) if force.max(initial=0.0) > 0.0]
-        strongest = [int(pressing[time].argmax()) for time in times]
-        near = self._near(surfaces, times, strongest)
-        for time, point, at_point in zip(times, strongest, near, strict=True):
-            gap, facet = float(self.gaps[time][point]), float(self.facet[point])
-            allowed = abs(gap) + APART * facet
-            if at_point <= allowed:
+        for time, sight in enumerate(self.sights):
+            force = np.where(points.contact == contact, sight.multiplier, 0.0)
+            if not force.max(initial=0.0) > 0.0:
                 continue
-            moved = [one._replace(positions=self._places(one, time)) for one in surfaces]
-            least = min(_least_distance(one, other, at_point) for one, other in (moved, moved[::-1]))
-            least = min(least, _least_between_edges(moved[0], moved[1], least)) if self.model.dim == 3 else least
+            point = int(force.argmax())
+            nodes = self.shares.indices[self.shares.indptr[point] : self.shares.indptr[point + 1]]
+            gap, moved = float(self.gaps[time][point]), [self.moved(one, time) for one in surfaces]
+            allowed = abs(gap) + APART * float(points.facet[point])
+            of_sides = [one.positions[np.isin(one.nodes, nodes)] for one in moved]
+            if any(_is_within(at, one, allowed) for at, one in zip(of_sides, moved[::-1], strict=True)):
+                continue
+            least = min(_distance(*moved), _distance(*moved[::-1]))
             if least > allowed:
-                return self.sights[time].time, least, gap
+                return sight.time, least, gap
         return None
 
-    def _places(self, surface: Surface, time: int) -> Floats:
-        places: Floats = surface.positions + self.sights[time].displacement[surface.nodes]
-        return places
 
-    def _near(self, surfaces: Sequence[Surface], times: Sequence[int], points: Sequence[int]) -> Floats:
-        """Return the least distance of the nodes of a point from the facets of its other side, at each of some times.
-
-        That is an upper bound of the distance of the surfaces.
-        """
-        least = np.full(len(times), np.inf)
-        known: dict[int, Any] = {}
-        for side in (0, 1):  # cells may be of two kinds, so that facets of the sides have other numbers of nodes
-            at, corners, number = [np.zeros((0, self.model.dim))], [], [np.zeros(0, dtype=np.int64)]
-            for k, (time, point) in enumerate(zip(times, points, strict=True)):
-                if point not in known:
-                    nodes = self.shares.indices[self.shares.indptr[point] : self.shares.indptr[point + 1]]
-                    of = [np.flatnonzero(np.isin(surface.nodes, nodes)) for surface in surfaces]
-                    known[point] = [
-                        (own, one.facets[np.isin(one.facets, own).any(axis=1)])
-                        for one, own in zip(surfaces, of, strict=True)
-                    ]
-                (own, _), (_, near) = known[point][side], known[point][1 - side]
-                at.append(np.repeat(self._places(surfaces[side], time)[own], len(near), axis=0))
-                corners.append(np.tile(self._places(surfaces[1 - side], time)[near], (len(own), 1, 1)))
-                number.append(np.full(len(at[-1]), k))
-            if corners:
-                distance, _ = places_on(np.concatenate(at), np.concatenate(corners))
-                np.minimum.at(least, np.concatenate(number), distance)
-        return least
-
-
-def _in_box(at: Floats, others: Floats) -> tuple[Integers, Floats]:
-    """Return the numbers and places of the points that lie in the box round others."""
-    (near,) = np.nonzero(((at > others.min(axis=0)) & (at < others.max(axis=0))).all(axis=1))
-    return near, at[near]
-
-
-def _deepest(nodes: Integers, at: Floats, skin: Surface) -> tuple[int, float] | None:
-    """Return that of some points which lies deepest inside a body with a given boundary, and its depth."""
+def _deepest(skin: Surface, target: Surface, candidates: Any) -> tuple[int, float] | None:
+    """Return that of some nodes of a boundary which lies deepest inside a body with another one, and its depth."""
+    low, high = target.positions.min(axis=0), target.positions.max(axis=0)
+    (nodes,) = np.nonzero(candidates & ((skin.positions > low) & (skin.positions < high)).all(axis=1))
     if not len(nodes):
         return None
-    facet, shares = skin.nearest(at)
-    corners = skin.positions[skin.facets]
-    vector = at - np.einsum("pa,pad->pd", shares, corners[facet])
+    facet, shares = target.nearest(skin.positions[nodes])
+    corners = target.positions[target.facets[facet]]
+    vector = skin.positions[nodes] - np.einsum("pa,pad->pd", shares, corners)
     depth = np.linalg.norm(vector, axis=1)
-    size = np.ptp(corners, axis=1).max(axis=1)[facet]
-    deepest = [p for p in np.argsort(-depth).tolist() if depth[p] > TOLD * size[p]]
+    least = TOLD * np.ptp(corners, axis=1).max(axis=1)
+    deepest = [p for p in np.argsort(-depth).tolist() if depth[p] > least[p]]
     # All facets that meet at the nearest place look away from a point inside, also where they meet at an edge.
-    meetings = skin.facets_at(skin.facets[facet[p]][shares[p] > EVEN] for p in deepest)
+    meetings = target.facets_at(target.facets[facet[p]][shares[p] > EVEN] for p in deepest)
     for p, meeting in zip(deepest, meetings, strict=True):
-        middle = np.full((meeting.size, skin.facets.shape[1]), 1.0 / skin.facets.shape[1])
-        if (skin.outward(meeting, middle) @ vector[p] < 0.0).all():
+        middle = np.full((meeting.size, target.facets.shape[1]), 1.0 / target.facets.shape[1])
+        if (target.outward(meeting, middle) @ vector[p] < 0.0).all():
             return int(nodes[p]), float(depth[p])
     return None
 
 
-def _least_distance(one: Surface, other: Surface, below: float) -> float:
-    """Return the least distance of the nodes of a surface from another one, if it is below a value; else the value."""
-    corners = other.positions[other.facets]
-    ends = corners.min(axis=1) - below, corners.max(axis=1) + below
-    at = one.positions[((one.positions >= ends[0].min(axis=0)) & (one.positions <= ends[1].max(axis=0))).all(axis=1)]
-    if len(at):
-        corners = corners[((ends[1] >= at.min(axis=0)) & (ends[0] <= at.max(axis=0))).all(axis=1)]
-    if not len(at) or not len(corners):
-        return below
-    facet, shares = nearest_places(at, corners)
-    apart = np.linalg.norm(at - np.einsum("pa,pad->pd", shares, corners[facet]), axis=1)
-    return min(below, float(apart.min()))
+def _is_within(at: Floats, surface: Surface, within: float) -> bool:
+    """Return whether a surface is within a distance of one of a few points."""
+    corners = surface.positions[surface.facets]
+    low, high = corners.min(axis=1) - within, corners.max(axis=1) + within
+    point, facet = np.nonzero(((at[:, None] >= low) & (at[:, None] <= high)).all(axis=2))
+    return bool((places_on(at[point], corners[facet])[0] <= within).any())
 
 
-def _least_between_edges(one: Surface, other: Surface, below: float) -> float:
-    """Return the least distance of two edges that pass each other between their ends, if it is below a value."""
-    edges = []
-    for surface in (one, other):
-        pairs = np.stack([surface.facets, np.roll(surface.facets, -1, axis=1)], axis=2).reshape(-1, 2)
-        edges.append(surface.positions[np.unique(np.sort(pairs, axis=1), axis=0)])
-    for k in (0, 1):  # those that the box round the others has
-        low, high = edges[1 - k].min(axis=(0, 1)) - below, edges[1 - k].max(axis=(0, 1)) + below
-        edges[k] = edges[k][((edges[k].max(axis=1) >= low) & (edges[k].min(axis=1) <= high)).all(axis=1)]
-        if not len(edges[k]):
-            return below
-    starts, along = [of[:, 0] for of in edges], [of[:, 1] - of[:, 0] for of in edges]
-    for start, way in zip(starts[0], along[0], strict=True):
-        apart, ways = start - starts[1], along[1]
-        a, b, c = way @ way, ways @ way, (ways**2).sum(axis=1)
-        d, e = apart @ way, (apart * ways).sum(axis=1)
-        det = a * c - b * b
-        crossing = det > EVEN * a * c
-        s, t = (np.divide(of, det, out=np.full(len(c), -1.0), where=crossing) for of in (b * e - c * d, a * e - b * d))
-        inside = (s > 0.0) & (s < 1.0) & (t > 0.0) & (t < 1.0)
-        vectors = apart[inside] + s[inside, None] * way - t[inside, None] * ways[inside]
-        below = min(below, float(np.linalg.norm(vectors, axis=1).min(initial=below)))
-    return below
+def _distance(one: Surface, other: Surface) -> float:
+    """Return the least distance of the nodes of a surface from another one."""
+    facet, shares = other.nearest(one.positions)
+    apart = one.positions - np.einsum("pa,pad->pd", shares, other.positions[other.facets[facet]])
+    return float(np.linalg.norm(apart, axis=1).min())
 
 
 # -- notes of a run ------------------------------------------------------------------------------------------

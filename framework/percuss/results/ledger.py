@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from percuss.case.quantities import percent
 from percuss.certificate.closed_laws import BETWEEN, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
 from percuss.contact.points import BY_CURRENT, BY_END
+from percuss.jsonable import Data
 from percuss.march.march import March, Outcome
 from percuss.methods.interfaces import Floats
 from percuss.results.summary import (
@@ -224,16 +225,8 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
         # Balanced forces bring no momentum: their round-off is relative to the momentum that their energy could bring.
         float(np.sqrt(2.0 * float(model.bodies.mass.sum()) * largest_energy)),
     )
-    imbalance = float(np.abs(closure).max())
-    return {
-        "initial": before.tolist(),
-        "final": after.tolist(),
-        "impulse_of_loads": loads.tolist(),
-        "impulse_of_supports": supports.tolist(),
-        "impulse_of_walls": walls.tolist(),
-        "error": imbalance / scale if scale > 0 else 0.0,
-        "balanced": None if outcome.status == "unstable" else bool(imbalance <= MOMENTUM_TOLERANCE * scale),
-    }
+    impulses = {"loads": loads, "supports": supports, "walls": walls}
+    return cast("MomentumSummary", _balance(before, after, impulses, closure, scale, outcome))
 
 
 def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> AngularMomentumSummary | None:
@@ -253,21 +246,26 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
         directions = np.array([constraint.direction for constraint in model.loads.constraints])
         held = bodies.with_moment(at, model.dt * outcome.reactions[:, None] * directions)[:, dim:]
     if points := model.contact_points:
-        impulses = outcome.sums.impulse[points.point][:, None] * points.value
-        moments = bodies.with_moment(bodies.nodes[points.node], impulses)[:, dim:]
+        of_points = outcome.sums.impulse[points.point][:, None] * points.value
+        moments = bodies.with_moment(bodies.nodes[points.node], of_points)[:, dim:]
         pressed = np.stack([np.bincount(points.point, column, len(points)) for column in moments.T], axis=1)
     before, after, supports, contacts = (moments.sum(axis=0) for moments in (*momenta, held, pressed))
     loads = outcome.load_impulse[dim:]
     inertia = float(bodies.mass @ ((bodies.nodes - bodies.centre) ** 2).sum(axis=1))
     sums = [float(np.abs(moments).sum()) for moments in (*momenta, held, pressed, loads)]
     scale = max(*sums, math.sqrt(2.0 * inertia * largest_energy))
-    imbalance = float(np.abs(after - before - loads - supports - contacts).max())
+    closure = after - before - loads - supports - contacts
+    impulses = {"loads": loads, "supports": supports, "contacts": contacts}
+    return cast("AngularMomentumSummary", _balance(before, after, impulses, closure, scale, outcome))
+
+
+def _balance(before: Floats, after: Floats, impulses: Data, closure: Floats, scale: float, outcome: Outcome) -> Any:
+    """Return momenta, impulses by what they come from, and whether what is left of them is small on a scale."""
+    imbalance = float(np.abs(closure).max())
     return {
         "initial": before.tolist(),
         "final": after.tolist(),
-        "impulse_of_loads": loads.tolist(),
-        "impulse_of_supports": supports.tolist(),
-        "impulse_of_contacts": contacts.tolist(),
+        **{f"impulse_of_{name}": impulse.tolist() for name, impulse in impulses.items()},
         "error": imbalance / scale if scale > 0 else 0.0,
         "balanced": None if outcome.status == "unstable" else bool(imbalance <= MOMENTUM_TOLERANCE * scale),
     }

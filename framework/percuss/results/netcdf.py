@@ -134,7 +134,6 @@ def fields_dataset(field_arrays: Data, source: Source, units: Mapping[str, str])
 FORMAT = "percuss-result-4"  # format 3 had one checksum, at the end of the file
 READ = ("percuss-result-3", FORMAT)
 ADVICE = "Make the run again, or use an undamaged copy."
-OVERHEAD = 4096  # bytes of HDF5 beside the values of a variable
 
 
 def write(path: str | os.PathLike[str], histories: xr.Dataset, fields: xr.Dataset | None) -> None:
@@ -147,8 +146,7 @@ def write(path: str | os.PathLike[str], histories: xr.Dataset, fields: xr.Datase
     UnwrittenError
         If the file cannot be written to its end, as on a full disk.
     """
-    size = sum(_size(dataset) for dataset in (histories, fields) if dataset is not None)
-    with written_whole(path, ".nc", size) as temporary:
+    with written_whole(path, ".nc") as temporary:
         histories.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=_checksums(histories))
         if fields is not None:
             encoding = _checksums(fields)
@@ -161,8 +159,8 @@ def _checksums(dataset: xr.Dataset) -> dict[str, dict[str, bool]]:
 
 
 @contextmanager
-def written_whole(path: str | os.PathLike[str], suffix: str, size: int) -> Iterator[Path]:
-    """Give a temporary path beside `path` for an HDF5 file of at most `size` bytes, then rename the file.
+def written_whole(path: str | os.PathLike[str], suffix: str) -> Iterator[Path]:
+    """Give a temporary path beside `path` for an HDF5 file, then rename the file.
 
     Raises
     ------
@@ -172,27 +170,10 @@ def written_whole(path: str | os.PathLike[str], suffix: str, size: int) -> Itera
         If the file cannot be written to its end, as on a full disk.
     """
     with replacing(path, suffix) as temporary:
-        _reserve(temporary, size)
         try:
             yield temporary
         except (OSError, RuntimeError) as error:
             raise unwritten(Path(path), str(error)) from error
-
-
-def _size(dataset: xr.Dataset) -> int:
-    """Return a number of bytes that a dataset does not exceed as a NetCDF-4 file."""
-    texts = len(json.dumps(dataset.to_dict(data=False), default=str))
-    return int(dataset.nbytes) + 4 * texts + OVERHEAD * (1 + len(dataset.variables))
-
-
-def _reserve(path: Path, size: int) -> None:
-    """Have the system keep room for a file, where it can.
-
-    On a full disk HDF5 fails without the reason, and keeps the part that it has written until the process ends.
-    """
-    if hasattr(os, "posix_fallocate"):
-        with path.open("wb") as file:
-            os.posix_fallocate(file.fileno(), 0, size)
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Entries, dict[str, list[str]], Entries, Any, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -165,7 +164,6 @@ def case_of(case: Case, end: float, *, second: bool = False) -> Case:
 
 
 _kept: dict[object, FinerRun] = {}
-_lock = threading.Lock()
 
 
 def finer_runs(model: Model) -> list[FinerRun] | str:
@@ -184,14 +182,9 @@ def finer_runs(model: Model) -> list[FinerRun] | str:
 def _kept_or_made(finer: Case) -> FinerRun:
     """Return the finer run of its case, which is kept for other runs of the case that it judges."""
     key = flow(as_lists(finer.data)), tuple(finer.data_files.items()), id(finer.registry)
-    with _lock:
-        found = _kept.get(key)
-    if found is None:
-        found = _march(finer)
-        with _lock:
-            _kept[key] = found
-            while len(_kept) > MOST_KEPT:
-                del _kept[next(iter(_kept))]
+    found = _kept[key] = _kept.get(key) or _march(finer)
+    while len(_kept) > MOST_KEPT:
+        del _kept[next(iter(_kept))]
     return found
 
 

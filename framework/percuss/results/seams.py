@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss.mesh.cells import cells_of, pieces_of
+from percuss.methods.interfaces.nearest import places_on
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers, Mesh
@@ -61,11 +62,5 @@ def _on_other_facets(nodes: Floats, facets: Integers) -> tuple[Integers, Integer
     facet, node = facet[other], node[other]
     slack = ON_FACET * radius[facet]
     at_corner = (np.linalg.norm(corners[facet] - nodes[node][:, None], axis=2) < slack[:, None]).any(axis=1)
-    on = np.zeros(node.size, dtype=bool)
-    for part in [[0, 1]] if facets.shape[1] == 2 else [[0, k, k + 1] for k in range(1, facets.shape[1] - 1)]:
-        first, edges = corners[facet, 0], corners[facet][:, part[1:]] - corners[facet, :1]
-        away = nodes[node] - first
-        shares = np.einsum("fij,fj->fi", np.linalg.pinv(edges.swapaxes(1, 2)), away)
-        inside = (shares > -ON_FACET).all(axis=1) & (shares.sum(axis=1) < 1.0 + ON_FACET)
-        on |= inside & (np.linalg.norm(away - np.einsum("fi,fij->fj", shares, edges), axis=1) < slack)
+    on = places_on(nodes[node], corners[facet])[0] < slack
     return np.unique(node[at_corner]), np.unique(node[on & ~at_corner])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -105,7 +104,6 @@ def contact_errors(
     reached: float,
     *,
     every: int,
-    impulse: Callable[[Floats], Floats] | None = None,
 ) -> ContactErrors:
     """Return the errors of the force history of one contact.
 
@@ -123,8 +121,6 @@ def contact_errors(
         Time up to which the exact solution holds.
     every
         Steps between two records; errors of the force need a record of every step, and are None otherwise.
-    impulse
-        Returns the exact impulse up to given times; by default that of `contact`, which may take long to evaluate.
     """
     has_exact = np.isfinite(exact)
     time, force, exact = time[has_exact], force[has_exact], exact[has_exact]
@@ -136,7 +132,7 @@ def contact_errors(
     difference = force - exact
     scale_1, scale_2 = float(np.abs(exact).sum()), float(np.sqrt((exact**2).sum()))
     variation = float(np.abs(np.diff(exact, prepend=0.0)).sum())
-    exact_impulse = (impulse or contact.impulse)(time + 0.5 * dt)
+    exact_impulse = contact.impulse(time + 0.5 * dt)
     largest_impulse = float(np.abs(exact_impulse).max())
     pressing_steps = np.flatnonzero(force > ROUND_OFF * force.max(initial=0.0))
     return {

@@ -17,7 +17,7 @@ from percuss.errors import wrong_input
 from percuss.jsonable import Data
 from percuss.methods.interfaces import Array, Floats
 from percuss.results.fields import component_names
-from percuss.results.netcdf import OVERHEAD, written_whole
+from percuss.results.netcdf import written_whole
 
 SUFFIX = ".vtkhdf"
 VERTEX = 1  # cell type of VTK
@@ -52,8 +52,7 @@ def write(path: str | os.PathLike[str], fields: Data) -> None:
 
     expect_meshes(path, present="cell_nodes" in fields)
     steps, data = fields["time"].size, {"PointData": _point_data(fields), "CellData": _cell_data(fields)}
-    size = sum(array.nbytes + OVERHEAD for arrays in data.values() for array in arrays.values())
-    with written_whole(path, SUFFIX, size) as temporary, netCDF4.Dataset(temporary, "w") as file:
+    with written_whole(path, SUFFIX) as temporary, netCDF4.Dataset(temporary, "w") as file:
         root = file.createGroup("VTKHDF")
         root.setncatts({"Type": "UnstructuredGrid", "Version": np.array([2, 0])})
         for name, values in _grid(fields).items():
