@@ -1,7 +1,8 @@
 """Rows of bars with contact, marched with full matrices and `numpy.linalg.solve`: what the methods are held against.
 
 Written from the formulas alone and knowing nothing of percuss but the layout of a case: a mapping in, histories out.
-One dimension, bars along x; ends fixed or driven at a constant velocity, constant forces on ends, gravity, walls.
+One dimension, bars along x; ends fixed or driven, forces on ends, gravity, walls. Leap-frog schemes take drives of
+constant velocity alone. The formulas of schemes and laws are those of `formulas.py`.
 """
 
 from __future__ import annotations
@@ -129,126 +130,203 @@ def constrained(A, b, N, g, S):
     return best[1], best[2]
 
 
-def march(case, integrator=None, contact=None, mass=None):
-    """March a case given as a mapping; `integrator` (a name) and `contact` (a mapping) replace its own.
+def of_time(load):
+    """Return the value of a load as a function of time."""
+    if "half-sine" in load:
+        pulse = load["half-sine"]
+        peak, duration = pulse["peak"], pulse["duration"]
+        return lambda t: peak * math.sin(math.pi * t / duration) if 0.0 <= t < duration else 0.0
+    if "harmonic" in load:
+        wave = load["harmonic"]
+        return lambda t: wave.get("mean", 0.0) + wave["value"] * math.sin(2.0 * math.pi * wave["frequency"] * t)
+    value = load["constant"] if "constant" in load else load["prescribed-velocity"]
+    return lambda t: value
 
-    `mass` gives another mass matrix than the lumped one, from the bars.
+
+class System:
+    """A case in full matrices: what holds its nodes, what pushes them, normals, gaps and laws of its contacts.
+
+    `contact` is the law of all contacts without one of their own, `mass` another mass matrix, from the bars.
     """
-    bars = assemble(case)
-    if mass is not None:
-        bars.M = mass(bars)
-    method = case.get("method", {})
-    integrator = integrator or method["integrator"]
+
+    def __init__(self, case, contact=None, mass=None):
+        self.bars = bars = assemble(case)
+        if mass is not None:
+            bars.M = mass(bars)
+        total = bars.x.size
+        self.held = {bars.node(f"{name}.{end}"): lambda t: 0.0
+                     for name, one in case["bodies"].items() for end in one.get("fixed", ())}  # fmt: skip
+        self.weight, self.pushes = np.zeros(total), []
+        for load in case.get("loads", {}).values():
+            if "gravity" in load:
+                self.weight += bars.M @ np.full(total, load["gravity"])
+            elif "prescribed-velocity" in load or load.get("as") == "velocity":
+                self.held[bars.node(load["on"])] = of_time(load)
+            else:
+                self.pushes.append((bars.node(load["on"]), of_time(load)))
+        self.free = np.array([i for i in range(total) if i not in self.held])
+        self.driven = np.array(list(self.held), dtype=int)
+        contacts = case.get("contacts", {})
+        self.N, self.g0 = np.zeros((total, len(contacts))), np.zeros(len(contacts))
+        self.laws, self.ends = [], []
+        for k, one in enumerate(contacts.values()):
+            law = contact or one.get("method") or case["method"]["contact"]
+            self.laws.append({"name": law} if isinstance(law, str) else law)
+            ends = one["between"] if "between" in one else [one["body"]]
+            self.ends.append(ends)
+            sign = 1.0 if ends[0].endswith(".right") else -1.0
+            here = bars.node(ends[0])
+            self.N[here, k] = -sign
+            if len(ends) == 2:
+                self.N[bars.node(ends[1]), k] = sign
+            gap = sign * ((bars.x[bars.node(ends[1])] if len(ends) == 2 else one["wall"]) - bars.x[here])
+            smallest = min(bars.lengths[e.partition(".")[0]][0 if e.endswith("left") else -1] for e in ends)
+            self.g0[k] = 0.0 if abs(gap) <= 1e-9 * smallest else gap
+        self.exact = np.array([law["name"] == "lagrange" for law in self.laws], dtype=bool)
+        self.Mf, self.Nf = bars.M[np.ix_(self.free, self.free)], self.N[self.free]
+
+    def force(self, t):
+        """Return the forces on ends at a time."""
+        out = np.zeros(self.bars.x.size)
+        for node, value in self.pushes:
+            out[node] += value(t)
+        return out
+
+    def penalties(self, dt):
+        """Return eps_s and eps_m of each contact."""
+        return [
+            penalties(law, [self.bars.end(end) for end in ends], dt)
+            if law["name"] in {"penalty", "bipenalty"}
+            else (0, 0)
+            for law, ends in zip(self.laws, self.ends, strict=True)
+        ]
+
+    def answer(self, bulk, eps, judged, ahead, share, rest=0.0):
+        """Return accelerations of the free nodes under `bulk` and contact, and the contact forces.
+
+        Penalties press where `judged` is negative, their masses feel the gap accelerate by ``N' a + rest``. Exact
+        contacts keep ``ahead + share N' a`` from being negative.
+        """
+        active = [k for k in range(len(self.laws)) if not self.exact[k] and judged[k] < 0.0]
+        rest = np.broadcast_to(rest, len(self.laws))
+        mass, right = self.Mf.copy(), bulk.copy()
+        for k in active:
+            mass += eps[k][1] * np.outer(self.Nf[:, k], self.Nf[:, k])
+            right -= (eps[k][0] * judged[k] + eps[k][1] * rest[k]) * self.Nf[:, k]
+        some, force = np.flatnonzero(self.exact), np.zeros(len(self.laws))
+        a, force[some] = constrained(mass, right, self.Nf[:, some], ahead[some], share * self.Nf[:, some])
+        for k in active:
+            force[k] = -eps[k][0] * judged[k] - eps[k][1] * (self.Nf[:, k] @ a + rest[k])
+        return a, force
+
+
+def march(case, integrator=None, contact=None, mass=None, law=None):
+    """March a case by a leap-frog scheme; `integrator` (a name) and `contact` (a mapping) replace its own.
+
+    `law` gives all contact forces instead: from the gaps before, now and after a step without contact, the motion of
+    each gap in a step under a force of 1, the step and the displacement. No two contacts may then share an end.
+    """
+    system = System(case, contact, mass)
+    bars, free, N, g0 = system.bars, system.free, system.N, system.g0
+    integrator = integrator or case["method"]["integrator"]
     fastest = max(2.0 * math.sqrt(b["material"]["young"] / b["material"]["density"]) / bars.lengths[n].min()
                   for n, b in case["bodies"].items())  # fmt: skip
     time = case["time"]
     dt = time["step"] if "step" in time else time["courant"] * 2.0 / fastest
     steps = time["steps"] if "steps" in time else max(1, math.ceil(time["end"] / dt * (1 - 1e-12) - 1e-9))
     total = bars.x.size
-
-    # what holds, what pushes
-    held = {}
-    for name, one in case["bodies"].items():
-        for end in one.get("fixed", ()):
-            held[bars.node(f"{name}.{end}")] = 0.0
-    force, weight = np.zeros(total), np.zeros(total)
-    for load in case.get("loads", {}).values():
-        if "gravity" in load:
-            weight += bars.M @ np.full(total, load["gravity"])
-        elif "prescribed-velocity" in load:
-            held[bars.node(load["on"])] = load["prescribed-velocity"]
-        else:
-            force[bars.node(load["on"])] += load["constant"]
     # a body with a step of its own feels its forces in every m-th step, m-fold
     own = np.ones(total, dtype=int)
     if integrator == "asynchronous":
         for name, one in case["bodies"].items():
-            frequency = (
-                2.0 * math.sqrt(one["material"]["young"] / one["material"]["density"]) / bars.lengths[name].min()
-            )
+            stiffness = one["material"]["young"] / one["material"]["density"]
+            frequency = 2.0 * math.sqrt(stiffness) / bars.lengths[name].min()
             own[bars.start[name] : bars.stop[name]] = math.floor(fastest / frequency * (1.0 + 1e-9))
-    free = np.array([i for i in range(total) if i not in held])
-    prescribed = np.array(list(held), dtype=int)
+    current = integrator in {"central-difference", "asynchronous"}
+    both = system.penalties(dt)
+    w = dt**2 * np.einsum("ip,ip->p", system.Nf, np.linalg.solve(system.Mf, system.Nf))
 
-    # contacts: columns of N and gaps
-    contacts = case.get("contacts", {})
-    N, g0, laws = np.zeros((total, len(contacts))), np.zeros(len(contacts)), []
-    for k, one in enumerate(contacts.values()):
-        law = contact or one.get("method") or method["contact"]
-        laws.append({"name": law} if isinstance(law, str) else law)
-        ends = one["between"] if "between" in one else [one["body"]]
-        sign = 1.0 if ends[0].endswith(".right") else -1.0
-        here = bars.node(ends[0])
-        N[here, k] = -sign
-        if len(ends) == 2:
-            N[bars.node(ends[1]), k] = sign
-            g0[k] = sign * (bars.x[bars.node(ends[1])] - bars.x[here])
-        else:
-            g0[k] = sign * (one["wall"] - bars.x[here])
-        smallest = min(bars.lengths[e.partition(".")[0]][0 if e.endswith("left") else -1] for e in ends)
-        g0[k] = 0.0 if abs(g0[k]) <= 1e-9 * smallest else g0[k]
-    both = [
-        (0.0, 0.0)
-        if law["name"] == "lagrange"
-        else penalties(law, [bars.end(e) for e in one.get("between", [one.get("body")])], dt)
-        for law, one in zip(laws, contacts.values(), strict=True)
-    ]
-    exact = np.array([law["name"] == "lagrange" for law in laws], dtype=bool)
+    def hold(v, t):
+        for node, value in system.held.items():
+            v[node] = value(t)
+        return v
 
-    v0 = bars.v.copy()
-    u = np.zeros(total)
-    for node, value in held.items():
-        v0[node] = value
-    v = v0.copy()
-    v[free] -= 0.5 * dt * np.linalg.solve(bars.M[np.ix_(free, free)], (force + own * weight)[free])
-    for node, value in held.items():
-        v[node] = value
-    Mf, Nf = bars.M[np.ix_(free, free)], N[free]
+    u, v = np.zeros(total), hold(bars.v.copy(), 0.0)
+    v[free] -= 0.5 * dt * np.linalg.solve(system.Mf, (system.force(0.0) + own * system.weight)[free])
     out = {name: [] for name in ("force", "gap", "end_force", "u", "v", "energy")}
     for n in range(steps + 1):
-        bulk = (force + np.where(n % own == 0, own, 0) * (weight - bars.K @ u))[free]
-        drift = np.zeros(total)  # motion of this step without contact
-        drift[free] = v[free] + dt * np.linalg.solve(Mf, bulk)
-        for node, value in held.items():
-            drift[node] = value
-        predicted = u + dt * drift
-        gap, gap_predicted = g0 + N.T @ u, g0 + N.T @ predicted
-        current = integrator in {"central-difference", "asynchronous"}
-        judged = gap if current else gap_predicted
-        active = [k for k in range(len(laws)) if not exact[k] and judged[k] < 0.0]
-        K_p, M_p = np.zeros((free.size, free.size)), np.zeros((free.size, free.size))
-        push = np.zeros(free.size)
-        for k in active:
-            eps_s, eps_m = both[k]
-            M_p += eps_m * np.outer(Nf[:, k], Nf[:, k])
-            push -= eps_s * judged[k] * Nf[:, k]
-            K_p += eps_s * np.outer(Nf[:, k], Nf[:, k])
-        lam = np.zeros(len(laws))
-        some = np.flatnonzero(exact)
-        if current:
-            # the whole acceleration at once; exact contacts see the end of the step
-            right = bulk + push
-            start = g0 + N.T @ (u + dt * np.where(np.isin(np.arange(total), prescribed), drift, v))
-            a, x = constrained(Mf + M_p, right, Nf[:, some], start[some], dt * dt * Nf[:, some])
-            contact_part = a
+        bulk = (system.force(n * dt) + np.where(n % own == 0, own, 0) * (system.weight - bars.K @ u))[free]
+        drift = hold(np.zeros(total), n * dt)  # motion of this step without contact
+        drift[free] = v[free] + dt * np.linalg.solve(system.Mf, bulk)
+        gap, predicted = g0 + N.T @ u, g0 + N.T @ (u + dt * drift)
+        if law is not None:
+            lam = law(g0 + N.T @ (u - dt * v), gap, predicted, w, dt, u)
+            a = np.linalg.solve(system.Mf, bulk + system.Nf @ lam)
+        elif current:  # the whole acceleration at once; exact contacts see the end of the step
+            ahead = g0 + N.T @ (u + dt * hold(v.copy(), n * dt))
+            a, lam = system.answer(bulk, both, gap, ahead, dt * dt)
         else:
-            a, x = constrained(Mf + M_p, push, Nf[:, some], gap_predicted[some], dt * dt * Nf[:, some])
-            contact_part = a
-            a = np.linalg.solve(Mf, bulk) + a
-        lam[some] = x
-        for k in active:
-            eps_s, eps_m = both[k]
-            lam[k] = -eps_s * judged[k] - eps_m * Nf[:, k] @ contact_part
+            a, lam = system.answer(0.0 * bulk, both, predicted, predicted, dt * dt)
+            a = np.linalg.solve(system.Mf, bulk) + a
         after = drift.copy()
         after[free] = v[free] + dt * a
         u_next = u + dt * after
-        gap_next = g0 + N.T @ u_next
+        over = np.maximum(-(g0 + N.T @ u_next), 0.0)
         out["force"].append(lam)
         out["gap"].append(gap)
-        out["end_force"].append([np.nan if exact[k] else both[k][0] * max(-gap_next[k], 0.0) for k in range(len(laws))])
+        out["end_force"].append(np.where(system.exact, np.nan, [eps_s for eps_s, _ in both] * over))
         out["u"].append(u)
         out["v"].append(0.5 * (v + after))
         ahead = u_next + (-(n + 1) % own) * dt * after  # at the next action of the forces of the body
         out["energy"].append(0.5 * after @ bars.M @ after + 0.5 * (ahead - own * dt * after) @ bars.K @ ahead)
         u, v = u_next, after
     return Outcome(bars, dt, *(np.array(out[n]) for n in ("force", "gap", "end_force", "u", "v", "energy")), both)
+
+
+START = -1  # instead of a stage, the last one: the acceleration that is kept before the first step
+
+
+def march_stages(case, scheme, steps, dt, law=None):
+    """March a case by a multi-stage scheme of `formulas.py`; return the bars, displacements and velocities at t_n.
+
+    `law` gives the contact forces from the gaps of a stage instead of the law of the case.
+    """
+    system = System(case)
+    bars, free, N = system.bars, system.free, system.N
+    both, now = system.penalties(dt), [0.0]
+
+    def accelerations(u, v, t, stage):
+        bulk = (system.force(t) + system.weight - bars.K @ u)[free]
+        a = np.zeros(bars.x.size)
+        for node, value in system.held.items():
+            a[node] = (value(now[0] + dt) - value(now[0])) / dt
+        gap = system.g0 + N.T @ u
+        if law is not None:
+            a[free] = np.linalg.solve(system.Mf, bulk + system.Nf @ law(gap))
+            return a
+        ahead, share = gap, 0.0
+        if system.exact.any():
+            r_v, share = scheme.start(dt) if stage == START and scheme.start else scheme.ends(dt)[stage]
+            ahead = gap + N.T @ (r_v * v + share * a)
+        a[free], _ = system.answer(bulk, both, gap, ahead, share, N.T @ a)
+        return a
+
+    def internal(u):
+        f = np.zeros(u.size)
+        f[free] = np.linalg.solve(system.Mf, (bars.K @ u)[free])
+        return f
+
+    u, v = np.zeros(bars.x.size), bars.v.copy()
+    for node, value in system.held.items():
+        v[node] = value(0.0)
+    a = accelerations(u, v, 0.0, START)
+    out = []
+    for n in range(steps + 1):
+        out.append((u, v))
+        now[0] = n * dt
+        after, speed, a = scheme.step(accelerations, internal, u, v, a, n * dt, dt)
+        for node, value in system.held.items():
+            early, late = value(n * dt), value((n + 1) * dt)
+            after[node], speed[node] = u[node] + dt / 2 * (early + late), late
+        u, v = after, speed
+    return bars, np.array([one for one, _ in out]), np.array([one for _, one in out])

@@ -22,31 +22,31 @@ HELD: dict[str, dict[str, tuple[str, str]]] = {
         ),
         "chung-lee": (
             "published update, limit and order",
-            "test_integrators.py::test_the_limit_of_stability_is_the_published_one",
+            "test_schemes.py::test_the_limit_of_stability_is_the_published_one",
         ),
         "explicit-hht": (
             "published update and limit",
-            "test_integrators.py::test_the_kernel_makes_the_published_step",
+            "test_schemes.py::test_the_kernel_makes_the_published_step",
         ),
         "explicit-newmark": (
             "published limit; without damping the displacements of central difference",
-            "test_integrators.py::test_undamped_members_have_the_displacements_of_central_difference",
+            "test_schemes.py::test_undamped_members_have_the_displacements_of_central_difference",
         ),
         "hulbert-chung": (
             "where the roots meet in the paper; its limit is not the one that is often quoted",
-            "test_integrators.py::test_the_roots_meet_where_the_paper_says",
+            "test_schemes.py::test_the_roots_meet_where_the_paper_says",
         ),
         "noh-bathe": (
             "dense matrices, limit and order of the paper",
-            "test_stages.py::test_the_free_limit_is_that_of_the_scheme",
+            "test_methods.py::test_multi_stage_runs_equal_full_matrices",
         ),
         "tchamwa-wielgosz": (
             "published update, limit and order",
-            "test_integrators.py::test_the_order_is_the_published_one",
+            "test_schemes.py::test_the_order_is_the_published_one",
         ),
         "velocity-verlet": (
             "central difference, to round-off",
-            "test_stages.py::test_verlet_is_central_difference",
+            "test_schemes.py::test_velocity_verlet_is_central_difference",
         ),
         "viscous-central-difference": (
             "limit and damping ratio of the text (Belytschko et al., ch. 6)",
@@ -88,7 +88,7 @@ HELD: dict[str, dict[str, tuple[str, str]]] = {
         ),
         "nitsche": (
             "normal force of the end elements, in a march of its own",
-            "test_laws.py::test_nitsche_reads_the_normal_force_of_the_end_elements",
+            "test_methods.py::test_nitsche_reads_the_normal_force_of_the_end_elements",
         ),
         "paoli-schatzman": (
             "without restitution `lagrange`",

@@ -28,6 +28,41 @@ LAWS_OF_SURFACES = {
 COMPARED = ("contact_force", "gap", "displacement", "velocity", "kinetic_energy", "elastic_energy", "contact_work")
 
 
+WU, CD = "wu-predictor-corrector", "central-difference"
+STEEL = {"young": 100.0, "density": 0.01}
+BRASS = {"young": 49.0, "density": 0.02}
+
+
+def bar(length, elements, at=0.0, velocity=0.0, material=STEEL, area=1.0, fixed=(), **options):
+    return {
+        "bar": {"length": length, "elements": elements, **options},
+        "at": at, "velocity": velocity, "material": material, "area": area, "fixed": list(fixed),
+    }  # fmt: skip
+
+
+def case_of(bodies, contacts, time, loads=None):
+    return {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": contacts,
+        "loads": loads or {},
+        "time": time,
+        "record": {"probes": [f"{name}.{end}" for name in bodies for end in ("left", "right")]},
+    }
+
+
+# Two unlike bars between two walls, with many impacts at four ends of which none is shared.
+ROW = case_of(
+    {"a": bar(1.0, 5, 0.0, 1.6, grading=1.5), "b": bar(1.4, 4, 1.01, -1.2, BRASS, 1.6)},
+    {
+        "wall": {"body": "a.left", "wall": -0.0123},
+        "ab": {"between": ["a.right", "b.left"]},
+        "end": {"body": "b.right", "wall": 2.4317},
+    },
+    {"steps": 500, "courant": 0.5},
+)
+
+
 def hunek(n=100, courant=0.5, integrator="wu-predictor-corrector", contact=None, end=0.8):
     """The two touching bars of Huněk, the longer one with 2 n elements."""
     steel = {"young": 100.0, "density": 0.01}
