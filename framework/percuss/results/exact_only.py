@@ -90,9 +90,7 @@ def run_exact(case: Case) -> Result:
         "notes": list(case.notes),
         "seconds": {"total": time.perf_counter() - started},
     }
-    # Methods from single files change nothing, but without them nobody can read the case again.
-    of_files = {key for key in components_used(case) if not case.registry.sources[key].distribution}
-    provenance = provenance_of(model, sorted({*components_used(case, methods=False, solution=name), *of_files}))
+    provenance = provenance_of(model, components_used(case, solution=name))
     provenance["geometry"]["bodies"] = {
         name: [starts[name].tolist(), (starts[name] + bar.length * bar.direction).tolist()]
         for name, bar in bars.items()

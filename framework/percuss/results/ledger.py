@@ -29,12 +29,10 @@ from percuss.case.quantities import percent
 from percuss.certificate.closed_laws import BETWEEN, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
 from percuss.contact.points import BY_CURRENT, BY_END
-from percuss.jsonable import Data
 from percuss.march.march import March, Outcome
 from percuss.methods.interfaces import Floats
 from percuss.results.summary import (
     Accounts,
-    AngularMomentumSummary,
     ContactSummary,
     EnergySummary,
     GrowthSummary,
@@ -226,10 +224,10 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
         float(np.sqrt(2.0 * float(model.bodies.mass.sum()) * largest_energy)),
     )
     impulses = {"loads": loads, "supports": supports, "walls": walls}
-    return cast("MomentumSummary", _balance(before, after, impulses, closure, scale, outcome))
+    return _balance(before, after, impulses, closure, scale, outcome)
 
 
-def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> AngularMomentumSummary | None:
+def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> MomentumSummary | None:
     """Return angular momentum before the first and after the last step, and the moments of impulses in between.
 
     All count about the centre of mass at the start and with the places at the start, as small strains do: internal
@@ -256,19 +254,22 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
     scale = max(*sums, math.sqrt(2.0 * inertia * largest_energy))
     closure = after - before - loads - supports - contacts
     impulses = {"loads": loads, "supports": supports, "contacts": contacts}
-    return cast("AngularMomentumSummary", _balance(before, after, impulses, closure, scale, outcome))
+    return _balance(before, after, impulses, closure, scale, outcome)
 
 
-def _balance(before: Floats, after: Floats, impulses: Data, closure: Floats, scale: float, outcome: Outcome) -> Any:
+def _balance(
+    before: Floats, after: Floats, impulses: Mapping[str, Floats], closure: Floats, scale: float, outcome: Outcome
+) -> MomentumSummary:
     """Return momenta, impulses by what they come from, and whether what is left of them is small on a scale."""
     imbalance = float(np.abs(closure).max())
-    return {
+    balance: Any = {
         "initial": before.tolist(),
         "final": after.tolist(),
         **{f"impulse_of_{name}": impulse.tolist() for name, impulse in impulses.items()},
         "error": imbalance / scale if scale > 0 else 0.0,
         "balanced": None if outcome.status == "unstable" else bool(imbalance <= MOMENTUM_TOLERANCE * scale),
     }
+    return cast("MomentumSummary", balance)
 
 
 def open_accounts(summary: Accounts) -> list[str]:

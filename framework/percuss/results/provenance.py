@@ -65,28 +65,17 @@ def resolved_methods(model: Model) -> Data:
     }
 
 
-def components_used(case: Case, *, methods: bool = True, solution: str | None = None) -> list[tuple[str, str]]:
+def components_used(case: Case, *, solution: str | None = None) -> list[tuple[str, str]]:
     """Return family and name of every component that a result of a case depends on, sorted.
 
-    Parameters
-    ----------
-    case
-        The case.
-    methods
-        Whether its integrator, contact laws and mass count, as they do for a run.
-    solution
-        Name of the exact solution that judges the run, or stands in for the methods; None if there is none.
+    The exact solution that judges the run has the name `solution`; None if there is none.
     """
+    method, bodies, contacts = case.method, case.bodies.values(), case.contacts.values()
     components: list[Any] = [load.load for load in case.loads.values()]
-    components += [
-        component for body in case.bodies.values() for component in (body.shape, body.material, body.element)
-    ]
-    if methods:
-        laws = [contact.law for contact in case.contacts.values()]
-        pairings = [contact.pairing for contact in case.contacts.values()]
-        components += [case.method.integrator, case.method.contact, case.method.mass, *laws]
-        components += filter(None, (case.method.pairing, *pairings))
-    used = {(component.family, component.name) for component in components}
+    components += [component for body in bodies for component in (body.shape, body.material, body.element)]
+    components += [component for contact in contacts for component in (contact.law, contact.pairing)]
+    components += [method.integrator, method.contact, method.mass, method.pairing]
+    used = {(component.family, component.name) for component in components if component is not None}
     return sorted(used | ({("solutions", solution)} if solution else set()))
 
 

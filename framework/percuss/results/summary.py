@@ -61,28 +61,18 @@ class EnergySummary(TypedDict):
 
 
 class MomentumSummary(TypedDict):
-    """Momenta before the first and after the last step, the impulses in between, and the error of their balance."""
+    """Momenta before the first and after the last step, the impulses in between, and the error of their balance.
 
-    initial: list[float]
-    final: list[float]
-    impulse_of_loads: list[float]
-    impulse_of_supports: list[float]
-    impulse_of_walls: list[float]
-    error: float
-    balanced: bool | None
-
-
-class AngularMomentumSummary(TypedDict):
-    """Angular momenta before the first and after the last step, the moments of impulses, and the error of their sum.
-
-    All count about the centre of mass of all bodies at the start, with the places at the start.
+    The angular ones count about the centre of mass of all bodies at the start, with the places at the start; theirs are
+    the moments of contacts instead of the impulses of walls.
     """
 
     initial: list[float]
     final: list[float]
     impulse_of_loads: list[float]
     impulse_of_supports: list[float]
-    impulse_of_contacts: list[float]
+    impulse_of_walls: NotRequired[list[float]]
+    impulse_of_contacts: NotRequired[list[float]]
     error: float
     balanced: bool | None
 
@@ -147,33 +137,25 @@ class ContactErrors(TypedDict):
     closed: list[list[float]]
 
 
-class ErrorsOfContacts(TypedDict):
-    """True errors of a run by contact, and the exact solution that told them."""
-
-    solution: str
-    fronts: int
-    contacts: dict[str, ContactErrors]
-
-
-class ExactErrors(ErrorsOfContacts):
-    """True errors of a run, by contact and of the displacement, up to the time reached by the exact solution.
+class ExactErrors(TypedDict):
+    """True errors of a run, by contact and of the displacement, and the exact solution that told them.
 
     Attributes
     ----------
+    reached, until
+        Time up to which the solution of the whole run holds, and of a run that it covers in part.
     second, apart
         Of estimates by two finer runs: the errors against the second, and those of the second against the first.
     """
 
-    reached: float
+    solution: str
+    fronts: int
+    contacts: dict[str, ContactErrors]
+    reached: NotRequired[float]
+    until: NotRequired[float]
     displacement_error: NotRequired[float | None]
     second: NotRequired[ExactErrors]
     apart: NotRequired[ExactErrors]
-
-
-class CoveredErrors(ErrorsOfContacts):
-    """True errors of a part of a run, up to the time `until` at which the exact solution ends."""
-
-    until: float
 
 
 class ExactEntries(TypedDict):
@@ -193,7 +175,7 @@ class ExactEntries(TypedDict):
 
     exact: ExactErrors | None
     exact_reason: str | None
-    exact_covered: CoveredErrors | None
+    exact_covered: ExactErrors | None
     estimated: ExactErrors | None
 
 
@@ -202,7 +184,7 @@ class Accounts(TypedDict):
 
     energy: EnergySummary
     momentum: MomentumSummary
-    angular_momentum: AngularMomentumSummary | None
+    angular_momentum: MomentumSummary | None
 
 
 class Summary(ExactEntries, Accounts):

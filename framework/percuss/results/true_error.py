@@ -11,7 +11,7 @@ from percuss.contact.model import Model
 from percuss.jsonable import Data
 from percuss.methods.interfaces import Exact, ExactContact, Floats, Integers
 from percuss.results.exact import ROUND_OFF
-from percuss.results.summary import ContactErrors, CoveredErrors, ExactEntries, ExactErrors
+from percuss.results.summary import ContactErrors, ExactEntries, ExactErrors
 
 NEGLIGIBLE = 1e-18
 ENDED_BY_CTRL_C = "Ctrl-C ended it"  # why a run has no true error
@@ -34,7 +34,7 @@ def summary_entries(errors: ExactErrors | None, reason: str, estimated: ExactErr
     if errors is None or not reason:
         return {"exact": errors, "exact_reason": reason or None, "exact_covered": None, "estimated": estimated}
     # An exact solution alone has no errors of contacts.
-    covered: Any = {name: errors.get(name) for name in CoveredErrors.__annotations__ if name in errors}
+    covered: Any = {name: errors[name] for name in ("solution", "fronts", "contacts") if name in errors}
     covered["until"] = errors["reached"]
     return {"exact": None, "exact_reason": reason, "exact_covered": covered, "estimated": None}
 
@@ -75,7 +75,7 @@ def errors_of_contacts(summary: Any, errors: Any, name: str) -> dict[str, float]
     return {contact: error for contact, error in found.items() if error is not None}
 
 
-def errors_of(summary: ExactEntries) -> ExactErrors | CoveredErrors | None:
+def errors_of(summary: ExactEntries) -> ExactErrors | None:
     """Return the errors of a run against the exact solution, as far as it goes, or against a finer run."""
     return summary["exact"] or summary.get("exact_covered") or summary.get("estimated")
 
