@@ -12,7 +12,7 @@ import places
 from command_line import percuss_command
 from percuss.case.mesh_file import ENCODING, mesh_in
 from percuss.errors import InputError
-from percuss.results.seams import seams
+from percuss.results.doubtful_solids import seams
 from percuss_methods.shapes.mesh import MeshFromFile
 
 pytest.importorskip("meshioplusplus")
