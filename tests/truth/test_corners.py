@@ -46,13 +46,6 @@ def test_a_run_closes_at_that_time(between):
     assert result.summary["notes"] == []
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_nothing_presses_while_a_block_hovers(dim):
-    """Dual means go on beyond what is covered; they were negative here, and the contact closed at once."""
-    case = falling(10, FACE_FIRST, dim=dim, time={"courant": 0.5, "end": 0.9 * GAP / SPEED})
-    assert percuss.run(percuss.load(case)).summary["contacts"]["hit"]["closed_time"] == 0.0
-
-
 @given(
     tilts=st.tuples(*[st.floats(-25.0, 25.0)] * 2),
     place=st.tuples(*[st.floats(0.0, 1.0)] * 2),
@@ -264,27 +257,6 @@ def test_points_that_press_where_they_have_slid_are_told(pairing):
     case = sliding(1.0, time={"end": 0.7, "courant": 0.5}, **method)
     case["bodies"]["a"]["velocity"] = [-0.02, 1.0]  # it leaves the other one, and slides beside it
     assert notes_of(case) == []
-
-
-def test_unlike_kinds_of_cells_that_meet_are_looked_at():
-    """Their facets have three and four nodes."""
-    box = {"size": [1, 1, 1], "elements": [2, 2, 2]}
-    case = {
-        "percuss": 1,
-        "bodies": {
-            "hexes": {"block": box, "at": [0, 0, 0], "material": STEEL},
-            "tets": {"block": {**box, "cells": "tet4"}, "at": [0, 0, 1], "material": STEEL, "velocity": [0, 0, -0.01]},
-        },
-        "contacts": {"seam": {"between": ["tets.bottom", "hexes.top"]}},
-        "time": {"end": 1.0, "courant": 0.5},
-    }
-    assert notes_of(case) == foreseen(case) == []
-
-
-def test_faces_that_have_slid_off_each_other_are_told_at_a_snapshot():
-    far, slid = notes_of(sliding(4.0, record={"fields": 40}))
-    assert "although its surfaces are" in far
-    assert "more than a facet" in slid
 
 
 LARGE = ("ball-on-wall", "ball-on-wall-3d", "box-impact", "disk-on-wall", "two-spheres", "wolff-bucher")

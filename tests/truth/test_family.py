@@ -68,7 +68,7 @@ def close(one, other, within):
     )
 
 
-@pytest.mark.deep
+@pytest.mark.nightly
 def test_the_tables_are_those_of_the_study(tmp_path):
     """A sample of the pairs is run again, on all cases, meshes and steps; two digits are shown."""
     plan = yaml.safe_load(family.STUDY.read_text(encoding="utf-8"))

@@ -6,9 +6,12 @@ import re
 import numpy as np
 import pytest
 
+import long_bars
 import percuss
 import places
 from percuss.certificate.assessment import largest_step, largest_step_below
+from percuss.certificate.black_box import examine
+from percuss.certificate.closed_step import Motions
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.operator import largest_eigenvalue
 from percuss.certificate.verdict import certificate
@@ -49,7 +52,20 @@ def certified(case):
 
 @pytest.mark.parametrize(("ratio", "beta", "critical"), ROWS)
 def test_the_published_critical_courant_numbers(ratio, beta, critical):
-    assert round(certified(wall(beta, ratio))["dt_critical"] * N, 4) == critical
+    """By the certificate, by the black box, and of bars without end in closed form."""
+    model = model_of(percuss.load(wall(beta, ratio)))
+    found = certificate(model)["dt_critical"] * N
+    assert round(found, 4) == critical
+    motions = Motions(model)
+    below = critical - (1e-9 if critical == 1 else 0.5e-4)
+    assert examine(motions, below / N, [0]).stable
+    assert not examine(motions, (critical + 0.5e-4) / N, [0]).stable
+    endless = long_bars.critical_step([(1.0, 1.0)], beta, beta / (4.0 * ratio))
+    assert round(endless, 4) == critical
+    if math.isinf(ratio):  # the penalty method
+        expected = math.sqrt(2 / (1 + math.sqrt(1 + beta**2)))
+        assert endless == pytest.approx(expected, rel=1e-9)
+        assert found == pytest.approx(expected, rel=1e-3 if beta < 1.0 else 1e-9)  # 60 elements are not quite endless
 
 
 @pytest.mark.parametrize("beta", [0.25, 1.0, 10.0])
@@ -235,3 +251,12 @@ def test_bars_with_a_single_free_node_have_a_critical_step():
     assert found["dt_critical_free"] == pytest.approx(
         2.0 / math.sqrt(max(k / m for k, m in zip(stiffness, mass, strict=True))), rel=1e-12
     )
+
+
+def test_the_certificate_does_not_count_on_a_drive_that_lets_go():
+    bar = {"bar": {"length": 1.0, "elements": 1}, "material": {"young": 1e4, "density": 1.0}, "area": 1.0}
+    loads = {"drive": {"prescribed-velocity": 1.0, "on": "a.left", "until": 0.02}}
+    case = {"percuss": 1, "bodies": {"a": bar}, "loads": loads, "time": {"end": 0.1, "courant": 1.0}}
+    assert certified(case)["dt_critical"] == pytest.approx(0.01, rel=1e-9)
+    loads["drive"]["until"] = 1.0
+    assert certified(case)["dt_critical"] == pytest.approx(0.01 * 2**0.5, rel=1e-9)
