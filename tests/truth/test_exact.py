@@ -130,17 +130,6 @@ def test_unlike():
     assert round(total / 0.1, 7) == 0.0885813
 
 
-def test_doyen_impact():
-    solution = solve("doyen-impact")
-    foot = solution.contacts["foot"]
-    intervals(foot, [(0.0, 2 / 3)])
-    near(foot.force(np.linspace(0.01, 0.66, 20)), 300.0)
-    near(foot.impulse(np.array([0.3, 2 / 3, 1.0])), [90.0, 200.0, 200.0])
-    near(foot.gap(np.array([0.9, 1.0])), [10 * (0.9 - 2 / 3), 10 / 3])
-    near(solution.stress("bar", 5.0, np.array([0.3])), -300.0)
-    near(solution.displacement("bar", np.array([0.0, 10.0]), 1 / 3), [0.0, -10 / 3])
-
-
 def test_doyen_bounces_a_hundred_times_without_drift():
     solution = solve("doyen-bounce", 50 * 16 / 3)
     foot = solution.contacts["foot"]
@@ -163,17 +152,6 @@ def test_doyen_bounces_a_hundred_times_without_drift():
         near(sum(solution.energy(whole[k] - 1.0)), solution.work(whole[k] - 1.0), 1e-8)
         near(solution.work(whole[k] - 1.0), 500.0, 1e-8)
     assert solution.fronts < 40 * 100  # those of the contacts, not doubled from one to the next
-
-
-def test_sdnv100():
-    impedance = 4e-4 * math.sqrt(2e11 * 8000)
-    solution = solve("sdnv100")
-    foot = solution.contacts["foot"]
-    intervals(foot, [(2e-5, 1e-4)], 1e-11)
-    near(foot.force(np.linspace(2.1e-5, 9.9e-5, 9)), impedance * 100)
-    near(foot.impulse(np.array([1.4e-4])), 128.0)
-    near(solution.displacement("beam", 0.2, np.array([6e-5])), -0.006)
-    near(solution.velocity("beam", np.array([0.0, 0.1, 0.2]), 1.2e-4), 100.0)
 
 
 def test_cradle_hands_the_momentum_on():
@@ -519,29 +497,6 @@ class Row:
             "time": {"end": stop, "step": stop / 8},
         }  # fmt: skip
 
-    def mirrored(self):
-        """Return the row seen from the other side."""
-
-        def turned(entry):
-            kind, options = parts(entry)
-            return {**entry, kind: scaled(options, -1.0, 1.0)}
-
-        def other(what):
-            out = dict(what)
-            if "loads" in out:
-                out["loads"] = [turned(one) for one in out["loads"]]
-            if "drive" in out:
-                out["drive"] = turned(out["drive"])
-            return out
-
-        last = len(self.bars) - 1
-        return Row(
-            tuple({**bar, "velocity": -bar["velocity"]} for bar in reversed(self.bars)),
-            self.gaps[::-1], other(self.right), other(self.left),
-            tuple((last - k, "right" if side == "left" else "left", turned(one)) for k, side, one in self.extra),
-            -self.gravity, {last - k: -value for k, value in self.pulled.items()}, self.end,
-        )  # fmt: skip
-
     @property
     def speed(self):
         """Size of the velocities."""
@@ -713,43 +668,6 @@ def test_plain_and_compiled_event_loops_give_the_same_bits(row, manner):
     for one, other in ((plain.waves, compiled.waves), (plain.forces, compiled.forces)):
         for name, first, second in zip(one._fields, one, other, strict=True):
             assert first.tobytes() == second.tobytes(), name
-
-
-@MORE
-@given(exact_rows(), manners(), st.floats(0.01, 0.99))
-def test_work_and_impulse_are_those_of_the_histories(row, manner, share):
-    """Force times velocity at each end, and force, are integrated from one event to the next by a rule of their own."""
-    solution = solved(row, **manner)
-    end = share * row.end
-    line = 1.0 if solution.chain.flip[list(solution.chain.problem.bodies).index("b0")] > 0 else -1.0
-    line *= -1.0 if 0 in manner["turned"] else 1.0
-    marks = [event_times(solution), event_times(solution)[:, None] + solution.chain.transit]
-    edges = np.unique(np.clip(np.concatenate([np.ravel(one) for one in [*marks, [0.0, end]]]), 0.0, end))
-    nodes, weights = np.polynomial.legendre.leggauss(3)
-    half = 0.5 * np.diff(edges)
-    t, w = (edges[:-1, None] + half[:, None] * (1.0 + nodes)).ravel(), (half[:, None] * weights).ravel()
-    work = impulse = 0.0
-    last = len(row.bars) - 1
-    for k, bar in enumerate(row.bars):
-        mass = bar["density"] * bar["area"] * bar["length"]
-        weight = mass * (row.gravity + row.pulled.get(k, 0.0))
-        places, sign = left_end(row, k, manner)
-        x = np.linspace(0.0, bar["length"], 20001)
-        fallen = solution.displacement(f"b{k}", x, np.full(x.shape, end))
-        work += weight * sign * np.trapezoid(fallen, x) / bar["length"]
-        impulse += weight * end
-        for side, what in (("left", row.left if k == 0 else {}), ("right", row.right if k == last else {})):
-            velocity = sign * solution.velocity(f"b{k}", np.full(t.shape, places[side == "right"]), t)
-            pressed = -bar["area"] * solution.stress(f"b{k}", np.full(t.shape, places[side == "right"]), t)
-            loads = [*what.get("loads", ()), *(one for b, s, one in row.extra if (b, s) == (k, side))]
-            force = sum((history(one, t) for one in loads), np.zeros(t.shape))
-            if "fixed" in what or "drive" in what or "wall" in what:
-                force = pressed if side == "left" else -pressed
-            work += w @ (force * velocity)
-            impulse += w @ force
-    size = impulse_size(row, solution)
-    assert abs(line * solution.impulse(end) - impulse) <= 1e-11 * size
-    assert abs(solution.work(end) - work) <= 1e-7 * max(size * row.speed, 1e-300)  # the fallen heights are a sum
 
 
 def test_an_exact_solution_alone_is_saved_read_again_and_described(tmp_path):
@@ -1075,39 +993,6 @@ def same(row, one, other, names, units=(1.0, 1.0, 1.0), within=1e-11):
 
 
 @MORE
-@given(exact_rows(), manners(), st.sampled_from([0.0, 1.0, -37.3]))
-def test_nothing_depends_on_how_a_row_is_written(row, manner, origin):
-    one = solved(row)
-    other = solved(row, **manner, origin=origin)
-    same(row, one, other, row.names, within=1e-11 if not origin else 1e-11 * 40)
-    line = np.sign(other.chain.flip[list(other.chain.problem.bodies).index("b0")]) * (
-        -1 if 0 in manner["turned"] else 1
-    )
-    for time in (0.3 * row.end, row.end):
-        near_to = 1e-11 * 40 * (sum(one.energy(0.0)) + abs(one.work(time)) + row.hardest * row.speed**2 * row.end)
-        assert abs(sum(one.energy(time)) - sum(other.energy(time))) <= near_to
-        size = 4e-10 * row.hardest * row.speed * row.end
-        assert abs(one.momentum(time) - line * other.momentum(time)) <= size
-    for k, bar in enumerate(row.bars):
-        places, sign = left_end(row, k, manner)
-        t = np.linspace(0.0, row.end, 101)
-        for x, place in zip((0.0, bar["length"]), places, strict=True):
-            off = one.displacement(f"b{k}", x, t) - sign * other.displacement(f"b{k}", place, t)
-            assert np.abs(off).max() <= 4e-10 * max(row.speed * row.end, 1.0)
-
-
-@MORE
-@given(exact_rows())
-def test_a_row_and_its_mirror_image_are_the_same(row):
-    mirrored = row.mirrored()
-    other_side = {"wl": "wr", "wr": "wl"} | {f"c{k}": f"c{len(row.bars) - k}" for k in range(1, len(row.bars))}
-    names = [other_side[name] for name in row.names]
-    one, other = solved(row), solved(mirrored)
-    same(row, one, other, names)
-    assert abs(one.momentum(row.end) + other.momentum(row.end)) <= 1e-11 * row.hardest * row.speed * row.end
-
-
-@MORE
 @given(
     exact_rows(),
     st.tuples(*[st.sampled_from([1.0, 1e-3, 1e3, 0.3048, 1e-9, 1e6])] * 3),
@@ -1118,51 +1003,6 @@ def test_nothing_depends_on_the_units(row, units):
     same(row, one, other, row.names, units)
     for a, b in zip(one.contacts.values(), other.contacts.values(), strict=True):
         assert len(a.closed) == len(b.closed)
-
-
-def torn_from(one, x, end, least):
-    """When the first bar is first in tension at x: between any two fronts, however close, its stress is a line."""
-    arrays, waves = one.chain, one._waves
-    place = x if arrays.flip[0] > 0 else arrays.length[0] - x
-    late = np.array([place, arrays.length[0] - place]) / arrays.speed[0]
-    marks = np.concatenate([wave.times + lag for wave, lag in zip(waves[:2], late, strict=True)])
-    edges = np.unique(np.clip(np.append(marks, [0.0, end]), 0.0, end))
-    spans = np.diff(edges)
-    inside = [one.stress("b0", x, edges[:-1] + share * spans) for share in (1e-6, 0.5, 1.0 - 1e-6)]
-    torn = np.flatnonzero((np.max(inside, axis=0) > least) & (spans > 1e-12 * end))
-    return edges[torn[0]] if torn.size else np.inf
-
-
-@pytest.mark.slow
-@MORE
-@given(exact_rows(), st.lists(number(0.05, 0.95), min_size=1, max_size=2, unique=True))
-def test_a_bar_cut_twice_is_one_bar_as_long_as_no_cut_is_in_tension(row, cuts):
-    whole = row.bars[0]
-    cuts = sorted(cuts)
-    lengths = np.diff([0.0, *cuts, 1.0]) * whole["length"]
-    parts = tuple({**whole, "length": float(one)} for one in lengths)
-    extra = tuple((b + len(cuts) * (b > 0 or side == "right"), side, one) for b, side, one in row.extra)
-    pulled = {b + len(cuts): one for b, one in row.pulled.items() if b}
-    pulled |= {b: row.pulled[0] for b in range(len(parts)) if 0 in row.pulled}
-    cut = Row(
-        parts + row.bars[1:], (0.0,) * len(cuts) + row.gaps, row.left, row.right, extra, row.gravity, pulled, row.end
-    )
-    one, other = solved(row), solved(cut)
-    t = np.linspace(0.0, row.end, 4001)
-    places = np.array(cuts) * whole["length"]
-    torn = min(torn_from(one, x, row.end, 1e-12 * row.hardest * row.speed / whole["area"]) for x in places)
-    sound = t[t < torn]
-    assume(sound.size > 200)
-    far = 1e-11 * row.speed * row.end
-    for b, start in enumerate([0.0, *places]):
-        for x in np.linspace(0.0, lengths[b], 4):
-            off = other.displacement(f"b{b}", x, sound) - one.displacement("b0", start + x, sound)
-            assert np.abs(off).max() <= far
-    for b, x in enumerate(places):
-        pushed = other.contacts[f"c{b + 1}"].impulse(sound)
-        inside = -whole["area"] * one.stress("b0", x, sound)
-        assert (np.diff(pushed) >= -far * row.hardest).all()
-        assert pushed[-1] <= inside.max() * sound[-1] + far * row.hardest
 
 
 @pytest.mark.slow
@@ -1187,77 +1027,6 @@ def test_smooth_loads_conserve_energy_too(load, row, shares):
 
 
 # ------------------------------------------------------------------------------------------------ what is not covered
-
-PLUGIN = '''
-from dataclasses import dataclass
-
-import numpy as np
-
-from percuss.methods.interfaces import ContactLaw, LinearLaw, Load, Material, Shape
-from percuss_methods.shapes.bar import Bar
-
-
-@dataclass(frozen=True)
-class Rubber(Material):
-    """Another material."""
-
-    name = "rubber"
-    summary = "Another material"
-
-    young: float
-
-    rho = modulus = property(lambda self: self.young)
-
-    def parameters(self):
-        return (self.young,)
-
-    @staticmethod
-    def stress(parameters, strain):
-        return parameters[0] * strain
-
-    @staticmethod
-    def energy_density(parameters, before, after):
-        return 0.5 * parameters[0] * before * after
-
-
-@dataclass(frozen=True)
-class Rod(Shape):
-    """Another shape."""
-
-    name = "rod"
-    summary = "Another shape"
-    regions = ("left", "right")
-
-    length: float
-
-    def dimension(self):
-        return None
-
-    def mesh(self, at, refine):
-        return Bar(self.length, 4).mesh(at, refine)
-
-
-@dataclass(frozen=True)
-class Spring(ContactLaw):
-    """A spring that pulls as it pushes, and does not say that it is a bond."""
-
-    name = "spring"
-    summary = "A spring"
-
-    def bind(self, points, dt):
-        return LinearLaw(at="explicit", sigma=1.0, active="all")
-
-
-@dataclass(frozen=True)
-class Wobble(Load):
-    """A load that does not say where it is smooth."""
-
-    name = "wobble"
-    summary = "A load"
-
-    def amplitude(self, time):
-        return np.sin(time)
-'''
 
 
 def two_bars(dim=1):
@@ -1284,85 +1053,43 @@ def changed(path, value, dim=1):
     return case
 
 
-def with_rod():
-    case = two_bars()
-    del case["bodies"]["b"]["bar"]
-    case["bodies"]["b"]["rod"] = {"length": 1.0}
-    return case
-
-
 DRIVE = {"prescribed-velocity": 0.1, "on": "a.left"}
-UNCOVERED = {
-    "material": (
-        changed("bodies.b.material", {"name": "rubber", "young": 1.0}),
-        "body 'b' is not linear: its material rubber does not declare `linear = True`",
-    ),
-    "shape": (with_rod(), "body 'b' is a rod, not a bar"),
-    "sideways": (changed("bodies.b.velocity", [0.1, 0.01], 2), "body 'b' moves across its axis"),
-    "turned": (
-        changed(
-            "bodies.c",
-            {**two_bars(2)["bodies"]["a"], "at": [5, 5], "bar": {"length": 1, "elements": 4, "direction": [0, 1]}},
-            2,
-        ),
-        "body 'c' lies across the first one",
-    ),
-    "load without kinks": (
-        changed("loads.push", {"wobble": {}, "on": "a.left"}), "load 'push' (wobble) does not say where it is smooth",
-    ),
-    "load across": (
-        changed("loads.push", {"constant": 0.1, "on": "a.left", "direction": [1.0, 0.5]}, 2),
-        "load 'push' acts across body 'a'",
-    ),
-    "drive across": (
-        changed("loads.push", {"prescribed-velocity": 0.1, "on": "a.left", "direction": [0.0, 1.0]}, 2),
-        "load 'push' acts across body 'a'",
-    ),
-    "gravity across": (changed("loads.push", {"gravity": [0.0, -1.0]}, 2), "load 'push' acts across body 'a'"),
-    "drive from": (changed("loads.push", {**DRIVE, "from": 0.1}), "the drive 'push' is switched on or off in time"),
-    "drive until": (changed("loads.push", {**DRIVE, "until": 0.5}), "the drive 'push' is switched on or off in time"),
-    "load on a body": (
-        changed("loads.push", {"ramp": {"value": 1.0, "duration": 0.1}, "on": "a"}),
-        "the load 'push' on a whole body changes in time",
-    ),
-    "gravity from": (
-        changed("loads.push", {"gravity": 1.0, "from": 0.1}), "the load 'push' on a whole body changes in time",
-    ),
-    "gravity until": (
-        changed("loads.push", {"gravity": 1.0, "until": 0.5}), "the load 'push' on a whole body changes in time",
-    ),
-    "accelerated end": (
+
+
+def uncovered():
+    """Yield cases that the solution does not cover, with the reason that a run gives."""
+    bond = {"integrator": "central-difference", "contact": {"name": "cohesive", "strength": 1.0, "length": 2.0}}
+    plastic = {"name": "bilinear-plastic", "young": 1.0, "density": 1.0, "yield_stress": 1.0, "tangent": 0.1}
+    across = {**two_bars(2)["bodies"]["a"], "at": [5, 5], "bar": {"length": 1, "elements": 4, "direction": [0, 1]}}
+    yield changed("bodies.b.material", plastic), "body 'b' is not linear"
+    yield changed("bodies.b.velocity", [0.1, 0.01], 2), "body 'b' moves across its axis"
+    yield changed("bodies.c", across, 2), "body 'c' lies across the first one"
+    yield changed("loads.push", {"bump": {"at": 0.5, "width": 0.1}, "on": "a.left"}), "does not say where it is smooth"
+    for load in ({"constant": 0.1, "on": "a.left", "direction": [1.0, 0.5]}, {"gravity": [0.0, -1.0]},
+                 {"prescribed-velocity": 0.1, "on": "a.left", "direction": [0.0, 1.0]}):  # fmt: skip
+        yield changed("loads.push", load, 2), "load 'push' acts across body 'a'"
+    for window in ({"from": 0.1}, {"until": 0.5}):
+        yield changed("loads.push", {**DRIVE, **window}), "the drive 'push' is switched on or off in time"
+        yield changed("loads.push", {"gravity": 1.0, **window}), "the load 'push' on a whole body changes in time"
+    ramp = {"ramp": {"value": 1.0, "duration": 0.1}, "on": "a"}
+    yield changed("loads.push", ramp), "the load 'push' on a whole body changes in time"
+    yield (
         changed("loads.push", {"constant": 1.0, "on": "a.left", "as": "acceleration"}),
-        "load 'push' accelerates an end, which has no mass but that of its mesh",
-    ),
-    "several contacts": (
-        changed("contacts.wall", {"body": "a.right", "wall": 1.5}), "an end takes part in several contacts",
-    ),
-    **{
-        f"bond {name}": (
-            changed("method", {"integrator": "central-difference", "contact": {"name": name, **options}}),
-            f"contact 'ab' ({name}) holds its bodies together, and the solution is that of bodies that may part",
-        )
-        for name, options in {"tied": {}, "cohesive": {"strength": 1.0, "length": 2.0}, "spring": {}}.items()
-    },
-    "tied at other times": (
-        changed("method", {"contact": {"name": "tied", "during": [[0.0, 0.5]]}}),
-        "contact 'ab' (tied) holds its bodies together at other times than those at which the exact contact is closed",
-    ),
-}  # fmt: skip
+        "load 'push' accelerates an end",
+    )
+    yield changed("contacts.wall", {"body": "a.right", "wall": 1.5}), "an end takes part in several contacts"
+    for method in (bond, {"contact": "tied"}, {"contact": {"name": "tied", "during": [[0.0, 0.5]]}}):
+        yield changed("method", method), "holds its bodies together"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", UNCOVERED)
-def test_a_run_says_why_it_has_no_exact_solution(what, tmp_path):
-    (tmp_path / "others.py").write_text(PLUGIN)
-    case, reason = UNCOVERED[what]
-    result = percuss.run(percuss.load(case, plugins=[tmp_path / "others.py"]))
-    assert result.summary["exact"] is None
-    assert result.summary["exact_reason"] == f"bars-in-a-row: {reason}"
-    assert result.exact is None
-    assert result.exact_histories is None
-    assert "contact_force_exact" not in result.arrays
+def test_a_run_says_why_it_has_no_exact_solution(tmp_path):
+    (tmp_path / "bump.py").write_text(BUMP.partition("    def kinks")[0])
+    for case, reason in uncovered():
+        result = percuss.run(percuss.load(case, plugins=[tmp_path / "bump.py"]), compiled=False)
+        assert reason in result.summary["exact_reason"]
+        assert result.summary["exact"] is result.exact is result.exact_histories is None
+        assert "contact_force_exact" not in result.arrays
 
 
 def test_what_the_uncovered_cases_differ_from_is_covered():
@@ -1401,19 +1128,6 @@ def test_no_period_of_a_load_is_overlooked_and_grazing_does_not_stop_it(frequenc
     assert np.abs(joint.force(after)).max() < 1e-10
     assert joint.force(after).min() > -1e-10
     assert np.abs(joint.gap(after)).max() < 1e-10
-
-
-def test_a_load_with_more_pieces_than_fronts_allowed_stops_it_early():
-    case = pushed({"harmonic": {"value": 1.0, "mean": 1.0, "frequency": 50.0}}, 20.0)
-    problem = contact_problem(model_of(percuss.load(case)))
-    solution = REGISTRY.get("solutions", "bars-in-a-row")(most_fronts=5000).solve(problem, 20.0)
-    assert 1.0 < solution.reached < 20.0
-    assert solution.stopped in {
-        "it takes more than 5000 fronts (most_fronts)",
-        "load 'push' (harmonic) takes more than 5000 polynomial pieces (most_fronts)",
-    }
-    t = np.linspace(1.0, min(solution.reached, 2.9), 2001)
-    assert np.abs(solution.contacts["ab"].force(t) - 1 - np.sin(100 * np.pi * (t - 1))).max() < 1e-11
 
 
 @st.composite
@@ -1487,20 +1201,6 @@ def test_many_cycles_of_a_sine_take_few_pieces(cycles):
     expected = 1.0 + np.sin(2.0 * np.pi * cycles / 50.0 * (t - 25.0))
     assert np.abs(solution.contacts["ab"].force(t) - expected).max() <= 1e-11
     assert solution.fronts < 80 * cycles
-
-
-@settings(MORE, max_examples=8)
-@given(st.integers(2, 3), st.floats(5.0, 30.0), st.floats(0.5, 2.0))
-def test_a_sine_is_followed_through_a_row_of_unlike_bars(count, cycles, ratio):
-    bars = tuple(
-        {"length": 1.0 + 0.31 * k, "young": ratio**k, "density": 1.0, "area": 1.0, "velocity": 0.0}
-        for k in range(count)
-    )
-    load = {"harmonic": {"value": 0.5, "mean": 1.0, "frequency": cycles / 10.0}}
-    row = Row(bars, (0.0,) * (count - 1), {"loads": [load]}, {"fixed": True}, (), 0.0, {}, 10.0)
-    solution = solved(row)
-    start, energy, work = sum(solution.energy(0.0)), sum(solution.energy(10.0)), solution.work(10.0)
-    assert abs(energy - start - work) <= 1e-13 * max(energy, abs(work))
 
 
 def test_a_feature_that_no_kink_announces_is_not_overlooked(tmp_path):

@@ -8,7 +8,6 @@ import pytest
 
 import percuss
 from percuss.contact.contact_problem import contact_problem
-from percuss.listeners import heard_by
 from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
 from percuss.reporting.verdict import run_verdict
@@ -96,12 +95,6 @@ def test_the_least_memory_is_no_more_than_what_is_spent():
     assert 0.4 * spent < least <= spent
 
 
-def test_the_case_raises_and_lowers_the_bounds():
-    model = model_of(pressed(1e-4, most_memory=1e-3))
-    assert "at least" in exact_solution(model, 1.0)[2]
-    assert exact_solution(model_of(pressed(1e-4, most_memory=0.1)), 1.0)[0].reached == 1.0
-
-
 def test_fronts_that_multiply_end_the_solution_where_its_memory_does():
     """The part that is known follows from the case alone, so that it is the same on every machine."""
     whole, _, reason = exact_solution(model_of(unlike()), 20.0)
@@ -150,13 +143,6 @@ def test_a_load_faster_than_any_step_is_called_so_at_once(frequency):
     assert "kinks" not in reason
 
 
-def test_a_fast_load_that_takes_much_memory_is_known_beforehand():
-    solution, _, reason = exact_solution(model_of(pushed({"harmonic": {"value": 1.0, "frequency": 1e5}})), 4.0)
-    assert solution is None
-    assert ", about" in reason
-    assert "GB for load 'push' (harmonic) (method.solution.most_memory)" in reason
-
-
 def test_the_pieces_of_a_load_are_estimated():
     edges = np.array([0.0, 4.0])
     assert pieces_needed(lambda t: 1.0 + 2.0 * t, edges) == 1.0
@@ -191,17 +177,6 @@ def test_ctrl_c_ends_the_exact_solution_and_keeps_the_run(monkeypatch):
     again = percuss.results.runner.run_again(unlike(most_memory=0.9), result.summary)
     assert again.status == "interrupted"
     assert again.summary["exact_reason"] == result.summary["exact_reason"]
-
-
-def test_the_progress_of_an_exact_solution_is_told(monkeypatch):
-    monkeypatch.setattr(_row, "EVENTS", 500)
-    shares = []
-    with heard_by(shares.append):
-        exact_solution(model_of(unlike(most_memory=0.8)), 20.0)
-    assert shares[0] == 0.0
-    assert shares == sorted(shares)
-    assert len(set(shares)) > 3
-    assert shares[-1] == 1.0
 
 
 def test_that_there_is_no_solution_in_time_is_kept(monkeypatch):
