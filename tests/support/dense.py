@@ -286,12 +286,12 @@ def march(case, integrator=None, contact=None, mass=None, law=None):
 START = -1  # instead of a stage, the last one: the acceleration that is kept before the first step
 
 
-def march_stages(case, scheme, steps, dt, law=None):
+def march_stages(case, scheme, steps, dt, law=None, mass=None):
     """March a case by a multi-stage scheme of `formulas.py`; return the bars, displacements and velocities at t_n.
 
-    `law` gives the contact forces from the gaps of a stage instead of the law of the case.
+    `law` gives the contact forces from the gaps of a stage instead of the law of the case, `mass` another mass matrix.
     """
-    system = System(case)
+    system = System(case, mass=mass)
     bars, free, N = system.bars, system.free, system.N
     both, now = system.penalties(dt), [0.0]
 

@@ -114,25 +114,11 @@ def file(tmp_path_factory):
     return file
 
 
-def normals(case, bars):
-    """Return N, (nodes, contacts), and the initial gaps."""
-    N, g0 = np.zeros((bars.x.size, len(case["contacts"]))), np.zeros(len(case["contacts"]))
-    for p, one in enumerate(case["contacts"].values()):
-        ends = one.get("between") or [one["body"]]
-        a, outward = bars.node(ends[0]), 1.0 if ends[0].endswith(".right") else -1.0
-        other = bars.x[bars.node(ends[1])] if len(ends) == 2 else one["wall"]
-        N[a, p] = -outward
-        if len(ends) == 2:
-            N[bars.node(ends[1]), p] = outward
-        g0[p] = outward * (other - bars.x[a])
-    return N, g0
-
-
 def march(case, steps, dt, laws):
     """March by central difference; each step all sets of pressing contacts are tried. Return forces and gaps."""
-    bars = dense.assemble(case)
+    system = dense.System(case, "lagrange")
+    bars, N, g0 = system.bars, system.N, system.g0
     inverse = 1.0 / np.diag(bars.M)
-    N, g0 = normals(case, bars)
     S = N.T @ (inverse[:, None] * N)
     u, v = np.zeros(bars.x.size), bars.v.copy()
     forces, gaps = [], []
@@ -293,7 +279,8 @@ def wedged():
 def test_uzawas_iteration_is_one_for_all_contacts_of_an_end_in_any_order(order, compiled):
     """The formula of its docstring with full matrices."""
     case = {**WEDGED, "contacts": {name: WEDGED["contacts"][name] for name in order}}
-    dt, (bars, inverse), (N, g0) = case["time"]["step"], wedged(), normals(case, wedged()[0])
+    dt, (bars, inverse), system = case["time"]["step"], wedged(), dense.System(case)
+    N, g0 = system.N, system.g0
     S = N.T @ (inverse[:, None] * N)
     law = case["method"]["contact"]
     u, v, expected = np.zeros(bars.x.size), bars.v.copy(), []
@@ -317,7 +304,7 @@ def test_the_certificate_of_contacts_at_one_end_is_that_of_the_documented_iterat
     case = percuss.load({**WEDGED, "time": {"step": 0.012, "steps": 10}})
     found = verdict.certificate(model_of(case))
     bars, inverse = wedged()
-    N, _ = normals(WEDGED, bars)
+    N = dense.System(WEDGED).N
     law = WEDGED["method"]["contact"]
     free = inverse > 0.0
 

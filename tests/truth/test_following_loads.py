@@ -15,8 +15,6 @@ from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
 from percuss.march.parts import features_of
-from percuss.methods.registry import Registry
-from percuss.testing import CheckFailed, checks
 from strategies import CORE, INTEGRATORS, INVISCID, each_integrator, number, run
 
 CD = "central-difference"
@@ -266,68 +264,6 @@ def test_a_load_that_follows_during_a_part_of_the_run_has_no_certificate():
 def test_where_a_load_cannot_follow_it_is_refused(loads, message):
     with pytest.raises(percuss.InputError, match=message):
         model_of(percuss.load(bar(loads)))
-
-
-DRAG = '''
-from dataclasses import dataclass
-from percuss import FollowingLoad, hookimpl
-
-CALLS = []
-
-
-@dataclass(frozen=True)
-class Drag(FollowingLoad):
-    """Formula: ``F = -u'``."""
-
-    name = "drag"
-    summary = "drag"
-
-    def numbers(self, end):
-        return (1.0,)
-
-    @staticmethod
-    def follow(numbers, time, displacement, velocity):
-        return -numbers[0] * velocity
-
-
-@hookimpl
-def percuss_loads():
-    return [Drag]
-'''
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("return (1.0,)", "return 1.0", "drag: numbers returned numbers of shape (), expected (n,)"),
-        ("return (1.0,)", "return (float('nan'),)", "drag: numbers returned nan at index 0"),
-        ("return -numbers[0] * velocity", "pass", "drag: follow returned nothing"),
-        ("return -numbers[0] * velocity", "return float('nan') * velocity", "drag: follow returned nan"),
-        ("return -n", "if time > 0.05:\n            raise ValueError('too late')\n        return -n",
-         "load drag: follow: ValueError: too late (in step 2, at time 0.1)"),
-        ("follow(numbers, time, displacement, velocity)", "follow(numbers, velocity)",
-         "is called as follow(numbers, time, displacement, velocity)"),
-        ("def numbers(self, end)", "def numbers(self)", "Drag.numbers(self) is called as numbers(self, end)"),
-        ("    @staticmethod\n    def follow", "    @staticmethod\n    def folow", "still abstract; it lacks `follow`"),
-    ],
-)  # fmt: skip
-def test_a_misdeed_of_a_load_is_named(old, new, said, tmp_path):
-    assert old in DRAG
-    file = tmp_path / "drag.py"
-    file.write_text(DRAG.replace(old, new, 1), encoding="utf-8")
-    case = bar({"drag": {"drag": {}, "on": "bar.right"}}, elements=1, velocity=1.0, courant=0.5, end=0.1)
-    with pytest.raises(percuss.PluginError) as caught:
-        percuss.run(percuss.load(case, plugins=[file]))
-    assert said in str(caught.value)
-    assert str(file) in str(caught.value)
-
-
-def test_the_kit_finds_a_load_that_keeps_state(tmp_path):
-    file = tmp_path / "drag.py"
-    file.write_text(DRAG.replace("return -n", "CALLS.append(0)\n        return len(CALLS) - n", 1), encoding="utf-8")
-    registry = Registry.load([file])
-    with pytest.raises(CheckFailed, match="the run gives another motion the second time"):
-        dict(checks(registry.get("loads", "drag"), registry=registry))["runs-in-a-case"]()
 
 
 def test_the_critical_courant_number_of_the_page_is_true():

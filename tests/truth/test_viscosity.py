@@ -229,33 +229,3 @@ def test_bodies_that_are_not_linear_are_refused():
     case["bodies"]["short"]["element"] = "green-bar"
     with pytest.raises(percuss.InputError, match="expected linear bodies with the viscous"):
         percuss.run(percuss.load(case))
-
-
-@pytest.mark.parametrize("viscosity", ["-0.1", "float('nan')", "1e-3 / dt"])
-def test_a_wrong_viscosity_of_a_plugin_is_told(viscosity, tmp_path):
-    file = tmp_path / "wrong.py"
-    file.write_text(
-        f'''
-from dataclasses import dataclass
-from percuss import ContactState, Integrator, LeapFrog, end_of_step
-
-
-@dataclass(frozen=True)
-class Wrong(Integrator):
-    """Wrong.
-
-    Formula: none.
-    """
-
-    name = "wrong"
-    summary = "Wrong"
-    order = 1
-
-    def bind(self, dt):
-        explicit = ContactState("current", "current", "bulk", (0.0, 0.0, 1.0))
-        return LeapFrog(explicit, end_of_step(dt), viscosity={viscosity})
-''',
-        encoding="utf-8",
-    )
-    with pytest.raises(percuss.PluginError, match=r"LeapFrog\.viscosity needs a finite number of at least 0"):
-        percuss.run(percuss.load(hunek(5, courant=0.5, integrator="wrong"), plugins=[file]))
