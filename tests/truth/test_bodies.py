@@ -18,10 +18,9 @@ from percuss.cli import scaffold
 from percuss.errors import InputError, PercussError, RefusedPair
 from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
-from percuss.testing import Subject, checks
+from percuss.testing import checks
 from percuss.testing.draws import bar_chains
 from percuss.testing.kit import outcome_of
-from percuss_methods.elements import green_bar
 from percuss_methods.materials import elastic
 from strategies import hunek
 
@@ -107,15 +106,6 @@ def test_that_holds_with_any_pair_of_methods(integrator, contact):
     known = verdict.certificate(model)
     assert known["stable"] == "unknown"
     assert known["energy"] in {"not guaranteed", "unknown"}
-
-
-def test_check_says_so_in_words(not_linear):
-    case, plugins, name = not_linear
-    told = explanation(model_of(percuss.load(case, plugins=plugins))).text
-    assert f"{name} does not declare `linear = True`" in told
-    assert "whatever its strain" in told
-    assert "the worst combination of closed contacts" not in told
-    assert "measured" not in told
 
 
 def test_no_step_is_chosen_for_it(not_linear):
@@ -358,11 +348,6 @@ def test_a_node_without_mass_is_told_as_such_and_not_as_a_matter_of_units(share)
     assert "units" not in told
 
 
-def test_a_mass_that_underflows_is_a_matter_of_units():
-    with pytest.raises(InputError, match="Choose units"):
-        ran(hunek(4), (), {"bodies.short.material.density": 1e-320})
-
-
 @pytest.mark.parametrize(
     ("contact", "reason"),
     [
@@ -379,110 +364,9 @@ def test_why_nothing_is_known_of_a_law_is_said_truly(contact, reason):
     assert ("not linear in gap and acceleration" in known["energy_why"]) is (contact["name"] == "nitsche-kernel")
 
 
-# ---------------------------------------------------------------------------------------------------- swaps
-
-
-def test_a_swap_tells_what_it_keeps():
-    case = percuss.load(HUNEK, {"method.contact": "penalty"})
-    assert "method.contact: penalty keeps beta_s: 0.25 of bipenalty" in case.notes
-    assert case.method.contact.beta_s == 0.25
-    told = command("compare", HUNEK, "--contact", "penalty", "--set", "time.end=0.01")
-    assert "note: method.contact: penalty keeps beta_s: 0.25 of bipenalty" in told.stderr
-
-
-def test_a_swap_says_nothing_of_what_is_replaced_anyway():
-    case = percuss.load(HUNEK, {"method.contact": "penalty", "method.contact.beta_s": 1})
-    assert not any("keeps" in note for note in case.notes)
-    assert case.method.contact.beta_s == 1.0
-
-
-def test_a_swap_drops_an_option_of_another_unit():
-    case = percuss.load(hunek(4, contact={"name": "penalty", "epsilon_s": 5.0}), plugins=[LAWS])
-    swapped = case.with_overrides({"method.contact": "row"})
-    assert swapped.method.contact.epsilon_s == 0.5
-    assert swapped.notes == (
-        "method.contact: epsilon_s of row has the unit 1, that of penalty the unit force/length: dropped",
-    )
-
-
 # ------------------------------------------------------------------------------------------- data files, kit
-
-
-RECORD = '''
-"""A record from a file."""
-
-from dataclasses import dataclass
-from typing import Annotated
-
-import numpy as np
-
-from percuss import DataFile, Doc, Load
-
-
-@dataclass(frozen=True)
-class Recorded(Load):
-    """A record.
-
-    Formula: ``A(t)``, piecewise linear.
-    """
-
-    name = "recorded"
-    summary = "Record from a file"
-    references = ("none",)
-    examples = ({"record": "./record.csv"},)
-
-    record: Annotated[DataFile, Doc("CSV of time and acceleration")]
-
-    def amplitude(self, time):
-        t, a = self.record.as_columns(2)
-        return np.interp(time, t, a)
-
-    def kinks(self):
-        return tuple(self.record.as_columns(2)[0])
-'''
-
-
-def test_a_load_with_a_data_file_is_verified_from_anywhere(tmp_path, monkeypatch):
-    (tmp_path / "plugins").mkdir()
-    (tmp_path / "plugins" / "recorded.py").write_text(RECORD, encoding="utf-8")
-    (tmp_path / "plugins" / "record.csv").write_text("0,0\n0.1,1\n0.4,0\n", encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    registry = percuss.load(hunek(2), plugins=[str(tmp_path / "plugins" / "recorded.py")]).registry
-    subject = Subject.of(registry.components["loads", "recorded"], registry)
-    outcomes = [outcome_of(check) for _, check in checks(subject.component, registry=registry)]
-    assert all(outcome.status != "failed" for outcome in outcomes), "\n".join(map(str, outcomes))
-    one, other = (subject.make(subject.examples[0]) for _ in range(2))
-    assert one == other
-    assert hash(one) == hash(other)
-    (tmp_path / "plugins" / "record.csv").write_text("0,0\n0.1,2\n0.4,0\n", encoding="utf-8")
-    assert subject.make(subject.examples[0]) != one
 
 
 def kit(plugin, family, name, check):
     registry = percuss.load(hunek(2), plugins=[plugin] if plugin else []).registry
     return outcome_of(dict(checks(registry.components[family, name], registry=registry, draws=3))[check])
-
-
-@pytest.mark.slow
-def test_a_failure_of_the_kit_prints_a_case_that_runs(tmp_path):
-    outcome = kit(LEAKING, "elements", "leaking", "balances")
-    assert outcome.status == "failed"
-    (tmp_path / "failed.yaml").write_text(outcome.case, encoding="utf-8")
-    done = command("run", "failed.yaml", cwd=tmp_path)
-    assert done.returncode == 1
-    assert "balances of leaking" in done.stdout
-    assert "momentum does not balance" in done.stdout
-
-
-def test_the_kit_measures_what_is_declared_linear(tmp_path, softer):
-    assert kit("", "elements", "green-bar", "linear").status == "skipped"
-    assert kit("", "elements", "green-bar", "force-and-energy").status == "passed"
-    assert kit(LEAKING, "elements", "leaking", "linear").status == "passed"
-    for source, family, name in ((green_bar.__file__, "elements", "green-bar"), (softer, "materials", "softer")):
-        text = Path(source).read_text(encoding="utf-8").replace("    linear = False\n", "")
-        text = text.replace(f'"{name}"', '"boast"')
-        boast = tmp_path / Path(source).name
-        boast.write_text(text.replace("    references =", "    linear = True\n    references ="), encoding="utf-8")
-        outcome = kit(str(boast), family, "boast", "linear")
-        assert outcome.status == "failed"
-        assert "not proportional" in outcome.message

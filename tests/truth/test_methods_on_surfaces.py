@@ -8,8 +8,7 @@ import pytest
 import percuss
 from percuss.contact.laws import parameters
 from percuss.march.model_of_case import model_of
-from percuss.reporting.component import component_text
-from strategies import REGISTRY, is_refused
+from strategies import CORE, REGISTRY, is_refused
 
 WU, CENTRAL = "wu-predictor-corrector", "central-difference"
 NODES, GAUSS, MORTAR = "node-to-segment", "gauss-points", "mortar"
@@ -59,9 +58,17 @@ ALL = [
 ]
 
 
+def mark_of(integrator, law, _pairing):
+    """Deep is each law with an integrator of each state that it can see, and each integrator with a penalty."""
+    return pytest.mark.deep if integrator in CORE or law == "penalty" else pytest.mark.nightly
+
+
 @pytest.mark.parametrize(
     ("integrator", "law", "pairing"),
-    [*sorted(QUICK), *(pytest.param(*each, marks=pytest.mark.deep) for each in ALL if each not in QUICK)],
+    [
+        *sorted(QUICK),
+        *(pytest.param(*each, marks=mark_of(*each)) for each in ALL if each not in QUICK),
+    ],
 )
 def test_each_method_runs_with_closed_accounts_or_is_refused_with_a_reason(integrator, law, pairing):
     pair = {"a": block((0, 0), (0.01, 0.02), (6, 2)), "b": block((1, 0), (-0.01, 0.02), (6, 3))}
@@ -274,15 +281,3 @@ def test_the_parameters_of_a_contact_of_surfaces_are_those_of_bars_of_its_area(l
     for name, value in of_blocks.items():
         times = 1.0 if name in {*totals, "beta_s"} else area
         assert times * value == pytest.approx(of_bars[name], rel=1e-12), name
-
-
-def test_check_and_the_page_of_a_law_say_what_is_per_area_between_surfaces():
-    told = percuss.check(case(
-        {"a": block([0.0, 0.0], [0.1, 0.0], (4, 4), poisson=0), "b": block([1.0, 0.0], [0.0, 0.0], (4, 4), poisson=0)},
-        {"c": {"between": ["a.right", "b.left"]}}, CENTRAL, {"name": "cohesive", "strength": 0.04, "length": 0.2},
-    )).text  # fmt: skip
-    assert "given: strength = 0.04 per area, length = 0.2" in told
-    assert "epsilon_s = 1 per area, energy_to_break = 0.0016" in told
-    page = component_text(REGISTRY, "contacts", "cohesive")
-    assert "strength [force]: largest pull; per area between surfaces" in page
-    assert page.count("per area between surfaces") == 2

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-import yaml
 from scipy.sparse.linalg import spsolve
 
 import percuss
-import places
 from percuss import BodyMesh
 from percuss.mesh.cell_stiffness import stiffness_of_cells
 from percuss.mesh.element_probe import ElementProbe
@@ -125,33 +123,6 @@ def test_an_almost_incompressible_beam_bends_with_one_point_and_locks_with_the_f
     assert 0.9 < bent(one_point, 80, 4, 0.4999) < 1.1
 
 
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.deep)])
-def test_blocks_without_contraction_are_bars(dim):
-    name = ("quad4-one-point", "hex8-one-point")[dim - 2]
-    size, elements = [1.0, 0.2, 0.3][:dim], [10, 2, 3][:dim]
-    left = {
-        "block": {"size": size, "elements": elements}, "element": name, "at": [0.0] * dim,
-        "velocity": [0.5, 0.0, 0.0][:dim], "material": {"young": 1.0, "density": 1.0, "poisson": 0.0},
-    }  # fmt: skip
-    right = {**left, "at": [1.0, 0.0, 0.0][:dim], "velocity": [-0.5, 0.0, 0.0][:dim]}
-    bar = {"bar": {"length": 1.0, "elements": 10}, "area": 0.2 if dim == 2 else 0.06, "at": 0.0, "velocity": 0.5,
-           "material": {"young": 1.0, "density": 1.0}}  # fmt: skip
-    pairs = ({"left": left, "right": right}, {"left": bar, "right": {**bar, "at": 1.0, "velocity": -0.5}})
-    force = []
-    for pair in pairs:
-        case = {
-            "percuss": 1, "bodies": pair, "contacts": {"tip": {"between": ["left.right", "right.left"]}},
-            "method": {"contact": {"name": "regularised-lagrange", "beta_s": 1.0}},
-            "time": {"step": 0.04, "end": 2.5},
-        }  # fmt: skip
-        if pair["left"] is left:
-            case["method"]["pairing"] = "node-to-segment"
-        result = percuss.run(percuss.load(case))
-        assert result.summary["energy"]["ledger_closed"]
-        force.append(result.arrays["contact_force"])
-    assert np.abs(force[0] - force[1]).max() < 1e-10 * np.abs(force[1]).max() > 0.0
-
-
 def pushed(elements, **record):
     """Return the run of a block that is held on its left, and pushed across on its right."""
     dim = len(elements)
@@ -199,17 +170,6 @@ def test_round_off_of_a_body_in_free_flight_is_no_hourglass_energy():
     case = percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"steps": 1, "courant": 0.5}})
     for steps in (1, 3, 100):
         assert percuss.run(case, {"time.steps": steps}).summary["notes"] == []
-
-
-@pytest.mark.deep
-def test_strips_of_one_point_are_within_the_tolerances_of_the_shipped_case():
-    source = yaml.safe_load((places.CASES / "strip-impact.yaml").read_text(encoding="utf-8"))
-    for body in source["bodies"].values():
-        body["element"] = "quad4-one-point"
-    case = percuss.load(source)
-    checks = percuss.verify(case, percuss.run(case))
-    assert len(checks) == 6
-    assert all(check.passed for check in checks)
 
 
 @pytest.mark.parametrize("cell", ["quad", "hexahedron"])

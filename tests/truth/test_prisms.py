@@ -314,16 +314,6 @@ def test_a_row_of_prisms_is_recorded_with_its_whole_faces_alone(tmp_path):
         assert isinstance(problem, str) != judged, probe
 
 
-def test_the_exact_solution_alone_is_drawn_on_the_length_of_a_prism():
-    bodies, _, contacts, loads = EQUAL["two strips of unlike meshes"]
-    found = run_exact(case(bodies, contacts, loads).with_overrides({"record.fields": 3}))
-    for name, start in (("left", 0.0), ("right", 1.0)):
-        ends = np.array(found.provenance["geometry"]["bodies"][name])
-        assert ends[:, 0] == pytest.approx([start, start + 1.0])
-        assert np.ptp(ends[:, 1]) == 0.0
-    assert np.asarray(found.field_arrays["position"])[[0, -1], 0] == pytest.approx([0.0025, 1.9975])
-
-
 SHEET = """
 from dataclasses import dataclass
 from percuss import SolidMaterial

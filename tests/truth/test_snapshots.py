@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_solids import WU, block
 
 import percuss
+from blocks import block
 from percuss.march.model_of_case import model_of
 from percuss.mesh.stresses import stress_field
 from percuss.results.fields import von_mises
@@ -77,7 +77,7 @@ def test_von_mises_is_that_of_plain_states():
     assert von_mises(np.array([tension, shear, 7.0 * np.eye(3)])) == pytest.approx([2.0, 1.5 * 3**0.5, 0.0])
 
 
-@pytest.fixture(scope="module", params=[WU, "central-difference", "noh-bathe"])
+@pytest.fixture(scope="module", params=["wu-predictor-corrector", "central-difference", "noh-bathe"])
 def impact(request, tmp_path_factory):
     """Return the impact of two bars of quadrilaterals, read back from its file."""
     case = {
