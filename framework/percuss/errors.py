@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 MOST_SHOWN = 20  # mistakes that the message of an error shows
+SIMILAR, WITH_ITS_LETTER = 0.8, 0.65  # least similarity of a name that is suggested, and of one with the first letter
 LONGEST_SHOWN = 1000  # letters of a path or a message that are shown
 # Characters that move the cursor of a terminal, change its state or the direction of its text; a line may end and be
 # indented.
@@ -160,8 +161,14 @@ def shortened(text: str, most: int = LONGEST_SHOWN) -> str:
 
 
 def nearest(word: str, names: Iterable[str]) -> str | None:
-    """Return the name in `names` that is closest to `word`, or None if none is similar."""
-    close = difflib.get_close_matches(word, list(names), n=1, cutoff=0.6)
+    """Return the name in `names` that is closest to `word`, has it as a part or begins it; None if none is similar."""
+    names = list(names)
+    parts = [name for name in names if word in name.split("-") or (len(name) > 3 and word.startswith(name))]
+    close = (
+        difflib.get_close_matches(word, parts, n=1, cutoff=0.0)
+        or difflib.get_close_matches(word, names, n=1, cutoff=SIMILAR)
+        or difflib.get_close_matches(word, [n for n in names if n[:1] == word[:1]], n=1, cutoff=WITH_ITS_LETTER)
+    )
     return close[0] if close else None
 
 

@@ -276,7 +276,8 @@ def output(command: str, folder: Path) -> str:
     name, *words = shlex.split(command)
     assert name == "percuss", command
     lines = percuss_command(*words, cwd=folder, columns=COLUMNS, together=True).stdout.splitlines()
-    return "".join(f"{line.rstrip()}\n" for line in lines if not line.startswith(COMPILING))
+    lasting = re.compile(rf"{COMPILING}|\d+ of \d+ \w+ after ")  # what only a slow machine says
+    return "".join(f"{line.rstrip()}\n" for line in lines if not lasting.match(line))
 
 
 def shortened(text: str, first: str, last: str) -> str:

@@ -317,7 +317,9 @@ class CrossChecks:
         try:
             material.solid_parameters(plane or "strain" if flat else "")
         except OptionError as error:
-            self.wrong((*path, "material", *error.path), str(error), "Add it to the material.", key=True)
+            missing = error.path and getattr(material, str(error.path[0]), None) is None
+            advice = "Add it to the material." if missing else ""
+            self.wrong((*path, "material", *error.path), str(error), advice, key=True)
 
     def _check_element(self, path: KeyPath, shape: Shape, body: BodySpec, *, named: bool) -> None:
         """Report an element for other cells or planes than those of the body, and cells for which there is none."""

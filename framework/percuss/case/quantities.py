@@ -57,8 +57,8 @@ class Quantity:
         Whether runs are ranked by the number, smaller being better.
     is_fraction
         Whether it is a fraction, which people read in per cent.
-    exact
-        Value in a run without error, where a sentence has to say it.
+    beside
+        What a sentence says in brackets beside a value.
     """
 
     of: Literal["contact", "contact state", "probe", "element", "point", "run"] = "run"
@@ -74,7 +74,7 @@ class Quantity:
     metric: str = ""
     is_error: bool = False
     is_fraction: bool = False
-    exact: str = ""
+    beside: str = ""
 
     def text(self, value: Any, digits: int = 3) -> str:
         """Return a value for readers: a fraction in per cent, a dash where there is none."""

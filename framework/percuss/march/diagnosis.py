@@ -18,7 +18,14 @@ from percuss.contact.law_trials import describe_state, fault_of_nan
 from percuss.errors import PercussError, PluginError
 from percuss.march.stop import Stop
 from percuss.mesh.element_probe import ElementProbe
-from percuss.methods.blame import described, is_foreign, line_in_plugin, plain_function
+from percuss.methods.blame import (
+    definition_place,
+    described,
+    is_foreign,
+    line_in_plugin,
+    plain_function,
+    third_party_files,
+)
 from percuss.step.actions import LAWS
 from percuss.step.build import Kernels
 from percuss.step.law_kernels import multipliers
@@ -78,7 +85,7 @@ def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, .
             point = int(np.isnan(multiplier).argmax())
             contact = contacts[point]
             fault, remedy = fault_of_nan(kernel, bound, trial, point, f"contact '{contact}'")
-            cause = f"the kernel was called with {describe_state(trial, point)}: {remedy}"
+            cause = f"the kernel at {definition_place(kernel)} was called with {describe_state(trial, point)}: {remedy}"
             raise NoMultiplier(contact, f"law {law} {fault}", cause)
 
     return probe
@@ -191,7 +198,8 @@ def kernel_failure(march: Marching, amplitudes: object, step: int, raised: BaseE
     if isinstance(error, ValueError) and "read-only" in str(error):
         description = "it changes what it was handed; it may write to multiplier and `trial.after`"
     step_and_time = f"in step {step}, at time {step * march.model.dt:.9g}"
-    return PluginError(f"{_kernel_of_error(march, error)}: {description} ({step_and_time})", line_in_plugin(error))
+    place = line_in_plugin(error) or ", ".join(third_party_files())
+    return PluginError(f"{_kernel_of_error(march, error)}: {description} ({step_and_time})", place)
 
 
 def _kernel_of_error(march: Marching, error: BaseException) -> str:
@@ -202,4 +210,4 @@ def _kernel_of_error(march: Marching, error: BaseException) -> str:
         (kernel, f"{action.name}: {slot.__name__}") for action in of_plugins for slot, kernel in action.slots.items()
     ]
     of_plug_in = (words for kernel, words in kernels if plain_function(kernel).__code__ in called)
-    return next(of_plug_in, "a kernel")
+    return next(of_plug_in, "the answer of a kernel")

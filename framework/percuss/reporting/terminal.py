@@ -131,7 +131,7 @@ def _error_lines(summary: Data) -> Iterator[str]:
     for comparison in (summary["exact"], covered, estimated, second):
         for name, error in comparison["contacts"].items() if comparison is not None else ():
             measures = ", ".join(
-                f"{quantity.head} {quantity.text(error[key])}{quantity.exact and f' (exact: {quantity.exact})'}"
+                f"{quantity.head} {quantity.text(error[key])}{quantity.beside and f' ({quantity.beside})'}"
                 for key, quantity in METRICS.items()
                 if quantity.against_exact and key in error and (error[key] is not None or not estimated)
             )

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from percuss.errors import PercussError, PluginError, suggestion
-from percuss.methods.blame import described, line_in_plugin
+from percuss.methods.blame import OF_AN_ANSWER, described, line_in_plugin, third_party_files
 from percuss.methods.interfaces import Component
 from percuss.methods.registry import Registry
 from percuss.testing.subject import DRAWS, PARTNERS, CheckFailed, DeclaredFailure, Demand, NotApplicable, Subject
@@ -201,6 +201,8 @@ def _text_of(error: Exception) -> str:
     if isinstance(error, CheckFailed | PercussError):
         return error.message if isinstance(error, CheckFailed) else str(error)
     where, advice = line_in_plugin(error), ""
+    if not where and isinstance(error, OF_AN_ANSWER):
+        where, advice = ", ".join(third_party_files()), ", where percuss used an answer of the method"
     if isinstance(error, AttributeError) and error.name and error.obj is not None:
         advice = f". {suggestion(error.name, (name for name in dir(error.obj) if name[0] != '_'), 'attribute')}"
     return f"{where}{': ' if where else ''}{described(error)}{advice}"
