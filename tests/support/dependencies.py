@@ -21,6 +21,7 @@ PAIRS = 9  # processes for each library, and as many for NumPy
 REASONS = {
     "annotated-types": ("annotated_types", "bounds of options (`Gt`, `Le`), which pydantic and every plug-in read"),
     "filelock": ("filelock", "the lock on the file of a study, so that two processes do not write to it"),
+    "jinja2": ("jinja2", "the words of `percuss check` and `percuss plugins NAME`, by a template each"),
     "llvmlite": (
         "llvmlite.binding",
         "the types of compiled code that calls of kernels by their addresses need; a part of numba",

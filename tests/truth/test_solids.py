@@ -158,7 +158,7 @@ def test_a_body_of_small_strains_that_turns_is_warned_of(end, warned):
     """It becomes longer by 1/cos of the angle of a real body: sqrt(1 + angle^2)."""
     body = {**block(0.0, 0.0, [10, 4], 0.3), "spin": 0.03}
     case = percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "end": end}})
-    said = "body 'a' turns by 0.12 rad, but its strains hold for small rotations: the turn lengthens it by 0.72 %"
+    said = "Its turn of 0.12 rad is seen as a stretch of 0.72 %: the result is wrong."
     result = percuss.run(case)
     assert any(said in note for note in result.summary["notes"]) is warned
     assert (said in str(percuss.check(case))) is warned

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import re
 import shutil
 import textwrap
@@ -159,30 +160,25 @@ def _facts(component: type[Component]) -> Entries:
 
 def component_text(registry: Registry, family: str, name: str) -> str:
     """Return the full description of a component as text."""
-    data, component = component_data(registry, family, name), registry.get(family, name)
-    lines = [f"{name} ({family}): {data['summary']}", "", data["about"]]
-    lines += ["", "Formula", *_indented_lines(data["formula"])] if data["formula"] else []
-    lines += ["", data["details"]] if data["details"] else []
-    lines += ["", "Options"]
-    for option in data["options"]:
-        default = "required" if option["required"] else f"default {flow(option['default'])}"
-        default = default if option["required"] or option["default"] is not None else "not given by default"
-        lines.append(f"  {option['key']} [{option['unit']}]: {option['what'] or 'not documented'}")
-        lines.append(f"      {option['expects']}; {default}")
-    lines += ["  none"] if not data["options"] else []
-    facts = {key: value for key, value in data["facts"].items() if value not in ("", [], {}, None)}
-    lines += ["", "Facts"] if facts else []
-    for key, value in facts.items():
-        if isinstance(value, Mapping):
-            lines += [f"  {key}", *(f"    {entry}: {words}" for entry, words in value.items())]
-        else:
-            lines.append(f"  {key}: {', '.join(map(str, value)) if isinstance(value, list) else value}")
-    lines += ["", "References", *(f"  {reference}" for reference in data["references"])] if data["references"] else []
-    lines = [piece for line in "\n".join(lines).splitlines() for piece in _folded(line)]
-    lines += ["", _USE_HEADINGS.get(family, "In a case"), *_indented_lines(data["snippet"])]
+    data = component_data(registry, family, name)
+    declared = {key: value for key, value in data["facts"].items() if value not in ("", [], {}, None)}
+    text = filled("method.txt.jinja", {**data, "declared": declared, "flow": flow})
+    lines = [piece for line in text.splitlines() for piece in _folded(line)]
+    lines += ["", _USE_HEADINGS.get(family, "In a case"), *(f"  {line}" for line in data["snippet"].splitlines())]
     origin = f"{data['distribution']} {data['version']}" if data["distribution"] else f"a file, {data['version']}"
-    origin += f", written for contract {contract}" if (contract := contract_of(component)) else ""
+    origin += f", written for contract {data['contract_version']}" if data["contract_version"] else ""
     return "\n".join([*lines, "", *_folded(f"From {origin}, module {data['module']}, {data['file']}")])
+
+
+def filled(template: str, values: Mapping[str, object]) -> str:
+    """Return the text of a template of this folder, in which `g` writes a number with six or more digits."""
+    from jinja2 import Environment, StrictUndefined
+
+    # What is written is text for a terminal, no HTML.
+    environment = Environment(trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined, autoescape=False)  # noqa: S701
+    environment.filters |= {"g": lambda value, digits=6: f"{value:.{digits}g}", "isfinite": math.isfinite}
+    text = (Path(__file__).parent / template).read_text(encoding="utf-8")
+    return environment.from_string(text).render(values).rstrip()
 
 
 def _folded(line: str, indent: str = "") -> list[str]:
@@ -191,10 +187,6 @@ def _folded(line: str, indent: str = "") -> list[str]:
     own = line[: len(line) - len(line.lstrip())]
     after = indent or (f"{own}  " if own else "")
     return textwrap.wrap(line, width, subsequent_indent=after, break_long_words=False, break_on_hyphens=False) or [""]
-
-
-def _indented_lines(text: str) -> list[str]:
-    return [f"  {line}" for line in text.splitlines()]
 
 
 _USE_HEADINGS = {"solutions": "On the command line", "measures": "In a study"}

@@ -1,10 +1,11 @@
-"""The explanation of a case before its run: a table of facts; the text shows their words, JSON their values."""
+"""The explanation of a case before its run: facts as data, and the same in words by one template."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,13 +15,13 @@ from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.laws import parameters, points_of_law
 from percuss.contact.pairs import unlike_sides
-from percuss.jsonable import Data, Entries
+from percuss.jsonable import Data, Entries, plain
 from percuss.march.estimate import bytes_of_run, seconds_of_steps
 from percuss.march.recording import recordable
 from percuss.mesh.cells import cells_of
 from percuss.mesh.size_limits import bytes_in_words
 from percuss.methods.interfaces import Component, ContactLaw
-from percuss.reporting.component import Explanation, docs
+from percuss.reporting.component import Explanation, docs, filled
 from percuss.reporting.tables import duration
 from percuss.reporting.verdict import check_verdict
 from percuss.results.doubtful_solids import why_it_must_not_turn, why_not_joined, why_too_stiff
@@ -30,25 +31,10 @@ from percuss.results.exact import engine_for
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
     from percuss.certificate.criteria import RunCriterion
-    from percuss.certificate.verdict import Certificate
     from percuss.contact.model import Model
     from percuss.mesh.body import Body
 
 MOST_LETTERS = 60  # The value of an option, such as a table, is cut after this many letters.
-
-
-class Fact(NamedTuple):
-    """A fact about a run: its key and value in the data, and the lines of the text, with details indented."""
-
-    key: str
-    value: object
-    words: Sequence[str] = ()
-    details: Sequence[str] = ()
-
-    @property
-    def lines(self) -> list[str]:
-        """All lines of the text."""
-        return [*self.words, *(f"  {line}" for line in self.details)]
 
 
 @np.errstate(all="ignore")  # what is not finite is said in words
@@ -62,56 +48,54 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
     criterion
         The criterion with which its step was chosen, if it was (`percuss.certificate.verdict.settled`).
     """
-    from percuss.jsonable import plain
-
-    facts = list(_facts(model, certificate(recordable(model), criterion)))
-    text = "\n".join(line for fact in facts for line in fact.lines)
-    return Explanation(text, plain({fact.key: fact.value for fact in facts}))
-
-
-def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
-    """Yield the facts about a run in the order of the text: the verdict first, then the details."""
-    case = model.case
+    case, verdict = model.case, certificate(recordable(model), criterion)
     engine, _, why_not_exact = engine_for(model, (model.steps + 1) * model.dt)
     name, refused = engine.name if engine else "", case.time.on_unstable == "stop"
     dt = in_unit(model.dt, 6, "time", case.data.get("units") or {})
-    words = list(check_verdict(model.steps, dt, verdict, name, why_not_exact, refused=refused))
-    yield Fact("verdict", words, words)
-    source = [f"source: {case.source}"] if case.source else []
-    yield Fact("title", case.title, ["", case.title or "Untitled case"], source)
-    dimensions = f"{model.dim} dimension{'s' if model.dim > 1 else ''}"
-    heading = f"Bodies ({model.bodies.n_nodes} nodes in {dimensions})"
-    yield _group("bodies", heading, (_body(body, model.steps * model.dt) for body in model.bodies.values()))
-    explained: set[str] = set()
-    contacts = [_contact(model, name, explained) for name in dict.fromkeys(model.contact_points.names)]
-    yield _group("contacts", "Contacts" if contacts else "No contact", contacts)
-    yield _group("loads", "Loads" if case.loads else "", (_load(spec) for spec in case.loads.values()))
-    yield _step(model, verdict)
-    seconds, size = seconds_of_steps(model), bytes_of_run(model)
-    time = "less than 1 s" if seconds < 1.0 else f"about {duration(seconds)}"
-    takes = f"the steps take {time} once they are compiled"
-    if model.rows_at(0.5 * model.dt).other.size:
-        takes += ", more if many coupled contact points press"  # the number of sweeps over them is not known
-    takes += f", and the run about {bytes_in_words(size)} of memory, estimated"
-    yield Fact("estimate", {"seconds": seconds, "bytes": size}, [], [takes])
-    yield Fact("nodes", model.bodies.n_nodes)
-    yield Fact("certificate", verdict, ["Stability of the closed linear step"], [verdict["why"]])
-    measured = _measured_energy(model, verdict["energy"])
-    energy = [f"measured, {law}: {told}" for law, told in measured.items()]
-    energy = [f"{verdict['energy']}: {verdict['energy_why']}", *energy]
-    yield Fact("measured", measured, ["Energy over opening and closing"], energy)
-    yield Fact("exact", {"name": name, "why": why_not_exact})
     used = _components(model) + ([engine] if engine else [])
-    yield _group("methods", "Methods", (_method(model, component) for component in used))
-    notes = [*case.notes, *unlike_sides(case, model.bodies), *verdict["ignores"], *expected_meetings(model)]
-    yield Fact("notes", notes, [f"note: {note}" for note in notes])
-
-
-def _group(key: str, heading: str, facts: Iterable[Fact]) -> Fact:
-    """Return facts of one kind as one fact, whose value is theirs by key, with a heading over their words."""
-    facts = list(facts)
-    lines = [line for fact in facts for line in fact.lines]
-    return Fact(key, {fact.key: fact.value for fact in facts}, list(filter(None, [heading])), lines)
+    data: Entries = {
+        "verdict": list(check_verdict(model.steps, dt, verdict, name, why_not_exact, refused=refused)),
+        "title": case.title,
+        "bodies": {body.name: _body(body) for body in model.bodies.values()},
+        "contacts": {name: _contact(model, name) for name in dict.fromkeys(model.contact_points.names)},
+        "loads": {spec.name: _load(spec) for spec in case.loads.values()},
+        "step": _step(model),
+        "estimate": {"seconds": seconds_of_steps(model), "bytes": bytes_of_run(model)},
+        "nodes": model.bodies.n_nodes,
+        "certificate": verdict,
+        "measured": _measured_energy(model, verdict["energy"]),
+        "exact": {"name": name, "why": why_not_exact},
+        "methods": {f"{component.family}/{component.name}": _method(component) for component in used},
+        "notes": [*case.notes, *unlike_sides(case, model.bodies), *verdict["ignores"], *expected_meetings(model)],
+    }
+    beside: dict[str, Entries] = {}  # what the text says of a contact besides
+    for name, contact in data["contacts"].items():
+        numbers = {key: f"{value:.6g}" for key, value in contact["resolved"].items()}
+        first = contact["law"] not in {data["contacts"][other]["law"] for other in beside}
+        beside[name] = {"resolved": numbers, "first": first, **_beside(model, name)}
+    words = {
+        "model": model,
+        "case": case,
+        "used": used,
+        "beside": beside,
+        "share": SHARE_OF_CRITICAL_STEP,
+        "of_scheme": [*filter(None, [model.why("step")]), *(model.stages.in_words if model.stages else ())],
+        # The number of sweeps over coupled points is not known.
+        "coupled": model.rows_at(0.5 * model.dt).other.size > 0,
+        "uniform": lambda body: np.ptp(body.frequency) <= 1e-9 * model.bodies.omega,
+        "doubts": lambda body: list(_doubts(body, model.steps * model.dt)),
+        "options": lambda component: _options(component, with_defaults=False),
+        "docs": lambda component: docs(type(component)),
+        "any_of": np.any,
+        "assigned": _assigned,
+        "per_area": partial(_per_area, model),
+        "linear_law_lines": _linear_law_lines,
+        "found": found,
+        "cells_of": cells_of,
+        "takes": duration,
+        "bytes_in_words": bytes_in_words,
+    }
+    return Explanation(filled("check.txt.jinja", data | words), plain(data))
 
 
 def _options(component: Component, *, with_defaults: bool) -> dict[str, str]:
@@ -128,7 +112,8 @@ def _short_text(value: Any) -> str:
     return text if len(text) <= MOST_LETTERS else f"{text[:MOST_LETTERS]}..."
 
 
-def _assignments(values: Data) -> str:
+def _assigned(values: Data) -> str:
+    """Return values by name in words."""
     return ", ".join(f"{key} = {value}" for key, value in values.items())
 
 
@@ -141,96 +126,44 @@ def _per_area(model: Model, law: ContactLaw, values: Data) -> Data:
     }
 
 
-def _numbers_as_text(values: Mapping[str, float]) -> dict[str, str]:
-    return {key: f"{value:.6g}" for key, value in values.items()}
-
-
 # ---------------------------------------------------------------------------------------------- bodies, step
 
 
-def _body(body: Body, end: float) -> Fact:
-    """Return a body: its mesh, its material, the speed of its waves, and what is known against it until the end."""
-    spec, material = body.spec, body.spec.material
+def _body(body: Body) -> Entries:
+    """Return the mesh of a body, the speed of its waves, and its impedance or its mass."""
+    material = body.spec.material
     c = math.sqrt(body.modulus / material.rho)
-    about: Entries = {"c": c, "why_not_linear": body.why_not_linear}
-    mesh, section, waves = _along_line(body, c, about) if body.mesh.line is not None else _of_cells(body, about)
-    moves = f", velocity {found(spec.velocity)}" if np.any(body.velocity) else ""
-    moves += f", spin {found(spec.spin)}" if np.any(spec.spin) else ""
-    fixed = f", fixed at {', '.join(map(str, spec.fixed))}" if spec.fixed else ""
-    words = (
-        f"{body.name}: {spec.shape.name} of {mesh}, {material.name} "
-        f"({_assignments(_options(material, with_defaults=False))}), {section}{moves}{fixed}"
-    )
-    details = [
-        f"c = {c:.6g}{waves}",
-        *why_not_joined(body),
-        *filter(None, (why_too_stiff(body), why_it_must_not_turn(body, float(np.linalg.norm(spec.spin)) * end))),
-    ]
+    about: Entries = {"c": c, "why_not_linear": body.why_not_linear, "elements": body.count}
+    if body.mesh.line is None:
+        return about | {"nodes": int(body.mass.size), "plane": body.view.plane, "mass": float(body.mass.sum())}
+    h = body.mesh.lengths
+    impedance = body.spec.section * math.sqrt(material.modulus * material.rho)
+    about |= {"elements": int(h.size), "h": [float(h.min()), float(h.max())]}
+    return about | {"transit": float(h.sum()) / c, "impedance": impedance}
+
+
+def _doubts(body: Body, end: float) -> Iterator[str]:
+    """Yield what is known against the mesh and the material of a body in a run of some length."""
+    yield from why_not_joined(body)
+    spin = float(np.linalg.norm(body.spec.spin))
+    yield from filter(None, (why_too_stiff(body), why_it_must_not_turn(body, spin * end)))
     if body.why_not_linear:
-        follows = "c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"
-        details += [body.why_not_linear, follows]
-    return Fact(body.name, about, [words], details)
+        yield body.why_not_linear
+        yield "c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"
 
 
-def _along_line(body: Body, c: float, about: Entries) -> tuple[str, str, str]:
-    """Add what is known of a bar; return its mesh, its section and its waves in words."""
-    material, h = body.spec.material, body.mesh.lengths
-    about["elements"], about["h"] = int(h.size), [float(h.min()), float(h.max())]
-    about["transit"] = float(h.sum()) / c
-    about["impedance"] = body.spec.section * math.sqrt(material.modulus * material.rho)
-    size = f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
-    nodes = f" of {cells_of(body.mesh).shape[1]} nodes" if body.of_cells else ""
-    waves = "".join(f", {name} {about[name]:.6g}" for name in ("transit", "impedance"))
-    return f"{h.size} elements{nodes}, {size}", f"area {body.spec.section:.6g}", waves
-
-
-def _of_cells(body: Body, about: Entries) -> tuple[str, str, str]:
-    """Add what is known of a body that is no bar; return its mesh, its section and its waves in words."""
-    plane = body.view.plane
-    about["elements"], about["nodes"], about["plane"] = body.count, int(body.mass.size), plane
-    about["mass"] = float(body.mass.sum())
-    section = f"plane {plane}, thickness {body.spec.section:.6g}" if plane else "three dimensions"
-    section = "a body of revolution about x = 0" if plane == "axisymmetric" else section
-    mesh = f"{body.count} cells {body.spec.element.name} and {body.mass.size} nodes"
-    return mesh, f"{section}, mass {about['mass']:.6g}", " of longitudinal waves"
-
-
-def _step(model: Model, verdict: Certificate) -> Fact:
-    """Return the time step, the element with the highest frequency, the origin of the step, and the critical steps."""
-    time = model.case.time
+def _step(model: Model) -> Entries:
+    """Return the time step, and the element with the highest frequency."""
     body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
-    element = int(np.argmax(body.frequency))
-    smallest = 2.0 / model.bodies.omega
-    where = "every element" if np.ptp(body.frequency) <= 1e-9 * model.bodies.omega else f"element {element}"
-    size = "2/omega" if body.of_cells else "h/c"  # omega is the highest frequency, 2c/h of a two-node bar
-    how = f"dt = {model.dt:.9g}"
-    if time.step is not None:
-        how += " as given, "
-    elif time.courant == "auto":
-        found_step = model.dt / SHARE_OF_CRITICAL_STEP
-        how += f", chosen as {SHARE_OF_CRITICAL_STEP} of the critical step {found_step:.9g}: "
-    else:
-        how = f"dt = {model.courant:.6g} {'* ' if body.of_cells else ''}{size} = {model.dt:.9g}, "
-    value = {
+    return {
         "dt": model.dt,
         "courant": model.courant,
-        "smallest_transit": smallest,
+        "smallest_transit": 2.0 / model.bodies.omega,
         "body": body.name,
-        "element": element,
+        "element": int(np.argmax(body.frequency)),
         "steps": model.steps,
         "end": model.steps * model.dt,
     }
-    details = [
-        f"{how}Courant number {model.courant:.6g} of the smallest {size} = {smallest:.9g}, that of {where} of body "
-        f"'{body.name}'; {model.steps} steps to {model.steps * model.dt:.9g}",
-    ]
-    if verdict["dt_critical_free"] is not None:
-        critical = "is unknown" if verdict["dt_critical"] is None else f"{verdict['dt_critical']:.9g}"
-        details.append(
-            f"the bodies without contact{' but ties' if model.tied_points else ''} allow "
-            f"{verdict['dt_critical_free']:.9g}, the worst combination of closed contacts {critical}"
-        )
-    return Fact("step", value, ["Step"], details)
 
 
 def _measured_energy(model: Model, energy: str) -> dict[str, str]:
@@ -246,16 +179,13 @@ def _measured_energy(model: Model, energy: str) -> dict[str, str]:
 # -------------------------------------------------------------------------------------------------- contacts
 
 
-def _contact(model: Model, name: str, explained: set[str]) -> Fact:
-    """Return a contact: its sides, gap and law, the numbers given to the law, and its linear law if there is one.
-
-    The formula of a law is told once; `explained` has the names of those that were.
-    """
+def _contact(model: Model, name: str) -> Entries:
+    """Return a contact: its sides, gap and law, the numbers given to the law, and its linear law if there is one."""
     points, number = model.contact_points, model.contact_points.names.index(name)
     spec, law, own = model.case.contacts[name], points.laws[number], points.contact == points.contact[number]
-    stiffness, mass, frequency = names = _names_at_end(model, number)
     at_end = [float(values[number]) for values in (points.stiffness, points.mass, points.frequency)]
-    s_formula = model.why("delassus") if model.balanced[number] else "N^T M^-1 N"
+    point = dict(zip(_names_at_end(model, number), at_end, strict=True))
+    point["s"] = float(model.rows_at(0.5 * model.dt).delassus[number])
     value: Entries = {
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
         "gap": float(points.gap[own].min()),
@@ -263,36 +193,23 @@ def _contact(model: Model, name: str, explained: set[str]) -> Fact:
         "given": _options(law, with_defaults=False),
         "resolved": {key: one for key, one in parameters(model)[name].items() if key != "law"},
         "chosen": dict(law.chosen(points_of_law(model, [number], model.dt), model.dt)),
-        "point": dict(zip(names, at_end, strict=True)) | {"s": float(model.rows_at(0.5 * model.dt).delassus[number])},
+        "point": point,
+        "row": _linear_law_data(model, number, point["s"]),
     }
-    value["row"] = _linear_law_data(model, number, value["point"]["s"])
-    gap = "touching" if value["gap"] == 0 else f"gap {value['gap']:.9g}"
-    words = f"{name}: {' and '.join(value['sides'])}, {gap}; {law.name}: {law.summary}"
-    details = [] if law.name in explained else docs(type(law)).formula.splitlines()
-    explained.add(law.name)
-    details.append(f"given: {_assignments(_per_area(model, law, value['given'])) or 'nothing, all by default'}")
-    details += [f"{option} {chosen}" for option, chosen in value["chosen"].items()]
-    point = _numbers_as_text(value["point"])
-    details.append(
-        f"with {stiffness} = {point[stiffness]} and {mass} = {point[mass]} of the softer side, "
-        f"{'omega = ' if frequency != 'omega' else ''}{frequency} = {point[frequency]}, "
-        f"s = {s_formula} = {point['s']}, dt = {model.dt:.6g}"
-    )
-    if frequency == "omega":
-        details.append("m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2")
     if (count := int(own.sum())) > 1:
-        area, covered = model.bodies[spec.sides[0].body].area_of(spec.sides[0].region), sum(points.weight[own].tolist())
-        gaps = f"gaps from {value['gap']:.6g} to {points.gap[own].max():.6g}"
-        details.append(f"{count} points on {covered:.6g} of the area {area:.6g} of {spec.sides[0]}, {gaps}")
-        value |= {"points": count, "area": area, "covered": covered}
-    details += filter(None, [_assignments(_per_area(model, law, _numbers_as_text(value["resolved"])))])
-    if value["row"] is None:
-        details.append(f"{law.name} is no row of the contact equation: its own kernel gives the force")
-    else:
-        details += _linear_law_lines(value["row"])
-        if value["row"]["acceleration"] and not value["row"]["sees_acceleration"]:
-            details.append(f"g'' counts as 0: {law.needs_only_response_of['acceleration']}")
-    return Fact(name, value, [words], details)
+        value |= {"points": count, "area": model.bodies[spec.sides[0].body].area_of(spec.sides[0].region)}
+        value["covered"] = sum(points.weight[own].tolist())
+    return value
+
+
+def _beside(model: Model, name: str) -> Entries:
+    """Return the law of a contact, its largest gap and the formula of s."""
+    points, number = model.contact_points, model.contact_points.names.index(name)
+    return {
+        "law": points.laws[number],
+        "largest_gap": float(points.gap[points.contact == points.contact[number]].max()),
+        "s_formula": model.why("delassus") if model.balanced[number] else "N^T M^-1 N",
+    }
 
 
 def _linear_law_data(model: Model, number: int, s: float) -> Entries | None:
@@ -332,52 +249,58 @@ OF_RECORD = {
     "acceleration": "weight_acceleration",
     "w": "response",
 }
-BALANCED_GAP = "the gap at t_n, in static balance of the end without mass, whatever the integrator"
 
 
-def _linear_law_lines(law: Data) -> Iterator[str]:
-    """Yield a linear law with its numbers in words, and the multiplier that follows if only this contact is closed."""
-    terms = [(law["gap"], "g"), (law["rate"], "g'"), (law["acceleration"], "g''")]
-    parts = [f"{'' if weight == 1.0 else f'{weight:.6g} '}{name}" for weight, name in terms if weight]
+def _linear_law_lines(law: ContactLaw, row: Data | None, points: int | None) -> Iterator[str]:
+    """Yield the linear law of a contact with its numbers, and the multiplier if only this contact is closed.
+
+    Parameters
+    ----------
+    law
+        The contact law.
+    row
+        Its linear law; None where it has a kernel of its own.
+    points
+        Number of contact points, if there are several.
+    """
+    if row is None:
+        yield f"{law.name} is no row of the contact equation: its own kernel gives the force"
+        return
+    terms = [(row["sigma"], "lambda"), (row["gap"], "g"), (row["rate"], "g'"), (row["acceleration"], "g''")]
+    own, *others = [f"{'' if weight == 1.0 else f'{weight:.6g} '}{name}" if weight else "" for weight, name in terms]
+    parts = [other for other in others if other]
     right = f"-{' - '.join(parts)}" if parts else "0"
     state = {
-        ("end", "predicted"): "the gap at the end of the step",
-        ("explicit", "predicted"): "the predicted gap",
-        ("explicit", "balanced"): BALANCED_GAP,
-        ("end", "balanced"): BALANCED_GAP,
-    }.get((law["at"], law["judged"]), "the current gap")
-    remark = "" if law["sees_acceleration"] or not law["acceleration"] else ", g'' counts as 0"
-    left = f"{law['sigma']:.6g} lambda" if law["sigma"] else "0"
-    when = "while g < 0" if law["active"] == "gap < 0" else "at all times"
-    sign = "lambda may be of either sign"
-    if law["sign"] != "free":
-        relation, sign = f"{left} >= {right}", "lambda >= 0, and one of the two is an equation"
+        "balanced": "the gap at t_n, in static balance of the end without mass, whatever the integrator",
+        "current": "the current gap",
+        "predicted": "the gap at the end of the step" if row["at"] == "end" else "the predicted gap",
+    }[row["judged"]]
+    unseen = row["acceleration"] and not row["sees_acceleration"]
+    remark = ", g'' counts as 0" if unseen else ""
+    when = " while g < 0" if row["active"] == "gap < 0" else ""
+    if row["sign"] == "free":
+        yield f"{own or 0} = {right}{when}, where g is {state}{remark}; lambda may have either sign"
     else:
-        relation = f"{left} = {right}"
-    yield f"{relation} {when}, where g is {state}{remark}; {sign}"
-    if remark:
+        total = " + ".join(filter(None, [own, *parts]))
+        product = f"lambda {f'({total})' if ' ' in total else total}"
+        yield f"{total} >= 0, lambda >= 0, {product} = 0 (Signorini){when}, where g is {state}{remark}"
+    if unseen:
         right = f"-{' - '.join(parts[:-1])}"
     yield (
-        f"closed alone: lambda = ({right}) / (sigma + w s) = {law['stiffness']:.6g} ({right}), "
-        f"sigma = {law['sigma']:.6g}, w = {law['w']:.6g}"
+        f"closed alone{', at its first point' if points else ''}: lambda = ({right}) / (sigma + w s) = "
+        f"{row['stiffness']:.6g} ({right}), sigma = {row['sigma']:.6g}, w = {row['w']:.6g}"
     )
+    if unseen:
+        yield f"g'' counts as 0: {law.needs_only_response_of['acceleration']}"
 
 
 # ------------------------------------------------------------------------------------------- loads, methods
 
 
-def _load(spec: LoadSpec) -> Fact:
-    """Return a load: where and when it acts, and its options."""
-    targets = ", ".join(map(str, spec.on)) or "every body"
-    times = {"from": spec.start, "until": spec.stop}
-    when = "".join(f" {word} {instant:.6g}" for word, instant in times.items() if math.isfinite(instant))
-    clock = "; its time counts from there" if math.isfinite(spec.start) and spec.start > 0 else ""
-    along = f"along {list(spec.direction)}" if spec.direction is not None else "along the body"
+def _load(spec: LoadSpec) -> Entries:
+    """Return a load: what it acts as, where, and its options."""
     options = _options(spec.load, with_defaults=True)
-    formula = docs(type(spec.load)).formula
-    value = {"load": spec.load.name, "as": spec.acts_as, "on": list(map(str, spec.on)), "options": options}
-    text = f"{spec.name}: {spec.load.name} as {spec.acts_as} on {targets} {along}{when}{clock}; {_assignments(options)}"
-    return Fact(spec.name, value, [text], list(filter(None, [" ".join(formula.split())])))
+    return {"load": spec.load.name, "as": spec.acts_as, "on": list(map(str, spec.on)), "options": options}
 
 
 def _components(model: Model) -> list[Component]:
@@ -390,24 +313,12 @@ def _components(model: Model) -> list[Component]:
     return list({type(component): component for component in components}.values())
 
 
-def _method(model: Model, component: Component) -> Fact:
+def _method(component: Component) -> Entries:
     """Return a component: what it is, its formula, its order, what it conserves, and its references."""
-    facts: Entries = {fact: getattr(component, fact) for fact in ("order", "conserves") if hasattr(component, fact)}
-    value: Entries = {
+    return {
         "family": component.family,
         "summary": component.summary,
         "formula": docs(type(component)).formula,
-        "facts": facts,
+        "facts": {fact: getattr(component, fact) for fact in ("order", "conserves") if hasattr(component, fact)},
         "references": list(component.references),
     }
-    # The formulas of contacts and loads stand with each of them.
-    details: list[str] = [] if component.family in {"contacts", "loads"} else value["formula"].splitlines()
-    properties = [f"order {facts['order']}"] if "order" in facts else []
-    properties += [f"conserves {' and '.join(facts['conserves'])} without contact"] if facts.get("conserves") else []
-    details += filter(None, ["; ".join(properties)])
-    details += [f"see {reference}" for reference in component.references]
-    if component.family == "integrators":
-        details += filter(None, [model.why("step")])
-        details += model.stages.in_words if model.stages else ()
-    words = [f"{component.name} ({component.family}): {component.summary}"]
-    return Fact(f"{component.family}/{component.name}", value, words, details)

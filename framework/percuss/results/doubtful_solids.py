@@ -115,8 +115,8 @@ def why_it_must_not_turn(body: Body, angle: float) -> str:
     if not body.of_small_strains or not abs(angle) > MOST_TURNED:
         return ""
     return (
-        f"body '{body.name}' turns by {abs(angle):.2g} rad, but its strains hold for small rotations: the turn "
-        f"lengthens it by {percent(math.hypot(1.0, angle) - 1.0, 2)}, and its spin is not that of a real body"
+        f"The strains of body '{body.name}' are linear. Its turn of {abs(angle):.2g} rad is seen as a stretch of "
+        f"{percent(math.hypot(1.0, angle) - 1.0, 2)}: the result is wrong. Use a material for large rotations."
     )
 
 
