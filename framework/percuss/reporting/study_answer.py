@@ -7,16 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.case.quantities import TRUE_ERRORS, by_two, ranking
+from percuss.case.quantities import ranking
 from percuss.reporting.figures import number
-from percuss.reporting.study_data import WAITING, ColumnRoles, groups, methods, numbers, references, texts
-from percuss.reporting.verdict import best_words, equal_mesh_words, is_same, tie_words
+from percuss.reporting.study_data import WAITING, ColumnRoles, groups, methods, numbers, texts
+from percuss.reporting.verdict import best_runs
 
 if TYPE_CHECKING:
     import pandas as pd
-
-LARGEST_FACTOR = 1e6  # Errors with a larger ratio are round-off.
-MOST_CASES = 2  # Of more cases only the wins are counted; the first chart has each of them.
 
 
 def answer(table: pd.DataFrame, roles: ColumnRoles) -> list[str]:
@@ -29,45 +26,11 @@ def answer(table: pd.DataFrame, roles: ColumnRoles) -> list[str]:
     roles
         The roles of its columns.
     """
-    ranked = ranking(roles.measures)
-    best = _best_sentences(table, roles, ranked[0]) if ranked else ["The study measured no error to rank its runs by."]
     keys = list(dict.fromkeys(["case", "integrator", "contact", *roles.varied, "status", *roles.measures]))
     rows = table[keys].astype(object).where(table[keys].notna(), None).to_dict("records")
-    best = [*tie_words(rows, roles.measures), *(equal_mesh_words(rows, ranked[0]) if ranked else ()), *best]
+    ranked = ranking(roles.measures)
+    best = list(best_runs(rows, roles.measures)) if ranked else ["The study measured no error to rank its runs by."]
     return [*best, _failed_sentence(table), *(_dependence_sentence(table, roles, ranked[0]) if ranked else [])]
-
-
-def _best_sentences(table: pd.DataFrame, roles: ColumnRoles, name: str) -> list[str]:
-    values, pairs = numbers(table[name]), np.array(methods(table))
-    compared = (table["status"] == "done").to_numpy() & np.isfinite(values) & ~np.isin(pairs, references(table))
-    rows_compared = np.flatnonzero(compared)
-    of_cases = {case: rows_compared[own] for (case,), own in groups(texts(table["case"][compared])).items()}
-    what = roles.measures[name].removesuffix(" [%]")
-    if not of_cases:
-        return [f"No run has a value of the {what}."]
-    if len(of_cases) <= MOST_CASES:
-        told = ["energy_kept", *(by_two(name) if name in TRUE_ERRORS else ())]
-        beside = [other for other in told if other in roles.measures]
-        keys = ["case", "integrator", "contact", *roles.varied, "status", name, *beside]
-        plain = table[keys].astype(object).where(table[keys].notna(), None)
-        return [best_words(case, plain.iloc[rows].to_dict("records"), name) for case, rows in of_cases.items()]
-    apart = by_two(name)[2] if name in TRUE_ERRORS else ""
-    equal = numbers(table[apart]) if apart in roles.measures else np.zeros(len(table))
-    best = {
-        case: rows[is_same(name, values[rows], values[rows].min()) | (values[rows] - values[rows].min() < equal[rows])]
-        for case, rows in of_cases.items()
-    }
-    wins = Counter(pair for rows in best.values() for pair in dict.fromkeys(pairs[rows].tolist()))
-    (first, most), *rest = wins.most_common(3)
-    others = "".join(f", {pair} in {count}" for pair, count in rest)
-    sentence = f"{first} has the smallest {what} in {most} of {len(of_cases)} cases{others}."
-    with np.errstate(divide="ignore", invalid="ignore"):
-        medians = [np.median(values[rows]) for rows in of_cases.values()]
-        factor = float(np.median(np.divide(medians, [values[rows[0]] for rows in best.values()])))
-    if not factor < LARGEST_FACTOR:
-        return [sentence]
-    than = f"{number(factor, 2)} times smaller than the median of all its runs (median over the cases)"
-    return [sentence, f"The smallest error of a case is {than}."]
 
 
 def _failed_sentence(table: pd.DataFrame) -> str:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 import statistics
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two, of_column, percent, ranking
@@ -37,6 +37,8 @@ LARGE_ERROR = 0.05  # a run with a smaller true error needs no search for better
 ROUND_OFF = 1e-10  # a smaller error or change of energy is none
 GROWN = 0.01  # share of the energy put in: a run that adds more is not called good by its error alone
 MOST_REASONS, MOST_NAMED = 12, 3
+MOST_CASES = 2  # of more cases only the wins are told; the tables and the charts have each of them
+LARGEST_FACTOR = 1e6  # errors with a larger ratio are round-off
 # What differs from run to run in a reason.
 PLACE = re.compile(r"( at step \d+, time \S+)?, node \d+ of body '[^']*'( limits the step)?")
 
@@ -141,7 +143,7 @@ def comparison_verdict(title: str, runs: Sequence[Run]) -> Iterator[str]:
 
 
 def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
-    """Yield which pairs tie, the best on equal meshes, the best run of each case, and how many runs failed and why.
+    """Yield which pairs are best, how many runs depend on round-off, and how many failed and why.
 
     Parameters
     ----------
@@ -150,20 +152,7 @@ def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
     columns
         The measured columns; runs are ranked by the first error among them.
     """
-    error = next(iter(ranking(name for name in columns if any(is_number(row[name]) for row in rows))), "")
-    yield from tie_words(rows, columns)
-    yield from equal_mesh_words(rows, error) if error else ()
-    for case, group in groupby(rows, key=lambda row: row["case"]) if error else ():
-        all_done = [row for row in group if row["status"] == "done" and row["contact"] != TIED]
-        done = [row for row in all_done if is_number(row[error])]
-        if not done:
-            yield f"{case}: no run has a value of {error}."
-            continue
-        yield best_words(case, done, error)
-        if unjudged := [run_words(row) for row in all_done if not is_number(row[error])]:
-            more = f" and {len(unjudged) - MOST_NAMED} more" if len(unjudged) > MOST_NAMED else ""
-            named = f"{', '.join(unjudged[:MOST_NAMED])}{more}"
-            yield f"{case}: not compared, as their {of_column(error).label} is unknown: {named}."
+    yield from best_runs(rows, columns)
     if fragile := sum(row["fragile"] is True for row in rows):
         yield f"{fragile} of {len(rows)} runs depend on round-off."
     sources = (f"{row['said_by']} says: " if row["said_by"] else "" for row in rows)
@@ -171,6 +160,58 @@ def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
         (row["status"], row["reason"] and f"{source}{row['reason']}", run_words(row))
         for row, source in zip(rows, sources, strict=True)
     )
+
+
+def best_runs(rows: Sequence[Data], columns: Iterable[str]) -> Iterator[str]:
+    """Yield which pairs tie, the best on equal meshes, and the best run of each case; of many cases the best pairs.
+
+    Parameters
+    ----------
+    rows
+        The runs, with the keys of the table of a study.
+    columns
+        The measured columns; runs are ranked by the first error among them.
+    """
+    columns = list(columns)
+    yield from tie_words(rows, columns)
+    error = next(iter(ranking(name for name in columns if any(is_number(row[name]) for row in rows))), "")
+    if not error:
+        return
+    yield from equal_mesh_words(rows, error)
+    competing = [row for row in rows if row["status"] == "done" and row["contact"] != TIED]
+    of_cases: dict[str, list[Data]] = {row["case"]: [] for row in rows}
+    for row in competing:
+        of_cases[row["case"]] += [row] if is_number(row[error]) else []
+    judged = {case: done for case, done in of_cases.items() if done}
+    if len(judged) > MOST_CASES:
+        yield _wins(judged.values(), error, "in", f"{len(judged)} cases")
+        medians = [statistics.median(row[error] for row in done) for done in judged.values()]
+        least = [min(row[error] for row in done) for done in judged.values()]
+        factor = statistics.median(a / b if b else math.inf for a, b in zip(medians, least, strict=True))
+        if factor < LARGEST_FACTOR:
+            than = f"{factor:.2g} times smaller than the median of all its runs (median over the cases)"
+            yield f"The smallest error of a case is {than}."
+    for case, done in of_cases.items():
+        if not done:
+            yield f"{case}: no run has a value of {error}."
+        elif len(judged) <= MOST_CASES:
+            yield best_words(case, done, error)
+        if unjudged := [run_words(row) for row in competing if row["case"] == case and not is_number(row[error])]:
+            more = f" and {len(unjudged) - MOST_NAMED} more" if len(unjudged) > MOST_NAMED else ""
+            named = f"{', '.join(unjudged[:MOST_NAMED])}{more}"
+            yield f"{case}: not compared, as their {of_column(error).label} is unknown: {named}."
+
+
+def _wins(groups: Iterable[Sequence[Data]], error: str, word: str, where: str) -> str:
+    """Return in how many groups of runs which pairs have the smallest error, as "in 3 of 4 cases"."""
+    wins: Counter[str] = Counter()
+    for rows in groups:
+        least, apart = min(row[error] for row in rows), apart_of(rows, error)
+        best = (row for row in rows if is_same(error, row[error], least) or row[error] - least < apart)
+        wins.update(list(dict.fromkeys(f"{row['integrator']} + {row['contact']}" for row in best)))
+    (first, most), *others = wins.most_common(MOST_NAMED)
+    more = "".join(f", {pair} {word} {count}" for pair, count in others)
+    return f"{first} has the smallest {of_column(error).label} {word} {most} of {where}{more}."
 
 
 def tie_words(rows: Iterable[Data], columns: Iterable[str]) -> Iterator[str]:
@@ -215,16 +256,9 @@ def equal_mesh_words(rows: Iterable[Data], error: str) -> Iterator[str]:
     pairs = [[(row["integrator"], row["contact"]) for row in of_problem] for of_problem in problems.values()]
     if len(problems) < 2 or not any(len(set(of_problem)) > 1 for of_problem in pairs):
         return
-    wins: Counter[str] = Counter()
-    for of_problem in problems.values():
-        least, apart = min(row[error] for row in of_problem), apart_of(of_problem, error)
-        best = (row for row in of_problem if is_same(error, row[error], least) or row[error] - least < apart)
-        wins.update(list(dict.fromkeys(f"{row['integrator']} + {row['contact']}" for row in best)))
-    (first, most), *others = wins.most_common(MOST_NAMED)
     several = len({case for case, _ in problems}) > 1
     where = f"{len(problems)} {'pairs of case and mesh' if several else 'meshes'}"
-    more = "".join(f", {pair} on {count}" for pair, count in others)
-    yield f"At equal mesh {first} has the smallest {of_column(error).label} on {most} of {where}{more}."
+    yield f"At equal mesh {_wins(problems.values(), error, 'on', where)}"
 
 
 def varied_of(row: Data) -> tuple[tuple[str, Any], ...]:
