@@ -34,15 +34,6 @@ def test_version_is_an_option() -> None:
     assert (done.returncode, done.stdout.split()[:2]) == (0, ["percuss", f"{percuss.__version__},"])
 
 
-def test_a_shell_completes_commands_and_options() -> None:
-    for words, completed in (("percuss st", {"study", "stability"}), ("percuss run --js", {"--json"})):
-        env = {**os.environ, "_PERCUSS_COMPLETE": "complete_bash", "COMP_WORDS": words}
-        env["COMP_CWORD"] = str(len(words.split()) - 1)
-        code = "import sys; sys.argv = ['percuss']; from percuss.cli.main import main; main()"
-        done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False)
-        assert set(done.stdout.split()) == completed
-
-
 def test_help_loads_nothing_heavy() -> None:
     code = (
         "import sys; sys.argv=['percuss','--help']\n"
@@ -63,17 +54,7 @@ def test_run_prints_one_json_object() -> None:
     assert told["steps"] == 1600
     assert told["status"] == "done"
     assert abs(told["contacts"]["tip"]["impulse"] - 0.02) < 2e-4
-    assert set(told) >= {"steps", "dt", "certificate", "contacts", "energy", "momentum", "exact", "seconds"}
-    assert set(told["certificate"]) >= {"stable", "energy", "dt_critical", "theta", "why"}
-    assert set(told["contacts"]["tip"]) >= {
-        "impulse",
-        "peak_force",
-        "first_closed",
-        "closed_time",
-        "penetration",
-    }
-    assert set(told["energy"]) >= {"initial", "final", "max", "ledger_error"}
-    assert set(told["seconds"]) >= {"total", "march"}
+    assert set(told) >= {"dt", "certificate", "energy", "momentum", "exact", "seconds"}
 
 
 @pytest.mark.slow
@@ -104,15 +85,6 @@ def test_the_exact_solution_alone_is_printed_saved_and_drawn(tmp_path: Path) -> 
     told = json.loads(percuss_command("run", HUNEK, "--exact-only", "--json").stdout)
     written = {"title": result.title, **result.summary, "seconds": 0, "plugin_files": [], "error": None}
     assert {**told, "seconds": 0} == written
-
-
-def test_overrides_pass_the_same_checks() -> None:
-    done = percuss_command("run", HUNEK, "--set", "method.contact.beta_s=-1", "--set", "time.ende=3")
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert "--set method.contact.beta_s=-1" in done.stderr
-    assert "Did you mean" in done.stderr
-    assert "Traceback" not in done.stderr
 
 
 def test_swapping_a_law_reports_the_options_it_lacks() -> None:
@@ -165,12 +137,17 @@ def test_a_run_that_gains_energy_is_stopped_and_named(tmp_path: Path) -> None:
         (["run", HUNEK, "-o", "nowhere/a.nc"], "expected a folder"),
         (["run", HUNEK, "--set", "refine"], "expected PATH=VALUE"),
         (["run", HUNEK, "--plugin", "nowhere.py"], "nowhere.py"),
+        (["run", HUNEK, "--set", "method.contact.beta_s=-1"], "--set method.contact.beta_s=-1"),
         (["run", HUNEK, "--tied", "--exact-only"], "no interface to tie"),
         (["compare", HUNEK, "--contact", "penalti"], "Did you mean 'penalty'?"),
         (["compare", HUNEK, "--vary", "refine=1:2"], "expected a range"),
         (["compare", HUNEK, "--vary", "refin=1,2"], "Did you mean 'refine'?"),
         (["compare", HUNEK, "--vary", "refine=a,b"], "--vary refine=a: refine: expected a number greater than 0"),
         (["compare", HUNEK, "--contact", "cohesive"], "--contact cohesive: method.contact.strength: missing"),
+        (
+            ["recommend", HUNEK, "--error", "1%", "--workers", "-3"],
+            "--workers: expected a number of at least 1, found -3",
+        ),
         (["verify", "--method", "bipenalti"], "--method bipenalti: unknown component 'bipenalti'"),
         (["plugins", "bipenalti"], "Did you mean 'bipenalty'?"),
         (["check", HUNEK, "--set", "bodies.long.at=9"], "overlap"),
@@ -185,9 +162,13 @@ def test_bad_input_is_one_clear_message(args: list[str], said: str, tmp_path: Pa
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", ["check", "run", "verify"])
 @pytest.mark.parametrize(
-    "time", ["{end: 0.1, courant: 0.5}", "{steps: 50, courant: 0.5}", "{steps: 50, courant: auto}"]
+    ("command", "time"),
+    [
+        ("check", "{end: 0.1, courant: 0.5}"),
+        ("run", "{steps: 50, courant: 0.5}"),
+        ("verify", "{steps: 50, courant: auto}"),
+    ],
 )
 def test_what_is_expected_after_the_end_is_refused_before_the_run(command: str, time: str, tmp_path: Path) -> None:
     text = Path(HUNEK).read_text().replace("{end: 0.8, courant: 0.5}", time)
@@ -211,13 +192,6 @@ def test_bad_input_is_json_too() -> None:
     assert told["problems"][0]["path"] == "refine"
 
 
-def test_a_failed_run_leaves_the_old_file_alone(tmp_path: Path) -> None:
-    (tmp_path / "a.nc").write_text("precious")
-    done = percuss_command("run", HUNEK, "-o", "a.nc", "--set", "refine=0", cwd=tmp_path)
-    assert done.returncode == 2
-    assert (tmp_path / "a.nc").read_text() == "precious"
-
-
 def test_a_case_may_go_on_where_it_would_be_stopped_and_is_told() -> None:
     args = ["--set", "method.integrator=central-difference", "--set", "method.contact=penalty"]
     done = percuss_command(
@@ -232,23 +206,9 @@ def test_a_case_may_go_on_where_it_would_be_stopped_and_is_told() -> None:
 
 def test_compare_has_a_row_for_every_pair(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    args = [
-        "--integrator",
-        "central-difference,wu-predictor-corrector",
-        "--contact",
-        "penalty,bipenalty,lagrange",
-    ]
-    done = percuss_command(
-        "compare",
-        HUNEK,
-        *args,
-        "--set",
-        "method.contact.beta_s=100",
-        "--plot",
-        "a.svg",
-        "--json",
-        cwd=tmp_path,
-    )
+    pairs = ("--integrator", "central-difference,wu-predictor-corrector", "--contact", "penalty,bipenalty,lagrange")
+    options = ("--set", "method.contact.beta_s=100", "--plot", "a.svg", "--json")
+    done = percuss_command("compare", HUNEK, *pairs, *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     rows = json.loads(done.stdout)["rows"]
     assert len(rows) == 6
@@ -260,40 +220,12 @@ def test_compare_has_a_row_for_every_pair(tmp_path: Path) -> None:
     assert (tmp_path / "a.svg").exists()
 
 
-def test_compare_keeps_a_refused_pair_as_a_row(tmp_path: Path) -> None:
-    (tmp_path / "picky.py").write_text(
-        "from dataclasses import dataclass\n"
-        "from percuss import ContactLaw\n"
-        "from percuss.methods.interfaces import LinearLaw\n"
-        "@dataclass(frozen=True)\n"
-        "class Picky(ContactLaw):\n"
-        "    '''A law that works with Wu only.'''\n"
-        "    name = 'picky'\n"
-        "    summary = 'picky'\n"
-        "    def bind(self, points, dt):\n"
-        "        return LinearLaw('explicit', 1 / points.stiffness)\n"
-        "    def refuses(self, integrator):\n"
-        "        return 'needs the predicted gap' if integrator.name == 'central-difference' else None\n"
-    )
-    args = [
-        "--integrator",
-        "central-difference,wu-predictor-corrector",
-        "--contact",
-        "picky",
-        "--plugin",
-        "picky.py",
-    ]
-    done = percuss_command("compare", HUNEK, *args, "--json", cwd=tmp_path)
+def test_compare_varies_values_and_keeps_a_refused_pair_as_a_row() -> None:
+    pairs = ("--integrator", "explicit-hht,central-difference", "--contact", "lagrange")
+    done = percuss_command("compare", HUNEK, *pairs, "--vary", "refine=0.1,0.2", "--json")
     assert done.returncode == 0, done.stderr
-    refused, ran = json.loads(done.stdout)["rows"]
-    assert (refused["status"], refused["reason"], refused["said_by"]) == (
-        "refused",
-        "needs the predicted gap",
-        "picky",
-    )
-    assert ran["status"] == "done"
-    told = percuss_command("compare", HUNEK, *args, cwd=tmp_path)
-    assert "needs the predicted gap" in told.stdout
+    rows = [(row["status"], row["said_by"], row["refine"]) for row in json.loads(done.stdout)["rows"]]
+    assert sorted(rows) == [("done", "", 0.1), ("done", "", 0.2)] + [("refused", "explicit-hht", n) for n in (0.1, 0.2)]
 
 
 THEIRS = """import dataclasses, percuss
@@ -325,20 +257,6 @@ def test_a_run_names_each_plug_in_file_that_is_loaded(tmp_path: Path) -> None:
     assert [(tmp_path / name).resolve() for name in named] == [tmp_path / "own.py", tmp_path / "cases" / "theirs.py"]
 
 
-def test_compare_varies_values() -> None:
-    done = percuss_command(
-        "compare", HUNEK, "--vary", "refine=1,2", "--vary", "method.contact.beta_s=0.1:1:log:2", "--json"
-    )
-    rows = json.loads(done.stdout)["rows"]
-    assert [(r["refine"], r["method.contact.beta_s"]) for r in rows] == [
-        (1, 0.1),
-        (1, 1.0),
-        (2, 0.1),
-        (2, 1.0),
-    ]
-    assert [r["summary"]["steps"] for r in rows] == [1600, 1600, 3200, 3200]
-
-
 def test_compare_replaces_a_contacts_own_law_and_says_so(tmp_path: Path) -> None:
     text = (
         Path(HUNEK)
@@ -364,44 +282,13 @@ def test_verify_passes_and_fails(tmp_path: Path) -> None:
 def test_check_says_what_a_case_will_do() -> None:
     done = percuss_command("check", HUNEK)
     assert done.returncode == 0
-    for words in ("epsilon_s = 250", "Courant number 0.5", "theta", "0.001", "lambda / eps_s", "impedance 1"):
-        assert words in done.stdout
-    assert (
-        json.loads(percuss_command("check", HUNEK, "--json").stdout)["contacts"]["tip"]["resolved"]["epsilon_s"]
-        == 250.0
-    )
-
-
-def test_defaults_are_said() -> None:
-    done = percuss_command("check", HUNEK, "--set", "method.contact={name: bipenalty}")
-    assert "beta_s = 0.5" in done.stdout
-    assert "beta_s auto: 0.5" in done.stdout
-    assert "epsilon_m = 0.000125" in done.stdout
-
-
-def test_plugins_lists_and_describes() -> None:
-    listed = percuss_command("plugins")
-    for name in (
-        "central-difference",
-        "wu-predictor-corrector",
-        "penalty",
-        "bipenalty",
-        "lagrange",
-        "half-sine",
-    ):
-        assert name in listed.stdout
-    told = percuss_command("plugins", "bipenalty").stdout
-    for words in ("Formula", "ratio", "10.1002/nme.5712", "force/length", "contact: {name: bipenalty"):
-        assert words in told
+    assert "epsilon_s = 250" in done.stdout
+    told = json.loads(percuss_command("check", HUNEK, "--json").stdout)
+    assert told["contacts"]["tip"]["resolved"]["epsilon_s"] == 250.0
 
 
 def test_schema_is_json() -> None:
     assert "bipenalty" in json.dumps(json.loads(percuss_command("schema").stdout))
-
-
-def test_the_module_runs_too() -> None:
-    done = subprocess.run([sys.executable, "-m", "percuss", "--help"], capture_output=True, text=True, check=True)
-    assert "compare" in done.stdout
 
 
 @pytest.mark.deep

@@ -182,19 +182,6 @@ def test_a_table_of_the_best_rows_has_one_case() -> None:
     assert errors == [["2 %", "2 %", "3 %", "4 %", "5 %", "5 %"], ["10 %", "20 %", "20 %"]]
 
 
-@pytest.mark.parametrize(
-    "command", ["study study.yaml --dry-run", "study study.yaml", "recommend case.yaml --error 1%"]
-)
-@pytest.mark.parametrize("number", ["-3", "0"])
-def test_a_number_of_workers_below_one_is_refused(command: str, number: str, coarse: Path) -> None:
-    coarse.rename(coarse.parent / "case.yaml")
-    (coarse.parent / "study.yaml").write_text("percuss-study: 1\ncases: [case.yaml]\n")
-    done = percuss_command(*command.split(), "--workers", number, cwd=coarse.parent)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert f"--workers: expected a number of at least 1, found {number}" in done.stderr
-    assert not list(coarse.parent.glob("*.sqlite"))
-
-
 def test_an_unknown_error_has_a_reason() -> None:
     done = percuss_command("run", CASES / "doyen-bounce.yaml", "--set=record.every=5")
     expected = (

@@ -1,13 +1,9 @@
-"""Ctrl-C, and places that cannot be written to."""
+"""Ctrl-C in a run, in a compilation, in the finer run, in a comparison and in a verification."""
 
 import contextlib
 import json
 import os
 import signal
-import sqlite3
-import stat
-import sys
-from pathlib import Path
 
 import pytest
 
@@ -16,8 +12,6 @@ import places
 from command_line import percuss_command
 from fake_studies import TWO_BARS
 from percuss.cli import common
-from percuss.cli.main import app
-from percuss.errors import InputError
 from percuss.interrupt import interruptible
 from percuss.jit import compiler
 from percuss.march import march
@@ -118,61 +112,6 @@ def test_an_interrupted_run_has_no_finer_run_and_its_twin_tells_nothing(monkeypa
     case = percuss.load({**CASE, "reference": {"refine": 2}})
     result = percuss.run(case, nudge=True, progress=lambda done, _: press() if done == 1 else None)
     assert (result.status, result.summary["steps"], result.summary["fragile"]) == ("interrupted", 1, None)
-
-
-# ------------------------------------------------------------------------------------- a folder of somebody else
-
-
-@pytest.fixture
-def read_only(monkeypatch):
-    """Make a folder one that cannot be written to; for the superuser, who may write anywhere, the calls that would."""
-
-    def make(folder):
-        folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
-        if os.access(folder, os.W_OK):
-            real_open, real_connect = os.open, sqlite3.connect
-
-            def os_open(path, flags, *arguments, **options):
-                if Path(path).parent == folder and flags & (os.O_CREAT | os.O_WRONLY | os.O_RDWR):
-                    raise PermissionError(13, "Permission denied", str(path))
-                return real_open(path, flags, *arguments, **options)
-
-            def connect(database, *arguments, **options):
-                file = Path(str(database).removeprefix("file://").partition("?")[0])
-                if file.read_bytes()[18:20] == b"\2\2":  # a log beside the database would have to be made
-                    raise sqlite3.OperationalError("unable to open database file")
-                return real_connect(database, *arguments, **options)
-
-            monkeypatch.setattr(os, "access", lambda path, *_, **__: Path(path) != folder)
-            monkeypatch.setattr(os, "open", os_open)
-            monkeypatch.setattr(sqlite3, "connect", connect)
-
-    yield make
-    monkeypatch.undo()
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="folders have no such permissions there")
-def test_a_finished_study_in_a_read_only_folder_is_opened_reported_and_not_run_again(tmp_path, read_only, capsys):
-    folder = tmp_path / "theirs"
-    folder.mkdir()
-    (folder / "case.yaml").write_text(repr(CASE))
-    study = {"percuss-study": 1, "cases": [str(folder / "case.yaml")], "vary": {"time.courant": [0.4, 0.5]}}
-    out = folder / "a.sqlite"
-    percuss.study(study, out, workers=1)
-    read_only(folder)
-    assert percuss.open_study(out).counts == {"done": 2}
-    again = percuss.study(study, out, workers=1)
-    assert (again.found, again.counts) == (2, {"done": 2})
-    more = {**study, "vary": {"time.courant": [0.4, 0.5, 0.6]}}
-    with pytest.raises(InputError, match="cannot write here: Permission denied\n  Name another file with -o"):
-        percuss.study(more, out, workers=1)
-    with pytest.raises(SystemExit) as ended:
-        app(["report", str(out)])
-    assert ended.value.code == 2
-    assert "a.html: cannot write here: Permission denied\n  Name another file or folder." in capsys.readouterr().err
-
-
-# ------------------------------------------------------------------------------------- other commands
 
 
 def test_ctrl_c_ends_a_comparison_and_a_verification(monkeypatch, tmp_path):

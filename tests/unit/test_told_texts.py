@@ -32,7 +32,7 @@ def case(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("words", [("run",), ("check",), ("verify",), ("stability",), ("run", "--json"), ("compare",)])
+@pytest.mark.parametrize("words", [("check",), ("verify",), ("run", "--json"), ("compare",)])
 def test_no_text_of_a_case_steers_a_terminal(case, words):
     methods = ("--contact", "lagrange,penalty") if words[0] == "compare" else ()
     done = percuss_command(words[0], "case.yaml", *words[1:], *methods, cwd=case.parent, plain=True)
@@ -68,7 +68,7 @@ def test_a_refused_pair_is_told_at_both_its_names(case):
     assert refused.value.sentence.startswith("explicit-hht with lagrange is refused by explicit-hht: ")
 
 
-@pytest.mark.parametrize("command", ["run", "check", "verify", "compare", "study", "stability"])
+@pytest.mark.parametrize("command", ["run", "verify", "study"])
 def test_a_named_pipe_is_no_case(tmp_path, command):
     os.mkfifo(tmp_path / "pipe.yaml")  # which would be waited for
     done = percuss_command(command, "pipe.yaml", cwd=tmp_path)

@@ -109,5 +109,5 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it once more at its end
         if error.errno == errno.EPIPE:  # the reader has left, as `head` does
             sys.exit(1)
-        print(f"error: the output cannot be written: {error.strerror}", file=sys.stderr)
+        print(f"error: {error.filename or 'the output'} cannot be written: {error.strerror}", file=sys.stderr)
         sys.exit(2)

@@ -15,8 +15,6 @@ from percuss.files import expect_writable
 from percuss.process import INTERRUPTED
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     from percuss.case.case import Case
     from percuss.jsonable import Data
     from percuss.results.result import Result
@@ -56,7 +54,9 @@ def run(
         for_paraview = out is not None and expect_suffix(out, "a result", RESULTS, "Name it result.nc.") == RESULTS[1]
         common.expect_drawable(plot)
         if animate is not None:
-            _animation().check_animation(animate)
+            from percuss.reporting import animation
+
+            animation.check_animation(animate)
         if exact_only and (tied or resume):
             both = f"expected {'--tied' if tied else '--resume'} or --exact-only, found both"
             advice = "An exact solution has no interface to tie." if tied else "An exact solution makes no steps."
@@ -74,7 +74,8 @@ def run(
         if result.status != "unstable" or result.summary["steps"]:  # a run that was not started has nothing to show
             answer.write(out, result.save, out)
             answer.write(plot, result.plot, plot)
-            answer.write(animate, lambda file: _animation().animate(result, file), animate)
+            if animate is not None:
+                answer.write(animate, animation.animate, result, animate)
         errors = [*([str(failure)] if failure else []), *answer.unwritten]
         # A case that is somebody else's may name plug-ins, whose code has been executed.
         files = [str(file.path) for file in loaded.registry.single_files]
@@ -88,15 +89,6 @@ def run(
             answer.conclude(run_verdict(result, search))
             if result.status == "interrupted":
                 answer.exit_code = INTERRUPTED
-
-
-# What only some runs need is imported when it is first used.
-
-
-def _animation() -> ModuleType:
-    from percuss.reporting import animation
-
-    return animation
 
 
 def _loaded(file: Path, sets: Any, plugins: Any, reference: str, row: str, *, tied: bool, exact_only: bool) -> Case:
