@@ -376,7 +376,7 @@ def in_a_process(folder, code, *arguments, **environment):
     return json.loads(done.stdout), set((folder / "cache").rglob("*.nb?"))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_second_process_compiles_nothing_until_a_file_of_the_method_is_edited(tmp_path):
     package = tmp_path / "theirs"
     package.mkdir()
@@ -483,7 +483,7 @@ def test_the_loop_of_percuss_has_a_digest_of_its_own():
 
 # ------------------------------------------------------------------------------------------------ all shipped kernels
 
-SCHEMES = [{"method.integrator": name} for name in REGISTRY.names("integrators") if name != "implicit-hht"]
+# Each scheme with bars; each element and material with a scheme of either loop, whose kernels are all the same.
 BODIES = [
     *({"bodies.short.element": name} for name in REGISTRY.names("elements")),
     {"bodies.short.material": {"name": "bilinear-plastic", "young": 100.0, "density": 0.01, "yield_stress": 0.02}},
@@ -491,16 +491,9 @@ BODIES = [
 ALL = [
     *({"method.contact": name} for name in REGISTRY.names("contacts")),
     *({"method.mass": name} for name in REGISTRY.names("masses")),
-    *(scheme | bodies for scheme in SCHEMES for bodies in BODIES),
+    *({"method.integrator": name} for name in REGISTRY.names("integrators")),
+    *({"method.integrator": scheme} | bodies for scheme in ("central-difference", "noh-bathe") for bodies in BODIES),
 ]
-# Each scheme with bars, and two of them with each element and material; each other pair is compiled for seconds.
-EACH = ("central-difference", "noh-bathe")
-
-
-def is_deep(changes):
-    """Whether a pair of scheme and bodies is left to the whole check."""
-    bodies = changes.get("bodies.short.element", "bar"), "bodies.short.material" in changes
-    return bodies != ("bar", False) and changes.get("method.integrator", EACH[0]) not in EACH
 
 
 def words(changes):
@@ -508,11 +501,7 @@ def words(changes):
 
 
 @pytest.mark.skipif(jit_disabled(), reason="compilation is switched off")
-@pytest.mark.parametrize(
-    "changes",
-    [pytest.param(changes, marks=pytest.mark.deep if is_deep(changes) else ()) for changes in ALL],
-    ids=words,
-)
+@pytest.mark.parametrize("changes", ALL, ids=words)
 def test_every_registered_method_is_compiled(changes):
     """Plain Python gives the same numbers, a hundred times slower: nothing else would show that a kernel is none."""
     base = hunek(4, integrator="central-difference", contact="penalty", end=0.05)

@@ -2,14 +2,10 @@
 
 import copy
 import itertools
-import json
 import math
 import os
 import re
 import signal
-import subprocess
-import sys
-import textwrap
 import threading
 
 import netCDF4
@@ -17,7 +13,6 @@ import numpy as np
 import pytest
 
 import percuss
-import places
 from percuss.march import march
 from percuss.march.model_of_case import model_of
 from percuss.step.bulk import PIECE
@@ -51,7 +46,7 @@ def equal(one, other, rows=slice(None)):
 # ---------------------------------------------------------------------------------------------------- records
 
 
-@pytest.mark.parametrize("every", [1, 7, 100, 333, 400, 1000])
+@pytest.mark.parametrize("every", [1, 7, 333, 400])
 def test_fewer_records_hold_the_same_numbers(every):
     all_of_them = run(hunek(20))
     case = hunek(20)
@@ -67,15 +62,9 @@ def test_fewer_records_hold_the_same_numbers(every):
         assert result.summary[part] == all_of_them.summary[part]
 
 
-def test_a_run_may_record_no_motion_at_all():
-    case = hunek(20)
-    case["record"] = {"probes": []}
-    result = run(case)
-    assert result.arrays["displacement"].shape == (321, 0, 1)
-    np.testing.assert_array_equal(result.arrays["contact_force"], run(hunek(20)).arrays["contact_force"])
-
-
 def test_the_shape_of_the_histories():
+    for end, steps in ((0.01, 10), (0.0101, 11), (0.0099999999999, 10), (0.0001, 1)):
+        assert run(one_bar({"end": end, "step": 0.001})).summary["steps"] == steps
     result = run(hunek(20))
     histories = result.histories
     assert dict(histories.sizes) == {"time": 321, "contact": 1, "probe": 3, "component": 1}
@@ -87,13 +76,7 @@ def test_the_shape_of_the_histories():
     assert result.summary["contacts"]["tip"]["impulse"] == pytest.approx(impulse, rel=1e-13)
 
 
-def test_the_last_step_reaches_the_end_or_just_passes_it():
-    for end, steps in ((0.01, 10), (0.0101, 11), (0.0099999999999, 10), (0.0001, 1)):
-        result = run(one_bar({"end": end, "step": 0.001}))
-        assert result.summary["steps"] == steps
-
-
-@pytest.mark.parametrize("chunk", [1, 7, 64])
+@pytest.mark.parametrize("chunk", [1, 7])
 def test_chunks_change_nothing(monkeypatch, chunk):
     case = hunek(20)
     case["record"]["every"] = 3
@@ -189,12 +172,6 @@ def test_an_end_is_driven_by_one_load_after_another():
     assert left[80] == pytest.approx(4.0, rel=1e-12)
 
 
-def test_drives_may_not_fight():
-    loads = {name: {"prescribed-velocity": v, "on": "a.left"} for name, v in (("one", 0.1), ("two", 0.2))}
-    with pytest.raises(percuss.InputError, match="two"):
-        run(one_bar({"steps": 3, "courant": 0.5}, loads))
-
-
 def test_a_wall_meets_a_driven_end_only_while_it_is_free():
     """A driven bar end cannot answer a contact; the contact is refused while both sides are held."""
     contact = {"w": {"body": "a.right", "wall": 1.1}}
@@ -214,12 +191,11 @@ def usual_ctrl_c():
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.parametrize("every", [1, 3])
 @pytest.mark.usefixtures("usual_ctrl_c")
-def test_ctrl_c_ends_a_run_early_with_what_was_done(monkeypatch, every):
+def test_ctrl_c_ends_a_run_early_with_what_was_done(monkeypatch):
     monkeypatch.setattr(march, "CHUNK_STEPS", 10)
     case = hunek(20)
-    case["record"]["every"] = every
+    case["record"]["every"] = 3
 
     def press(done, total):
         if done == 100:
@@ -232,7 +208,7 @@ def test_ctrl_c_ends_a_run_early_with_what_was_done(monkeypatch, every):
     assert result.summary["steps"] == 100
     assert result.summary["end"] == pytest.approx(100 * result.summary["dt"])
     full = run(case)
-    rows = slice(0, 100 // every + 1)
+    rows = slice(0, 100 // 3 + 1)
     equal(full, result, rows)
     assert result.summary["momentum"]["error"] < 1e-12
     assert result.summary["energy"]["ledger_error"] < 1e-12
@@ -308,32 +284,26 @@ def test_the_stop_does_not_depend_on_chunks_or_records(monkeypatch):
         equal(whole, parts)
 
 
-def plug_in(tmp_path, text):
-    file = tmp_path / "my_load.py"
-    head = """
-        from dataclasses import dataclass
-        import numpy as np
-        from percuss.methods.interfaces import Load
-    """
-    file.write_text(textwrap.dedent(head) + textwrap.dedent(text), encoding="utf-8")
-    return file
+BROKEN = '''
+from dataclasses import dataclass
+import numpy as np
+from percuss import Load
+
+@dataclass(frozen=True)
+class Broken(Load):
+    """Not a number after a while."""
+    name = "broken"
+    summary = "Broken"
+
+    def amplitude(self, time):
+        return np.where(time > 0.01, np.nan, 1.0)
+'''
 
 
 @pytest.mark.parametrize("acts", ["force", "acceleration", "velocity"])
 def test_a_load_that_is_no_number_stops_the_run(tmp_path, acts):
-    file = plug_in(
-        tmp_path,
-        '''
-        @dataclass(frozen=True)
-        class Broken(Load):
-            """Not a number after a while."""
-            name = "broken"
-            summary = "Broken"
-
-            def amplitude(self, time):
-                return np.where(time > 0.01, np.nan, 1.0)
-        ''',
-    )
+    file = tmp_path / "my_load.py"
+    file.write_text(BROKEN, encoding="utf-8")
     case = one_bar({"end": 0.05, "courant": 0.5}, {"bad": {"broken": {}, "on": "a.left", "as": acts}})
     with pytest.raises(percuss.PercussError, match=r"my_load\.py:\d+: load broken: amplitude returned nan") as caught:
         percuss.run(percuss.load(case, plugins=[file]))
@@ -370,6 +340,11 @@ def test_a_saved_result_is_read_back_whole(tmp_path):
     path = tmp_path / "out.nc"
     result.save(path)
     assert os.listdir(tmp_path) == ["out.nc"]
+    with netCDF4.Dataset(path) as data:  # which others read
+        assert data.data_model == "NETCDF4"
+        assert data["contact_force"].dimensions == ("time", "contact")
+        np.testing.assert_array_equal(data["contact_force"][:], result.arrays["contact_force"])
+        assert list(data["probe"][:]) == ["short.left", "short.right", "long.left"]
     again = percuss.open_result(path)
     assert set(again.arrays) == set(result.arrays)
     equal(result, again)
@@ -381,20 +356,6 @@ def test_a_saved_result_is_read_back_whole(tmp_path):
         np.testing.assert_array_equal(again.field_arrays[name], values)
     again.save(tmp_path / "again.nc")
     equal(result, percuss.open_result(tmp_path / "again.nc"))
-
-
-def test_a_saved_result_is_plain_netcdf(tmp_path):
-    result = run(hunek(20))
-    path = tmp_path / "out.nc"
-    result.save(path)
-    with netCDF4.Dataset(path) as data:
-        assert data.data_model == "NETCDF4"
-        force = data["contact_force"]
-        assert force.dimensions == ("time", "contact")
-        np.testing.assert_array_equal(force[:], result.arrays["contact_force"])
-        np.testing.assert_array_equal(data["time"][:], result.arrays["time"])
-        assert list(data["contact"][:]) == ["tip"]
-        assert list(data["probe"][:]) == ["short.left", "short.right", "long.left"]
 
 
 def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
@@ -459,35 +420,38 @@ def test_a_contact_that_closes_in_the_last_record_is_closed():
 
 @pytest.mark.parametrize("contact", ["penalty", "bipenalty", "lagrange"])
 @pytest.mark.parametrize("integrator", CORE)
-def test_bars_that_touch_at_rest_stay_at_rest(integrator, contact):
+def test_bars_that_touch_at_rest_or_graze_feel_no_force(integrator, contact):
+    """At rest nothing moves. With one velocity, round-off of the motion must not become a force."""
     case = hunek(10, integrator=integrator, contact={"name": contact})
     case["bodies"]["short"]["velocity"] = 0.0
     result = run(case)
     for name in ("contact_force", "gap", "displacement", "velocity", "kinetic_energy"):
         assert not result.arrays[name].any(), name
     assert result.summary["contacts"]["tip"]["first_closed"] is None
-
-
-@pytest.mark.parametrize("contact", ["penalty", "bipenalty", "lagrange"])
-@pytest.mark.parametrize("integrator", CORE)
-def test_bars_that_graze_without_approaching_feel_no_force(integrator, contact):
-    """Touching bars of one velocity: round-off of their motion must not become a force."""
-    case = hunek(10, integrator=integrator, contact={"name": contact})
+    case["bodies"]["short"]["velocity"] = 0.1
     case["bodies"]["long"] |= {"velocity": 0.1, "fixed": []}
     result = run(case)
     assert np.abs(result.arrays["contact_force"]).max() <= 1e-12 * 0.05
 
 
-@pytest.mark.parametrize("held", [{"fixed": ["right"]}, {}])
-def test_a_contact_that_nobody_can_move_is_refused(held):
-    loads = {} if held else {"drive": {"prescribed-velocity": 0.1, "on": "a.right"}}
-    case = one_bar({"steps": 10, "courant": 0.5}, loads, contacts={"w": {"body": "a.right", "wall": 1.0}}, **held)
-    with pytest.raises(percuss.InputError, match=r"contacts\.w"):
-        run(case)
+WALL = {"w": {"body": "a.right", "wall": 1.0}}
+DRIVE = {"prescribed-velocity": 0.1, "on": "a.right"}
+IMPOSSIBLE = {
+    "two drives fight": ({"one": DRIVE, "two": DRIVE}, {}, "two"),
+    "a contact of a held end": ({}, {"contacts": WALL, "fixed": ["right"]}, r"contacts\.w"),
+    "a contact of a driven end": ({"drive": DRIVE}, {"contacts": WALL}, r"contacts\.w"),
+}
+
+
+@pytest.mark.parametrize("what", IMPOSSIBLE)
+def test_what_nobody_can_move_is_refused(what):
+    loads, more, said = IMPOSSIBLE[what]
+    with pytest.raises(percuss.InputError, match=said):
+        run(one_bar({"steps": 10, "courant": 0.5}, loads, **more))
 
 
 @each_integrator([name for name in INTEGRATORS if name in INVISCID or name not in LEAPFROG])
-@pytest.mark.parametrize("elements", [1, 2, *(PIECE * k + d for k in (1, 2) for d in (-1, 0, 1))])
+@pytest.mark.parametrize("elements", [1, 2, PIECE - 1, PIECE, 2 * PIECE + 1])
 def test_one_free_bar_vibrates_and_keeps_its_energy(integrator, elements):
     """Meshes up to and beyond a block of nodes: a bar struck at one end, its energy kept to round-off."""
     case = one_bar({"steps": 300, "courant": 0.9}, {"push": {"constant": 1.0, "on": "a.left", "until": 1e-4}}, elements)
@@ -517,18 +481,6 @@ def test_blocks_are_joined_without_a_seam(elements, dimension):
     assert np.abs(left[1:] - 1.0).max() < 1e-10
     assert np.abs(right[:elements]).max() < 1e-10
     assert np.abs(right[elements + 1 :] - 2.0).max() < 1e-10
-
-
-@pytest.mark.slow
-def test_a_second_process_gives_the_same_numbers():
-    """Machine code from the cache on disk or fresh: bit for bit the same."""
-    code = (
-        "import sys, percuss, json; from strategies import hunek, run;"
-        "print(json.dumps(run(hunek(20)).arrays['contact_force'][:, 0].tolist()))"
-    )
-    here = places.SUPPORT
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=here)
-    assert np.array_equal(np.array(json.loads(done.stdout)), run(hunek(20)).arrays["contact_force"][:, 0])
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3])
