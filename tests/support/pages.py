@@ -31,16 +31,8 @@ from percuss.methods.registry import Registry
 from percuss.studies.layout import study_schema
 
 FAMILIES = (
-    "integrators",
-    "contacts",
-    "masses",
-    "pairings",
-    "materials",
-    "elements",
-    "shapes",
-    "loads",
-    "solutions",
-    "measures",
+    *("integrators", "contacts", "masses", "pairings", "materials", "elements", "shapes", "loads"),
+    *("solutions", "measures"),
 )
 MOST_SHOWN = 10  # values that a table lists; of more it says what they are
 
@@ -268,16 +260,16 @@ SESSION = re.compile(
     r"^(?:<!-- first (\d+), last (\d+) lines -->\n)?```console\n\$ ([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL
 )
 COLUMNS = 100  # of the terminal whose output the pages show
+NOTICE = re.compile(rf"{COMPILING}|\d+ of \d+ \w+ after ")  # what only a slow machine says
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 def output(command: str, folder: Path) -> str:
-    """Return what a terminal shows of a command, without the notice that it compiles."""
+    """Return what a terminal shows of a command, without the notices that it compiles and how far it is."""
     name, *words = shlex.split(command)
     assert name == "percuss", command
     lines = percuss_command(*words, cwd=folder, columns=COLUMNS, together=True).stdout.splitlines()
-    lasting = re.compile(rf"{COMPILING}|\d+ of \d+ \w+ after ")  # what only a slow machine says
-    return "".join(f"{line.rstrip()}\n" for line in lines if not lasting.match(line))
+    return "".join(f"{line.rstrip()}\n" for line in lines if not NOTICE.match(line))
 
 
 def shortened(text: str, first: str, last: str) -> str:

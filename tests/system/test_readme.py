@@ -59,10 +59,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return here
 
 
-def test_a_file_of_the_pages_has_one_text() -> None:
-    assert len({name for name, _ in SAVED}) == len(set(SAVED))
-
-
 def test_every_block_is_of_a_kind_that_is_checked() -> None:
     for name, page in PAGES.items():
         fences = re.findall(r"^ *```(.*)$", page, re.MULTILINE)
@@ -85,31 +81,23 @@ def test_exactly_two_commands_set_up() -> None:
     assert "command_of 2" in (ROOT / ".ci" / "run").read_text()
 
 
+# Commands that take long, many of them with a kernel that nothing else compiles: deep ones, and the longest of all.
 LASTING = (
-    "percuss verify cases",
-    "percuss verify --plugin",
-    "percuss stability",
-    "percuss study",
-    "percuss report",
-    "percuss recommend",
-    "--vary",
-    "element=",
-    "perfectly_plastic.py",
-    "wedge.py",
-    "cases/box-impact.yaml",
-    "cases/ball-on-wall-3d.yaml --plot",
-    "--exact-only --plot",
-)  # commands that take long, many of them with a kernel that nothing else compiles
+    *("percuss verify --plugin", "percuss stability", "--vary", "element=", "perfectly_plastic.py", "wedge.py"),
+    *("cases/box-impact.yaml", "cases/ball-on-wall-3d.yaml --plot", "--exact-only --plot"),
+)
+LONGEST_OF_ALL = ("percuss verify cases", "percuss study", "percuss report", "percuss recommend", ".sqlite")
+
+
+def marks_of(command: str) -> tuple[pytest.MarkDecorator, ...]:
+    """Return when a command is executed."""
+    if any(words in command for words in LONGEST_OF_ALL):
+        return (pytest.mark.nightly,)
+    return (pytest.mark.deep,) if any(words in command for words in LASTING) else ()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "command",
-    [
-        pytest.param(command, marks=pytest.mark.deep) if any(words in command for words in LASTING) else command
-        for command in COMMANDS
-    ],
-)
+@pytest.mark.parametrize("command", [pytest.param(command, marks=marks_of(command)) for command in COMMANDS])
 def test_a_command_runs(command: str, folder: Path) -> None:
     if "--plot" in command:
         pytest.importorskip("matplotlib")
@@ -179,18 +167,14 @@ def test_the_figure_for_a_paper_is_as_wide_as_its_column_in_the_font_of_the_pape
     assert set(re.findall(rb"/BaseFont /\w+\+(\w+)", written)) == {b"DejaVuSerif"}
 
 
-@pytest.mark.parametrize("text", [text for text in YAML if beginning(text).startswith("percuss:")], ids=beginning)
-def test_a_case_shown_is_a_case(text: str, folder: Path) -> None:
-    (folder / "shown-case.yaml").write_text(text, encoding="utf-8")
-    case = percuss.load(folder / "shown-case.yaml")
-    assert percuss.run(case).summary["steps"] > 100
-
-
 @pytest.mark.parametrize("text", [text for text in YAML if beginning(text).startswith("percuss")], ids=beginning)
-def test_what_is_shown_validates_in_an_editor_that_reads_yaml_1_1(text: str, folder: Path) -> None:
+def test_what_is_shown_is_a_case_or_a_study_in_an_editor_that_reads_yaml_1_1_too(text: str, folder: Path) -> None:
     data = yaml.safe_load(text)
     named = [file for file in folder.glob("*.py") if file.stem in text]
     jsonschema.validate(data, percuss.schema(study="percuss-study" in data, files=named))
+    if "percuss" in data:
+        (folder / "shown-case.yaml").write_text(text, encoding="utf-8")
+        assert percuss.run(percuss.load(folder / "shown-case.yaml")).summary["steps"] > 100
 
 
 @pytest.mark.deep
@@ -205,13 +189,23 @@ def test_the_study_shown_is_a_study(folder: Path) -> None:
     assert study.table[study.table.contact == "lagrange"]["method.contact.beta_s"].isna().all()
 
 
-def test_the_law_shown_does_what_it_says(folder: Path) -> None:
-    """Without its dashpot it is the penalty method; with it, the same contact loses more energy."""
-    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "damped.py"])
-    spring = percuss.run(case, {"method.contact": {"name": "penalty", "beta_s": 0.25}})
-    same = percuss.run(case, {"method.contact": {"name": "spring-and-dashpot"}})
-    damped = percuss.run(case, {"method.contact": {"name": "spring-and-dashpot", "tau": 1e-4}})
+def run_of(folder: Path, plugin: str, law: object, **changes: object) -> percuss.Result:
+    """Run the impact of two bars with a law and a plug-in of a page."""
+    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / plugin])
+    return percuss.run(case, {"method.contact": law, **changes})
+
+
+SPRING = {"name": "penalty", "beta_s": 0.25}
+
+
+def test_the_laws_shown_do_what_they_say(folder: Path) -> None:
+    """Without its dashpot a law is the penalty method; with it, the same contact loses more energy."""
+    spring = run_of(folder, "damped.py", SPRING)
+    same = run_of(folder, "damped.py", "spring-and-dashpot")
+    damped = run_of(folder, "damped.py", {"name": "spring-and-dashpot", "tau": 1e-4})
+    small = run_of(folder, "spring.py", "spring")
     assert (same.arrays["contact_force"] == spring.arrays["contact_force"]).all()
+    assert (small.arrays["contact_force"] == spring.arrays["contact_force"]).all()
     assert same.summary["compiled"] == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
     assert damped.summary["energy"]["ledger_error"] < 1e-13
     assert damped.summary["energy"]["contact_work"] < spring.summary["energy"]["contact_work"]
@@ -219,28 +213,24 @@ def test_the_law_shown_does_what_it_says(folder: Path) -> None:
 
 def test_the_integrator_shown_does_what_it_says(folder: Path) -> None:
     """With it a penalty is that of Wu's method with the mass `matched`, and stable however stiff."""
-    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "implicit_contact.py"])
-    mine = {"method.integrator": "implicit-contact"}
-    one = percuss.run(case, {**mine, "method.contact": {"name": "penalty", "beta_s": 0.25}})
-    other = percuss.run(case, {"method.contact": {"name": "bipenalty", "beta_s": 0.25, "ratio": "matched"}})
-    force = one.arrays["contact_force"]
+    file, mine = "implicit_contact.py", {"method.integrator": "implicit-contact"}
+    force = run_of(folder, file, SPRING, **mine).arrays["contact_force"]
+    other = run_of(folder, file, {"name": "bipenalty", "beta_s": 0.25, "ratio": "matched"})
     assert abs(force - other.arrays["contact_force"]).max() < 1e-11 * force.max()
-    stiff = percuss.run(case, {**mine, "method.contact": {"name": "penalty", "beta_s": 1e4}, "time.courant": 0.99})
+    stiff = run_of(folder, file, {"name": "penalty", "beta_s": 1e4}, **mine, **{"time.courant": 0.99})
     assert stiff.summary["certificate"]["stable"] == "yes"
     assert stiff.summary["energy_growth"]["kept"]
 
 
 def test_the_kernel_shown_is_compiled_and_never_pulls(folder: Path) -> None:
-    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "damped_hertz.py"])
-    result = percuss.run(case, {"method.contact": {"name": "damped-hertz", "k": 500.0}})
+    result = run_of(folder, "damped_hertz.py", {"name": "damped-hertz", "k": 500.0})
     assert result.summary["compiled"] == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
     assert result.arrays["contact_force"].min() == 0.0
     assert result.summary["energy"]["contact_work"] < 0.0
 
 
 def test_the_law_that_remembers_is_crushed_at_its_strength(folder: Path) -> None:
-    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "crushing.py"])
-    result = percuss.run(case, {"method.contact": "crushing"})
+    result = run_of(folder, "crushing.py", "crushing")
     arrays, crushed = result.arrays, result.arrays["contact_state"][:, 0, 0]
     assert arrays["contact_force"].max() == pytest.approx(0.04, rel=1e-12)
     assert (np.diff(crushed) >= 0.0).all()
@@ -281,18 +271,13 @@ def test_the_kit_finds_the_dashpot_of_the_wrong_sign(folder: Path) -> None:
     (folder / "wrong_sign.py").write_text(law.replace("rate=self.tau", "rate=-self.tau"), encoding="utf-8")
     done = percuss_command("verify", "--plugin", "wrong_sign.py", cwd=folder)
     assert done.returncode == 1
-    told = " ".join(done.stdout.split())
-    assert "a dashpot of this sign adds energy" in told
-    assert "energy grows by" in told
-    assert "smallest case, of energy-never-grows" in told
-    assert "declare it" not in told
+    assert "a dashpot of this sign adds energy" in " ".join(done.stdout.split())
 
 
 @pytest.mark.deep
 def test_the_material_shown_never_exceeds_its_limit_and_its_ledger_closes(folder: Path) -> None:
-    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "perfectly_plastic.py"])
     plastic = {"name": "perfectly-plastic", "young": 100, "density": 0.01, "limit": 0.04}
-    result = percuss.run(case, {"bodies.short.material": plastic})
+    result = run_of(folder, "perfectly_plastic.py", SPRING, **{"bodies.short.material": plastic})
     energy = result.summary["energy"]
     assert energy["ledger_error"] < 1e-13
     assert 0.0 < energy["bodies_error"] < 5e-3
@@ -415,10 +400,3 @@ def test_the_rooms_of_the_page_are_those_of_the_code() -> None:
     rooms = {path.name for path in folder.iterdir() if (path / "__init__.py").is_file()}
     section = pages.section("## Rooms")
     assert set(re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)) == rooms
-
-
-def test_the_small_law_is_the_penalty_method(folder: Path) -> None:
-    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "spring.py"])
-    one = percuss.run(case, {"method.contact": {"name": "spring"}})
-    other = percuss.run(case, {"method.contact": {"name": "penalty", "beta_s": 0.25}})
-    assert (one.arrays["contact_force"] == other.arrays["contact_force"]).all()

@@ -4,7 +4,6 @@ import re
 import tomllib
 from importlib import metadata
 
-import pytest
 from packaging.requirements import Requirement
 
 import dependencies
@@ -60,25 +59,6 @@ def test_the_licence_of_all_that_percuss_stands_on_is_a_permissive_one():
     assert not {name: names for name, names in refused.items() if names}
 
 
-@pytest.mark.parametrize(
-    ("lines", "expected"),
-    [
-        ({"License-Expression": "BSD-2-Clause AND (GPL-3.0-only OR MIT)"}, {"BSD-2-Clause", "GPL-3.0-only", "MIT"}),
-        ({"Classifier": "License :: OSI Approved :: GNU General Public License v3 (GPLv3)"}, None),
-        ({"Classifier": "License :: OSI Approved :: MIT License", "License": "see the file"}, {"MIT"}),
-        ({"License": "Proprietary"}, {"Proprietary"}),
-        ({}, {"none given"}),
-    ],
-)
-def test_licences_are_read(lines, expected):
-    from email.message import Message
-
-    about = Message()
-    for key, value in lines.items():
-        about[key] = value
-    assert licences(about) == (expected or {"GNU General Public License v3 (GPLv3)"})
-
-
 def test_every_dependency_is_justified_with_its_cost():
     """`python tests/support/dependencies.py` measures the costs and writes the table."""
     written = {name: reason for name, reason, _ in dependencies.written()}
@@ -101,8 +81,3 @@ def test_every_dependency_has_a_lowest_version():
     assert len(bounds) > 18
     assert None not in bounds.values()
     assert f"numba=={bounds['numba']}" in lowest.constraints(project)
-
-
-def test_other_kinds_of_bounds_are_refused():
-    with pytest.raises(ValueError, match="lower bound alone"):
-        lowest.declared({"name": "mine", "dependencies": ["numpy>=2,<3"]})

@@ -12,33 +12,7 @@ import percuss
 import places
 from strategies import hunek
 
-ROOT = places.ROOT
-LAW = """\
-from dataclasses import dataclass
-from typing import NamedTuple
-import numpy as np
-from percuss import ContactLaw
-
-
-class Bound(NamedTuple):
-    k: np.ndarray
-
-
-@dataclass(frozen=True)
-class Spring(ContactLaw):
-    '''A penalty as a kernel.'''
-
-    name = "spring"
-    summary = "Penalty as a kernel"
-
-    def bind(self, points, dt):
-        return Bound(0.25 * points.stiffness)
-
-    @staticmethod
-    def multipliers(bound, trial, multiplier):
-        for p in range(multiplier.size):
-            multiplier[p] = bound.k[p] * max(-trial.predicted_gap[p], 0.0)
-"""
+LAWS = places.SUPPORT / "bodies" / "laws.py"
 RUNS = """
 import json, sys, threading, percuss
 cases, plugin = json.loads(sys.argv[1]), sys.argv[2]
@@ -58,27 +32,20 @@ print(json.dumps(ends))
 """
 
 
-@pytest.fixture(scope="module")
-def plugin(tmp_path_factory):
-    file = tmp_path_factory.mktemp("threads") / "spring.py"
-    file.write_text(LAW)
-    return file
-
-
 @pytest.mark.deep
-def test_runs_in_threads_of_a_cold_process(plugin, tmp_path):
+def test_runs_in_threads_of_a_cold_process(tmp_path):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     environment.pop("NUMBA_DISABLE_JIT", None)
     bipenalty = {"name": "bipenalty", "beta_s": 0.25, "ratio": 1.0}
     cases = [
         hunek(6, contact="penalty", integrator="central-difference", end=0.3),
         hunek(7, contact=bipenalty, end=0.3),
-        hunek(6, contact="spring", end=0.3),
+        hunek(6, contact="nitsche-kernel", end=0.3),
         hunek(6, contact=bipenalty, end=0.3),
     ]
-    command = [sys.executable, "-c", RUNS, json.dumps(cases), str(plugin)]
+    command = [sys.executable, "-c", RUNS, json.dumps(cases), str(LAWS)]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
-    alone = [percuss.run(percuss.load(case, plugins=[plugin]), compiled=False) for case in cases]
+    alone = [percuss.run(percuss.load(case, plugins=[LAWS]), compiled=False) for case in cases]
     for (compiled, peak, march), expected in zip(json.loads(done.stdout), alone, strict=True):
         assert compiled
         assert peak == pytest.approx(float(expected.arrays["contact_force"].max()), rel=1e-11)
@@ -86,24 +53,19 @@ def test_runs_in_threads_of_a_cold_process(plugin, tmp_path):
 
 
 @pytest.mark.deep
-def test_a_dask_worker_with_several_threads(plugin, tmp_path):
+def test_a_dask_worker_with_several_threads(tmp_path):
     distributed = pytest.importorskip("distributed")
-    values = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4]
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(hunek(6, end=0.3)))
     study = {
         "percuss-study": 1,
-        "title": "threads",
         "cases": [str(tmp_path / "case.yaml")],
         "methods": {"contacts": ["penalty", "bipenalty", "lagrange"], "integrators": ["central-difference"]},
-        "vary": {"time.courant": values},
+        "vary": {"time.courant": "0.05:0.4:8"},
     }
-    here = percuss.study(study, tmp_path / "here.sqlite", workers=1, plugins=[plugin])
+    here = percuss.study(study, tmp_path / "here.sqlite", workers=1, plugins=[LAWS])
     environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}  # so that the worker compiles for itself
-    with (
-        distributed.LocalCluster(
-            n_workers=1, threads_per_worker=4, processes=True, dashboard_address=None, env=environment
-        ) as cluster,
-    ):
-        there = percuss.study(study, tmp_path / "there.sqlite", scheduler=cluster.scheduler_address, plugins=[plugin])
+    one_worker = {"n_workers": 1, "threads_per_worker": 4, "processes": True, "dashboard_address": None}
+    with distributed.LocalCluster(**one_worker, env=environment) as cluster:
+        there = percuss.study(study, tmp_path / "there.sqlite", scheduler=cluster.scheduler_address, plugins=[LAWS])
     assert there.counts == {"done": 24}, set(there.table.reason)
     assert list(there.table.impulse) == list(here.table.impulse)
