@@ -132,21 +132,6 @@ def test_laws_of_both_kinds_work_side_by_side(tmp_path):
         nearly_equal(truth_case, truth, run_with(file, case))
 
 
-@pytest.mark.deep
-def test_two_laws_of_ones_own_at_once(tmp_path):
-    text = spring(tmp_path).read_text(encoding="utf-8")
-    second = text[text.index("@dataclass") : text.index("def helped")]
-    second = second.replace("Spring", "Coil").replace('"spring"', '"coil"')
-    file = write(tmp_path, text + "\n\n" + second)
-    truth_case = struck({"name": "penalty", "beta_s": 0.25})
-    case = struck("spring")
-    case["contacts"]["foot"]["method"] = {"name": "coil", "beta_s": 0.5}
-    truth_case["contacts"]["foot"]["method"] = {"name": "penalty", "beta_s": 0.5}
-    result = run_with(file, case)
-    assert result.summary["compiled"] is True
-    nearly_equal(truth_case, run(truth_case), result)
-
-
 # ---------------------------------------------------------------------------------------------------- materials
 
 MATERIAL = """

@@ -14,6 +14,7 @@ import places
 import planted
 from command_line import percuss_command
 from percuss import PluginError
+from percuss.cli.scaffold import new
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, DeclaredFailure, NotApplicable, Subject, checks, parametrize
@@ -154,56 +155,38 @@ def test_what_is_no_method_is_refused():
     assert parametrize(planted.Triangle).args[0] == "check"
 
 
-FILE = '''
-from dataclasses import dataclass
-from typing import Annotated
-
-import numpy as np
-from percuss import Doc, Gt, Load, Unit
-
-
-@dataclass(frozen=True)
-class Mine(Load):
-    """A step down.
-
-    Formula: ``A(t) = value`` up to `duration`, zero after it.
-    """
-
-    name = "mine"
-    summary = "A step down"
-    examples = ({"value": 2.0},)
-    expected_failures = {"kinks": "it does not know its own end"}
-
-    value: Annotated[float, Unit("amplitude"), Doc("before")]
-    duration: Annotated[float, Gt(0), Unit("time"), Doc("until")] = 0.1
-
-    def amplitude(self, time):
-        return np.where(time < self.duration, self.value, 0.0)
-
-    def kinks(self):
-        return ()
-'''
-
-
 @pytest.fixture
 def verified(tmp_path):
-    """Write a single-file plug-in, verify it and return what came out."""
+    """Write a template with other words, verify it and return what came out."""
 
-    def ran(text, *more):
-        file = tmp_path / "mine.py"
+    def ran(kind, words, *more):
+        (file,) = [path for path in new("mine", kind, tmp_path).files if path.suffix == ".py"]
+        text = file.read_text()
+        for old, other in words.items():
+            assert old in text
+            text = text.replace(old, other)
         file.write_text(text)
         return percuss_command("verify", "--plugin", file, *more, cwd=tmp_path)
 
     return ran
 
 
-def test_a_single_file_is_verified_without_pytest(verified, tmp_path):
-    done = verified(FILE, "--verbose")
+UNKNOWING = {
+    "return (0.5 * self.duration, self.duration)": "return ()",
+    '    name = "mine"\n': '    name = "mine"\n    expected_failures = {"kinks": "it does not know its own end"}\n',
+}
+
+
+def test_a_file_is_verified_without_pytest(verified, tmp_path):
+    done = verified("load", UNKNOWING, "--verbose")
     assert done.returncode == 0, done.stdout
     assert "mine (loads) conforms: 4 passed, 1 declared" in done.stdout
-    assert [one.name for one in tmp_path.iterdir() if one.suffix != ".py"] == []  # nothing is left in the folder
     assert "declared  kinks: it does not know its own end" in done.stdout
-    wrong = verified(FILE.replace("Formula:", "So:"), "--json")
+    assert {one.name.partition(".")[0] for one in tmp_path.iterdir()} == {"mine"}  # nothing is left in the folder
+
+
+def test_a_failed_check_is_told_as_json(verified):
+    wrong = verified("load", {"Formula:": "So:"}, "--json")
     assert wrong.returncode == 1
     told = json.loads(wrong.stdout)
     assert told["passed"] is False
@@ -213,36 +196,20 @@ def test_a_single_file_is_verified_without_pytest(verified, tmp_path):
     assert failed["demand"].startswith("Its class says what it is")
 
 
-def test_a_registered_method_is_verified_by_its_name(verified):
-    done = verified(FILE, "--method", "ripple")
+def test_a_registered_method_is_verified_by_its_name(tmp_path):
+    done = percuss_command("verify", "--method", "ripple", cwd=tmp_path)
     assert done.returncode == 0, done.stdout
     assert "ripple (measures) conforms" in done.stdout
-    unknown = verified(FILE, "--method", "riple")
+    unknown = percuss_command("verify", "--method", "riple", cwd=tmp_path)
     assert unknown.returncode == 2
     assert "Did you mean 'ripple'?" in unknown.stderr
 
 
-LAW = '''
-from dataclasses import dataclass
-from percuss import ContactLaw, LinearLaw
-
-
-@dataclass(frozen=True)
-class Mine(ContactLaw):
-    """A spring."""
-
-    name = "mine"
-    summary = "A spring"
-
-    def bind(self, points, dt):
-        return LinearLaw(at="explicit", sigma=4.0 / points.stifness)
-'''
-
-
 def test_a_law_that_cannot_run_is_told_on_one_screen_and_its_case_written(verified, tmp_path):
-    done = verified(LAW, "--cases", "failed")
+    done = verified("contact", {"points.stiffness": "points.stifness"}, "--cases", "failed")
     assert done.returncode == 1
-    assert "starts: mine.py:14: AttributeError: 'ContactPoints' object has no attribute 'stifness'" in done.stdout
+    told = r"starts: mine\.py:\d+: AttributeError: 'ContactPoints' object has no attribute 'stifness'"
+    assert re.search(told, done.stdout), done.stdout
     assert "Did you mean 'stiffness'?" in done.stdout
     assert re.search(r"It cannot run, so \d\d checks were not made", done.stdout)
     assert len(done.stdout.splitlines()) <= 40

@@ -1,8 +1,6 @@
 """The time loop: records, chunks, loads switched in time, interruption, runs that are stopped, and results on disk."""
 
 import copy
-import itertools
-import math
 import os
 import re
 import signal
@@ -495,28 +493,6 @@ def test_vectors_of_any_dimension(dimension):
     expected = -5.0 * result.arrays["time"] ** 2
     assert fall == pytest.approx(np.stack([expected, expected], axis=1), rel=1e-9, abs=1e-15)
     assert result.summary["energy"]["ledger_error"] < 1e-13
-
-
-@pytest.mark.slow
-def test_works_and_momenta_are_right_where_everything_acts_at_once():
-    case = hunek(10)
-    case["bodies"]["short"]["bar"]["direction"] = [0.6, 0.8]
-    case["bodies"]["long"]["bar"]["direction"] = [0.6, 0.8]
-    case["bodies"]["long"]["at"] = [6.0, 8.0]
-    case["loads"] = {
-        "weight": {"gravity": [0.02, -0.05]},
-        "push": {"half-sine": {"peak": 0.05, "duration": 0.3}, "on": ["short.left", "long.left"],
-                 "direction": [1.0, 0.2]},
-        "drive": {"harmonic": {"value": 0.05, "frequency": 4.0}, "on": "short.left", "as": "velocity",
-                  "direction": [0.0, 1.0], "from": 0.1, "until": 0.5},
-    }  # fmt: skip
-    for integrator, contact in itertools.product(CORE, ("penalty", "bipenalty", "lagrange")):
-        result = run({**case, "method": {"integrator": integrator, "contact": contact}})
-        assert result.summary["contacts"]["tip"]["impulse"] > 0
-        assert math.isfinite(result.summary["energy"]["final"])
-        if integrator in LEAPFROG:
-            assert result.summary["energy"]["ledger_error"] < 1e-12
-        assert result.summary["momentum"]["error"] < 1e-12
 
 
 @each_integrator(INTEGRATORS)
