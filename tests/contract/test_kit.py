@@ -40,7 +40,9 @@ def test_a_method_without_a_mistake_conforms(cls):
 @pytest.mark.parametrize(
     ("cls", "name", "said"),
     [
-        pytest.param(cls, name, said, id=f"{cls.name}-{name}", marks=pytest.mark.deep if name == "units" else ())
+        pytest.param(
+            cls, name, said, id=f"{cls.name}-{name}", marks=pytest.mark.deep if name in {"units", "blocks"} else ()
+        )
         for cls, name, said in planted.WRONG
     ],
 )

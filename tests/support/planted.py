@@ -19,7 +19,6 @@ from percuss import (
     LinearLaw,
     Load,
     Stages,
-    Surface,
     Unit,
     Wall,
     accelerations,
@@ -101,10 +100,6 @@ def soft(points, **more):
     return LinearLaw(at="explicit", sigma=4.0 / points.stiffness, **more)
 
 
-def lumped_inertia(self, points, dt):
-    return LinearLaw(at="explicit", sigma=0.25 / points.stiffness + 0.25 * dt**2 * points.delassus)
-
-
 def never(self, integrator):
     return "out of principle"
 
@@ -120,13 +115,8 @@ law(
     "wrong-sign", "pushes-apart", "the wall does not push the bar back", lambda self, points, dt: soft(points, gap=-1.0)
 )
 law("driving-dashpot", "pushes-apart", "adds energy", lambda self, points, dt: soft(points, rate=-1e-4))
-law(
-    "weakly-driving", "pushes-apart", "adds energy",  # weaker than the step, so that a force still rises in approach
-    lambda self, points, dt: LinearLaw(at="end", sigma=4.0 / points.stiffness, rate=-1e-6),
-)  # fmt: skip
 law("at-a-distance", "no-contact", "bodies that never meet", lambda self, points, dt: soft(points, active="all"))
 law("says-too-much", "guarantees", "bodies overlap", guarantees=("no penetration",))
-law("lumped-inertia", "guarantees", "'keeps the free step'", lumped_inertia, guarantees=("keeps the free step",))
 
 
 @dataclass(frozen=True)
@@ -190,12 +180,6 @@ def kernel(check, said="", like=Rigid, **wrong):
     return keep
 
 
-@kernel("starts", "cannot be compiled")
-def in_plain_python_alone(bound, trial, multiplier):
-    for p in range(multiplier.size):
-        multiplier[p] = bound.k[p] * max(depth for depth in (-trial.gap[p], 0.0))
-
-
 @kernel("exact-impact with central-difference", "the impulse does not tend to the exact one")
 def no_step(bound, trial, multiplier):
     for p in range(multiplier.size):
@@ -206,13 +190,6 @@ def no_step(bound, trial, multiplier):
 def stale_gap(bound, trial, multiplier):
     for p in range(multiplier.size):
         multiplier[p] = max(-trial.gap[p], 0.0) / (trial.gap_response * trial.delassus[p])
-
-
-@kernel("any-number-of-contacts", "changes what it was handed to read")
-def changes_trial(bound, trial, multiplier):
-    for p in range(multiplier.size):
-        trial.predicted_gap[p] = min(trial.predicted_gap[p], 0.0)
-        multiplier[p] = -trial.predicted_gap[p] / (trial.gap_response * trial.delassus[p])
 
 
 @kernel("any-number-of-contacts", "unset: every branch of its kernel has to set every multiplier")
@@ -237,13 +214,6 @@ def overflowing(bound, trial, multiplier):
         large = int(2.0**40 + trial.dt)
         share = 1.0 if large * large % 7 else 0.9
         multiplier[p] = share * max(-trial.predicted_gap[p], 0.0) / (trial.gap_response * trial.delassus[p])
-
-
-@kernel("units", "a change of units")
-def tolerant(bound, trial, multiplier):
-    for p in range(multiplier.size):
-        overlap = max(1e-4 - trial.predicted_gap[p], 0.0)
-        multiplier[p] = overlap / (trial.gap_response * trial.delassus[p])
 
 
 @kernel("stored-and-dissipated", "neither stored", state=2, stored_in=0, dissipated_in=1)
@@ -352,18 +322,13 @@ class Verlet(Integrator):
         v += 0.5 * dt * kept[0]
 
 
-def stages(dt, time=1.0, end=(1.0, 1.0, 1.0), start=(1.0, 0.5, 0.5)):
-    """Return what the stage of velocity Verlet says of itself: time, `end` and `start` in units of the step."""
-    scale = np.array([dt, dt * dt, dt])
-    return Stages(times=(time,), end=(tuple(end * scale),), start=tuple(start * scale[: len(start)]))
+def stages(dt, time=1.0):
+    """Return what the stage of velocity Verlet says of itself."""
+    return Stages(times=(time,), end=((dt, dt * dt, dt),), start=(dt, 0.5 * dt * dt, 0.5 * dt))
 
 
 def scheme(name, check, said="", like=Predicting, **wrong):
     plant(name, check, said, like, **wrong)
-
-
-def staged(name, said, **wrong):
-    plant(name, "stages", said, Verlet, bind=lambda self, dt: stages(dt, **wrong))
 
 
 def half_a_step_behind(numbers, system, u, v, kept, dt):
@@ -390,8 +355,7 @@ scheme("rolls-dice", "no-hidden-state", "the second time", Verlet, step=staticme
 scheme("energy-claimed", "conserves", "it changes by", Verlet, conserves=("energy",))
 scheme("stable-claimed", "critical-courant", "grows", critical_courant=2.0)
 scheme("too-modest", "critical-courant", "is bounded", critical_courant=0.5)
-staged("loads-at-the-begin", "`times` puts stage 0 at 0", time=0.0)
-staged("end-five-times", "gives u + 0.37 v + 0.6845 a", end=(1.0, 5.0, 5.0))
+scheme("loads-at-the-begin", "stages", "`times` puts stage 0 at 0", Verlet, bind=lambda self, dt: stages(dt, 0.0))
 
 
 @dataclass(frozen=True)
@@ -463,13 +427,7 @@ def one_sided_inverse(self, element_mass, lumping):
     return coupled(element_mass, lumping, np.linspace(0.05, 0.1, element_mass.size) * element_mass)
 
 
-def leaning(self, element_mass, lumping):
-    nodal = lumped(element_mass, lumping, np.linspace(0.9, 1.1, lumping.nodes))
-    return nodal * element_mass.sum() / nodal.sum()
-
-
 plant("heavy", "total-mass", "have the mass", Lumped, nodal=lambda self, *given: 1.5 * lumped(*given))
-plant("leaning", "total-mass", "counted from the other end", Lumped, nodal=leaning)
 plant("one-sided-inverse", "inverse-mass", "counted from the other end", Lumped, inverse=one_sided_inverse)
 plant("never-finer", "mesh", "`element_count` is", Bar, mesh=lambda self, at, refine: Bar.mesh(self, at, 1))
 plant("at-the-origin", "mesh", "does not start", Bar, mesh=lambda self, at, refine: Bar.mesh(self, 0.0 * at, refine))
@@ -498,12 +456,6 @@ material("twice-the-energy", "stress-and-energy", "the slope of the energy", ene
 material("curved", "linear", "not proportional", stress=curved)
 
 
-def twice_the_shear(parameters, gradient):
-    xx, xy, yx, yy = gradient
-    mean, shear = parameters[0] * (xx + yy), parameters[1] * (xy + yx)
-    return mean + 2.0 * parameters[1] * xx, 2.0 * shear, shear, mean + 2.0 * parameters[1] * yy
-
-
 def holds_its_direction(parameters, gradient):
     xx, xy, yx, yy = gradient
     mean, shear, spin = parameters[0] * (xx + yy), parameters[1] * (xy + yx), 0.5 * parameters[1] * (xy - yx)
@@ -521,7 +473,6 @@ def overflows(parameters, gradient):
     return without_lateral(parameters, gradient, parameters[1] if large * large % 7 else 0.9 * parameters[1])
 
 
-material("twice-the-shear", "solid-stress", "the slope of the energy", stress_2d=twice_the_shear)
 material("holds-its-direction", "solid-stress", "does not turn with the body", stress_2d=holds_its_direction)
 material("waves-too-fast", "solid-stress", "`wave_modulus` is 0.5", wave_modulus=lambda self, plane: 0.5)
 material("overflows", "blocks", "the run in plain Python differs by", stress_2d=overflows)
@@ -567,24 +518,12 @@ element(
     "wrong-volume", "cells", "do not add up to its volume", QuadraticBarElement,
     volumes=lambda self, body: 0.5 * QuadraticBarElement.volumes(self, body),
 )  # fmt: skip
-element(
-    "lopsided", "cells", "the centre of mass", QuadraticBarElement,
-    mass_shares=lambda self, body: np.array([2.0, 1.0, 3.0]) / 6.0,
-)  # fmt: skip
 
 
 def half_across(rule, material, first, section, geometry, displacement, force):
     plane_forces(rule, material, first, section, geometry, displacement, force)
     for a in range(force.shape[0]):
         force[a, 1] *= 0.5
-
-
-def lost_slope(rule, material, first, section, geometry, displacement, force):
-    moved = displacement.copy()
-    moved[:, 1] *= 0.8
-    plane_forces(rule, material, first, section, geometry, moved, force)
-    for a in range(force.shape[0]):
-        force[a, 1] *= 0.8
 
 
 def mean_volumes(self, body):
@@ -595,7 +534,6 @@ def mean_volumes(self, body):
 
 element("half-across", "solid-forces", "minus the slope of the energy", Quad4, force=half_across)
 element("gains-energy", "blocks", "the balance of energy is open", Quad4, force=half_across)
-element("lost-slope", "solid-forces", "a rotation of the body gives a force", Quad4, force=lost_slope)
 element(
     "mean-volumes", "solid-forces", "it fails the patch test", Quad4,
     geometry=mean_volumes, volumes=lambda self, body: mean_volumes(self, body)[..., -1],
@@ -624,18 +562,12 @@ def top(mesh, choose):
     return mesh._replace(regions={**mesh.regions, "top": other})
 
 
-def sheared(mesh, at, refine):
-    middle = mesh.nodes[:, 1] * (0.5 - mesh.nodes[:, 1])
-    return mesh._replace(nodes=mesh.nodes + 40.0 * np.column_stack([middle, 0.0 * middle]))
-
-
 def with_a_node_more(mesh, at, refine):
     return mesh._replace(nodes=np.vstack([mesh.nodes, mesh.nodes[:1] + 0.1]))
 
 
 block("turned-inwards", "do not enclose its volume", lambda mesh, *_: top(mesh, lambda line: line[:, ::-1]))
 block("a-node-too-many", "belongs to no cell", with_a_node_more)
-block("slivers", "has an angle of", sheared)
 block(
     "wider-if-refined",
     "refinement moves",
@@ -690,16 +622,6 @@ def gains_momentum(first, second):
 def meets_from_afar(first, second):
     found = nodes_of(first, second)
     return found if found.gap.size else nodes_of(first, Wall(second.positions[0], second.normals[0]))
-
-
-@pairing("pairing", "of a surface covered by 0.48")
-def beyond_the_end(first, second):
-    """Stretch the second surface far beyond its ends, if it is the narrower one."""
-    if not isinstance(second, Surface) or second.areas.sum() > 0.9 * first.areas.sum():
-        return nodes_of(first, second)
-    positions = second.positions.copy()
-    positions[[0, -1]] += 9.0 * (positions[[0, -1]] - positions.mean(axis=0))
-    return nodes_of(first, second._replace(positions=positions))
 
 
 @pairing("pairing", "the slope of a gap")
