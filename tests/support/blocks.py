@@ -33,3 +33,10 @@ def impact(bodies, integrator, law, step=0.02, pairing=None, contacts=SEAM, end=
         "method": method | ({"pairing": pairing} if pairing else {}),
         "time": {"step": step, "end": end, "on_unstable": "warn"},
     }))  # fmt: skip
+
+
+def alone(body, wall=None, on="right", **more):
+    """Return a case of one body, perhaps at a wall; of one step, unless `time` says otherwise."""
+    contacts = {} if wall is None else {"w": {"body": f"a.{on}", "wall": wall}}
+    time = {"courant": 0.5, "steps": 1}
+    return percuss.load({"percuss": 1, "bodies": {"a": body}, "contacts": contacts, "time": time, **more})

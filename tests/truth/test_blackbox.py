@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from hypothesis import assume, event, given
-from test_stability import wall
+from test_stability import beside_another, wall
 
 import long_bars
 import percuss
@@ -27,9 +27,23 @@ from percuss.results.runner import timed_run
 from percuss.studies.columns import RowSettings, column_by_name
 from percuss.testing import Subject
 from percuss.testing.demands.contacts import impact
-from strategies import INVISCID, LAWS, LEAPFROG, PAIRS, PLAIN_PAIRS, REGISTRY, each_pair, hunek, rows, with_pair
+from strategies import (
+    CD,
+    INVISCID,
+    LAWS,
+    LEAPFROG,
+    PAIRS,
+    PLAIN_PAIRS,
+    REGISTRY,
+    WU,
+    bar,
+    case_of,
+    each_pair,
+    hunek,
+    rows,
+    with_pair,
+)  # fmt: skip
 
-WU, CD = "wu-predictor-corrector", "central-difference"
 LONG = 36  # 2**36 steps
 
 
@@ -82,11 +96,7 @@ def after(matrix, squarings=LONG):
 
 @pytest.mark.parametrize("integrator", [WU, CD])
 def test_unlike_bars_have_a_closed_form_too(integrator):
-    case = wall(3.0, 2.0, integrator)
-    case["bodies"]["c"] = {
-        "bar": {"length": 1.0, "elements": 80}, "at": -1.0, "area": 2.0, "material": {"young": 3.0, "density": 2.0},
-    }  # fmt: skip
-    case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
+    case = beside_another(wall(3.0, 2.0, integrator))
     sides = [(3.0 * 2.0 * 80, math.sqrt(2.0 / 3.0) / 80), (60.0, 1.0 / 60)]  # EA/h and h/c
     stiffness, frequency = 3.0 * 60.0, 2.0 / max(h_over_c for _, h_over_c in sides)
     inertia = stiffness / (2.0 * frequency**2)
@@ -98,26 +108,16 @@ def test_unlike_bars_have_a_closed_form_too(integrator):
 def three_bars(integrator, direction):
     """Three unlike bars in a row against a wall, along `direction`; 3-4-5 so that ends meet to the last digit."""
     unit = np.array(direction) / 5.0
-    start, bodies = np.zeros(len(direction)), {}
+    bodies = {}
     for k, name in enumerate("abc"):
-        bodies[name] = {
-            "bar": {"length": 5.0, "elements": 3 + k, "direction": direction},
-            "at": [float(x) for x in start],
-            "material": {"young": 10.0 * (k + 1), "density": 0.5 + k},
-            "area": 1.0 + 0.5 * k,
-        }
-        start = start + 5.0 * unit
+        material = {"young": 10.0 * (k + 1), "density": 0.5 + k}
+        at = (5.0 * k * unit).tolist()
+        bodies[name] = bar(5.0, 3 + k, at, 0.0, material, 1.0 + 0.5 * k, direction=direction)
     contacts = {"ab": {"between": ["a.right", "b.left"]}, "bc": {"between": ["b.right", "c.left"]}}
     contacts["wall"] = {"body": "a.left", "wall": [0.0] * len(direction)}
     law = {"name": "bipenalty", "beta_s": 3.0, "ratio": 2.0}
-    method = {"integrator": integrator, "contact": law}
-    return {
-        "percuss": 1,
-        "bodies": bodies,
-        "contacts": contacts,
-        "method": method,
-        "time": {"steps": 1, "courant": 0.6},
-    }
+    case = case_of(bodies, contacts, {"steps": 1, "courant": 0.6})
+    return {**case, "method": {"integrator": integrator, "contact": law}}
 
 
 @pytest.mark.parametrize("direction", [[5.0], [3.0, 4.0], [0.0, -3.0, 4.0]])
@@ -243,14 +243,10 @@ def test_of_many_contacts_none_and_all_are_closed(monkeypatch):
 
     monkeypatch.setattr(black_box, "examine", noted)
     count = MOST_ALONE + 1
-    bar = {"bar": {"length": 1.0, "elements": 2}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
-    case = {
-        "percuss": 1,
-        "bodies": {f"b{k}": {**bar, "at": float(k)} for k in range(count + 1)},
-        "contacts": {f"c{k}": {"between": [f"b{k}.right", f"b{k + 1}.left"]} for k in range(count)},
-        "method": {"integrator": "noh-bathe", "contact": "lagrange"},
-        "time": {"courant": 0.5, "steps": 2},
-    }
+    bars = {f"b{k}": bar(1.0, 2, float(k)) for k in range(count + 1)}
+    contacts = {f"c{k}": {"between": [f"b{k}.right", f"b{k + 1}.left"]} for k in range(count)}
+    case = case_of(bars, contacts, {"courant": 0.5, "steps": 2})
+    case["method"] = {"integrator": "noh-bathe", "contact": "lagrange"}
     found = certificate(made(case))
     assert found["stable"] == "unknown"
     assert "growth with no contact and all of its contacts closed was looked for" in found["why"]
@@ -332,12 +328,9 @@ def limit_of(case, judge_class=linear_laws):
 
 
 def unlike_pair(integrator):
-    case = wall(40.0, 5.0, integrator)
-    case["bodies"]["b"]["bar"]["elements"] = 10
-    case["bodies"]["c"] = {
-        "bar": {"length": 1.0, "elements": 12}, "at": -1.0, "area": 2.0, "material": {"young": 3.0, "density": 2.0},
-    }  # fmt: skip
-    case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
+    case = beside_another(wall(40.0, 5.0, integrator))
+    for name, count in (("b", 10), ("c", 12)):
+        case["bodies"][name]["bar"]["elements"] = count
     return case
 
 
@@ -453,14 +446,10 @@ class Crushing(percuss.ContactLaw):
 @pytest.mark.parametrize("courant", [0.55, 0.3, 0.1, 0.01])
 @pytest.mark.parametrize("turned", [False, True])
 def test_what_is_said_of_a_law_that_yields_hangs_neither_on_the_step_nor_on_the_orientation(courant, turned):
-    bar = {"length": 2.47, "elements": 4} | ({"direction": [3, -4]} if turned else {})
-    body = {"bar": bar, "material": {"young": 143.38, "density": 0.1}, "area": 0.51, "velocity": 0.77}
-    case = {
-        "percuss": 1,
-        "bodies": {"a": body},
-        "contacts": {"stop": {"body": "a.right", "wall": [1.494, -1.992] if turned else 2.49}},
-        "time": {"steps": 10, "courant": courant},
-    }
+    line = {"direction": [3, -4]} if turned else {}
+    body = bar(2.47, 4, [0.0, 0.0] if turned else 0.0, 0.77, {"young": 143.38, "density": 0.1}, 0.51, **line)
+    stop = {"body": "a.right", "wall": [1.494, -1.992] if turned else 2.49}
+    case = case_of({"a": body}, {"stop": stop}, {"steps": 10, "courant": courant})
 
     def said(beta_s):
         method = {"integrator": CD, "contact": {"name": "crushing", "beta_s": beta_s}}

@@ -12,7 +12,9 @@ from amplification import CD, NOH_BATHE, WU, Bodies, largest_radius, radius
 from percuss.certificate.black_box import SEARCH_TOLERANCE
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
+from strategies import bar, case_of
 
+UNIT = {"young": 1.0, "density": 1.0}
 GROWS = 1e-6  # a defective eigenvalue at 1 (a rigid motion) is computed to some 1e-7
 
 
@@ -39,12 +41,9 @@ def joints(draw):
     count = draw(st.integers(1, 3))
     bodies, contacts, loads = {}, {}, {}
     for k in range(count + 1):
-        bodies[f"b{k}"] = {
-            "bar": {"length": 1.0, "elements": draw(st.integers(1, 4))},
-            "at": 0.0 if k else -1.0,
-            "area": draw(number(0.3, 3.0)),
-            "material": {"young": draw(number(0.3, 3.0)), "density": draw(number(0.3, 3.0))},
-        }
+        material = {"young": draw(number(0.3, 3.0)), "density": draw(number(0.3, 3.0))}
+        elements, area = draw(st.integers(1, 4)), draw(number(0.3, 3.0))
+        bodies[f"b{k}"] = bar(1.0, elements, 0.0 if k else -1.0, 0.0, material, area)
         far = "right" if k else "left"
         if draw(st.integers(0, 3)) == 0:
             bodies[f"b{k}"]["fixed"] = [far]
@@ -61,14 +60,8 @@ def joints(draw):
         end = draw(st.sampled_from(["b0.right", *(f"b{k}.left" for k in range(1, count + 1))]))
         window = draw(st.sampled_from([{"until": 6.0}, {"from": 3.0}, {"from": 3.0, "until": 6.0}]))
         loads["drive"] = {"prescribed-velocity": 0.0, "on": end, **window}
-    return {
-        "percuss": 1,
-        "bodies": bodies,
-        "contacts": contacts,
-        "loads": loads,
-        "method": {"integrator": CD, "contact": "lagrange"},
-        "time": {"end": 10.0, "courant": 0.5},
-    }
+    case = case_of(bodies, contacts, {"end": 10.0, "courant": 0.5}, loads)
+    return {**case, "method": {"integrator": CD, "contact": "lagrange"}}
 
 
 def loaded(case):
@@ -136,24 +129,19 @@ def test_the_critical_step_is_tight_and_its_contacts_limit_it(integrator, case):
             assert spared <= 1.0 + GROWS, (found["why"], fewer)
 
 
+def two_bars(contacts, integrator, time, law="penalty"):
+    """Return a case of two equal bars that touch."""
+    bars = {name: bar(1.0, 10, at, 0.0, UNIT) for name, at in (("a", 0.0), ("b", 1.0))}
+    return {**case_of(bars, contacts, time), "method": {"integrator": integrator, "contact": law}}
+
+
 def test_a_part_of_a_group_with_penalty_masses_is_worse_than_the_whole():
     """Two contacts on one end: the heavy one, closed, calms the other; open, it does not."""
-    bar = {"bar": {"length": 1.0, "elements": 10}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
     contacts = {
         "joint": {"between": ["a.right", "b.left"], "method": {"name": "penalty", "epsilon_s": 15.0}},
-        "stop": {
-            "body": "a.right",
-            "wall": 1.5,
-            "method": {"name": "bipenalty", "epsilon_s": 1.0, "epsilon_m": 50.0},
-        },
+        "stop": {"body": "a.right", "wall": 1.5, "method": {"name": "bipenalty", "epsilon_s": 1.0, "epsilon_m": 50.0}},
     }
-    case = {
-        "percuss": 1,
-        "bodies": {"a": bar, "b": {**bar, "at": 1.0}},
-        "contacts": contacts,
-        "method": {"integrator": WU, "contact": "penalty"},
-        "time": {"end": 100.0, "courant": 0.5},
-    }
+    case = two_bars(contacts, WU, {"end": 100.0, "courant": 0.5})
     both = certificate(loaded(case))
     del contacts["stop"]
     alone = certificate(loaded(case))
@@ -189,15 +177,10 @@ def test_unequal_contacts_on_one_end_can_grow_at_any_theta():
 
 
 def test_the_stretch_in_which_a_drive_has_let_go_is_told_with_its_time():
-    bar = {"bar": {"length": 1.0, "elements": 10}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
-    case = {
-        "percuss": 1,
-        "bodies": {"a": bar, "b": {**bar, "at": 1.0}},
-        "contacts": {"c": {"between": ["a.right", "b.left"]}},
-        "loads": {"hold": {"prescribed-velocity": 0, "on": "b.left", "until": 6.01}},
-        "method": {"integrator": WU, "contact": {"name": "penalty", "beta_s": 1.9}},
-        "time": {"end": 60.0, "courant": 0.5},
-    }
+    hold = {"hold": {"prescribed-velocity": 0, "on": "b.left", "until": 6.01}}
+    law = {"name": "penalty", "beta_s": 1.9}
+    seam = {"c": {"between": ["a.right", "b.left"]}}
+    case = two_bars(seam, WU, {"end": 60.0, "courant": 0.5}, law) | {"loads": hold}
     found = certificate(loaded(case))
     # s = 1/m while b.left is held, 2/m behind it: theta = 2 C^2 beta_s and 4 C^2 beta_s
     assert found["theta"] == pytest.approx(1.9, rel=1e-12)
@@ -211,21 +194,12 @@ def test_the_stretch_in_which_a_drive_has_let_go_is_told_with_its_time():
 
 
 def test_the_contact_that_limits_the_step_is_the_one_that_is_named():
-    bar = {"bar": {"length": 1.0, "elements": 10}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
-    case = {
-        "percuss": 1,
-        "bodies": {"a": bar, "b": {**bar, "at": 1.0}},
-        "contacts": {
-            "soft": {"between": ["a.right", "b.left"], "method": {"name": "penalty", "epsilon_s": 1e-9}},
-            "hard": {
-                "body": "b.right",
-                "wall": 2.0,
-                "method": {"name": "bipenalty", "epsilon_s": 100.0, "epsilon_m": 0.1},
-            },
-        },
-        "method": {"integrator": CD, "contact": "penalty"},
-        "time": {"end": 1.0, "step": 0.03},
+    hard = {"name": "bipenalty", "epsilon_s": 100.0, "epsilon_m": 0.1}
+    contacts = {
+        "soft": {"between": ["a.right", "b.left"], "method": {"name": "penalty", "epsilon_s": 1e-9}},
+        "hard": {"body": "b.right", "wall": 2.0, "method": hard},
     }
+    case = two_bars(contacts, CD, {"end": 1.0, "step": 0.03})
     assert certificate(loaded(case))["worst"] == ["hard"]
 
 
@@ -233,24 +207,14 @@ def tied_bars(*elements, walls=(), star=False, more=None):
     """Bars in a row, or all at the right end of the first one, tied throughout, and to walls; `more` is a contact."""
     bodies, contacts, at = {}, {}, 0.0
     for k, count in enumerate(elements):
-        bodies[f"b{k}"] = {
-            "bar": {"length": 0.5 * (1 + k % 2), "elements": count},
-            "at": at,
-            "area": 1.0,
-            "material": {"young": 1.0, "density": 1.0},
-        }
+        bodies[f"b{k}"] = bar(0.5 * (1 + k % 2), count, at, 0.0, UNIT)
         if k:
             contacts[f"c{k}"] = {"between": ["b0.right" if star else f"b{k - 1}.right", f"b{k}.left"], "method": "tied"}
         at = at if star and k else at + bodies[f"b{k}"]["bar"]["length"]
     for name, wall in walls:
         contacts["wall_" + name.replace(".", "_")] = {"body": name, "wall": wall, "method": "tied"}
-    return {
-        "percuss": 1,
-        "bodies": bodies,
-        "contacts": contacts | (more or {}),
-        "method": {"integrator": CD, "contact": "lagrange"},
-        "time": {"end": 10.0, "courant": 1.0},
-    }
+    case = case_of(bodies, contacts | (more or {}), {"end": 10.0, "courant": 1.0})
+    return {**case, "method": {"integrator": CD, "contact": "lagrange"}}
 
 
 TIED = {

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.linalg import eigh
 
 import percuss
-from dense import assemble
+from dense import System, assemble
 from percuss import Lumping
 from percuss.certificate.waves import waves
 from percuss.march.model_of_case import model_of
@@ -91,27 +91,15 @@ def closing(matrix, right, sigma):
 
 def march(case, to):
     """March a row of bars with full matrices; return the forces, the gaps and the displacements of all steps."""
-    bars = assemble(case)
+    system, law = System(case), case["method"]["contact"]
+    bars, N, g0, held = system.bars, system.N, system.g0, system.driven
     mass, empty = redistributed(bars, case, to)
-    count, total = len(case["contacts"]), mass.size
+    count, total, force = len(case["contacts"]), mass.size, system.force(0.0)
     full = np.setdiff1d(np.arange(total), empty)
-    N, g0, sigma, explicit = np.zeros((total, count)), np.zeros(count), np.zeros(count), np.zeros(count, dtype=bool)
-    law = case["method"]["contact"]
-    for k, one in enumerate(case["contacts"].values()):
-        ends = one.get("between", [one.get("body")])
-        here = bars.node(ends[0])
-        N[here, k], g0[k] = -1.0, one.get("wall", 0.0) - bars.x[here]
-        if len(ends) == 2:
-            N[bars.node(ends[1]), k], g0[k] = 1.0, bars.x[bars.node(ends[1])] - bars.x[here]
-        g0[k] = 0.0 if abs(g0[k]) < 1e-12 else g0[k]
-        if law["name"] != "lagrange":
-            softer = min(bars.end(end)[0] for end in ends)
-            sigma[k] = 1.0 / law["epsilon_s"] if "epsilon_s" in law else 1.0 / (law["beta_s"] * softer)
-        explicit[k] = law["name"] == "penalty"
-    held = [bars.node(f"{name}.{end}") for name, body in case["bodies"].items() for end in body.get("fixed", ())]
-    force = np.zeros(total)
-    for load in case.get("loads", {}).values():
-        force[bars.node(load["on"])] += load["constant"]
+    explicit, sigma = np.full(count, law["name"] == "penalty"), np.zeros(count)
+    if law["name"] != "lagrange":
+        softer = [min(bars.end(end)[0] for end in ends) for ends in system.ends]
+        sigma = 1.0 / np.array([law["epsilon_s"] if "epsilon_s" in law else law["beta_s"] * one for one in softer])
     balanced = np.array([bool(np.abs(N[empty, k]).any()) for k in range(count)], dtype=bool)
     yielding = np.linalg.inv(bars.K[np.ix_(empty, empty)]) if empty else np.zeros((0, 0))
     inverse = np.zeros(total)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, event, given
 from test_blackbox import CD, ROW_PAIRS, WU, wall
+from test_stability import beside_another
 
 import long_bars
 import percuss
@@ -214,11 +215,7 @@ def test_waves_that_fade_are_no_harmonics():
 
 
 def test_unlike_bars_keep_the_energy_of_waves():
-    case = wall(2.0, 2.0)
-    case["bodies"]["c"] = {
-        "bar": {"length": 1.0, "elements": 80}, "at": -1.0, "area": 2.0, "material": {"young": 3.0, "density": 2.0},
-    }  # fmt: skip
-    case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
+    case = beside_another(wall(2.0, 2.0))
     found = waves(model_of(percuss.load(case)))
     inside = found.frequency * 80 * math.sqrt(1.5) / 60 < 2.0  # of the other bar
     assert np.abs(found.kept - 1).max() < 1e-9

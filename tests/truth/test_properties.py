@@ -82,7 +82,7 @@ def never_stopped(case, stopped):
 def test_momentum_and_energy_are_accounted_for(pair, case):
     result = finished(with_pair(case, pair), certify=verdict.unasked)
     assert result.summary["momentum"]["error"] <= 1e-12
-    if pair[0] in LEAPFROG:  # of others see test_stages
+    if pair[0] in LEAPFROG:  # of others see test_schemes
         assert result.summary["energy"]["ledger_error"] <= 1e-12
 
 
@@ -230,33 +230,11 @@ def turned(case, direction):
 @given(
     case=rows(),
     pair=SOME_PAIR,
-    direction=st.lists(st.integers(-3, 3), min_size=2, max_size=3).filter(any),
+    direction=st.just([-1]) | st.lists(st.integers(-3, 3), min_size=2, max_size=3).filter(any),
 )
-def test_nothing_changes_under_rotation(case, pair, direction):
+def test_nothing_changes_under_rotation_or_in_a_mirror(case, pair, direction):
     case = with_pair(case, pair)
     same(case, finished(case), finished(turned(case, direction)))
-
-
-def mirrored(case):
-    """Return the case seen from the other side: every bar is turned round, its left end stays the left end."""
-    out = copy.deepcopy(case)
-    for one in out["bodies"].values():
-        one["at"] *= -1.0
-        one["bar"]["direction"] = [-1.0]
-    for one in out["contacts"].values():
-        if "wall" in one:
-            one["wall"] *= -1.0
-    for one in out["loads"].values():
-        if "gravity" in one:
-            value = one["gravity"]["value"]
-            one["gravity"] = {"value": -(value if isinstance(value, float | int) else value[0])}
-    return out
-
-
-@given(case=rows(), pair=SOME_PAIR)
-def test_nothing_changes_in_a_mirror(case, pair):
-    case = with_pair(case, pair)
-    same(case, finished(case), finished(mirrored(case)))
 
 
 @given(case=rows(), pair=SOME_PAIR)
@@ -287,21 +265,14 @@ def test_nothing_changes_with_the_ends_of_every_bar_swapped(case, pair):
 
 
 @given(case=rows(), pair=SOME_PAIR)
-def test_nothing_changes_with_the_order_of_bodies_and_sides(case, pair):
+def test_nothing_changes_with_the_order_of_bodies_sides_and_contacts(case, pair):
     case = with_pair(case, pair)
     out = copy.deepcopy(case)
     out["bodies"] = dict(reversed(out["bodies"].items()))
+    out["contacts"] = dict(reversed(out["contacts"].items()))
     for one in out["contacts"].values():
         if "between" in one:
             one["between"].reverse()
-    same(case, finished(case), finished(out))
-
-
-@given(case=rows(), pair=SOME_PAIR)
-def test_the_order_of_contacts_does_not_matter(case, pair):
-    case = with_pair(case, pair)
-    out = copy.deepcopy(case)
-    out["contacts"] = dict(reversed(out["contacts"].items()))
     base, other = finished(case), finished(out)
     for name in ("contact_force", "gap", "contact_force_end"):
         if name in other.arrays:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import percuss
-from blocks import bar, block, impact
+from blocks import alone, bar, block, impact
 from percuss.certificate.verdict import certificate
 from percuss.contact.laws import parameters
 from percuss.march.march import March
@@ -30,12 +30,12 @@ def test_triangles_tend_to_the_bar_with_the_first_order(pairing):
     assert np.array(errors[1:]) / errors[:-1] == pytest.approx([0.5, 0.5], rel=0.03)
 
 
+HUNDRED = {"time": {"step": 0.02, "steps": 100}, "record": {"probes": ["a.right", "a.left"]}}
+
+
 def pushed(load, cells="quad4", **more):
-    case = {
-        "percuss": 1, "bodies": {"a": block(0.0, 0.0, [20, 4], 0.0, cells, thickness=0.5, **more)},
-        "loads": {"push": load}, "time": {"step": 0.02, "steps": 100}, "record": {"probes": ["a.right", "a.left"]},
-    }  # fmt: skip
-    return percuss.run(percuss.load(case))
+    body = block(0.0, 0.0, [20, 4], 0.0, cells, thickness=0.5, **more)
+    return percuss.run(alone(body, loads={"push": load}, **HUNDRED))
 
 
 @pytest.mark.parametrize("cells", ["quad4", "tri3"])
@@ -49,15 +49,10 @@ def test_pressure_traction_and_force_on_an_edge_are_the_same_load(cells):
 
 
 def test_pressure_on_an_edge_is_that_on_the_end_of_a_bar():
-    found = pushed({"constant": 3.0, "on": "a.right", "as": "pressure"})
-    body = {"bar": {"length": 1.0, "elements": 20}, "area": 0.1, "material": {"young": 1.0, "density": 1.0}}
-    case = {
-        "percuss": 1, "bodies": {"a": body}, "loads": {"push": {"constant": 3.0, "on": "a.right", "as": "pressure"}},
-        "time": {"step": 0.02, "steps": 100}, "record": {"probes": ["a.right", "a.left"]},
-    }  # fmt: skip
-    bar = percuss.run(percuss.load(case))
-    assert bar.exact is not None
-    u, of_bar = found.arrays["displacement"], bar.arrays["displacement"]
+    load = {"constant": 3.0, "on": "a.right", "as": "pressure"}
+    found, line = pushed(load), percuss.run(alone(bar(0.0, 0.0, area=0.1), loads={"push": load}, **HUNDRED))
+    assert line.exact is not None
+    u, of_bar = found.arrays["displacement"], line.arrays["displacement"]
     assert of_bar.min() < -1.0
     assert np.abs(u[..., 0] - of_bar[..., 0]).max() < 1e-12 * np.abs(of_bar).max()
 
@@ -73,12 +68,9 @@ def test_a_block_that_is_turned_is_the_block_in_that_direction():
     """A quarter of a turn about the middle, with speed, support and contact turned as well."""
     forces = []
     turned = {"angle": 90.0, "at": [-0.4, 0.4], "velocity": [0.0, 0.5]}
-    for body, region, wall in (({}, "right", [1.1, 0.0]), (turned, "right", [0.0, 1.1])):
-        case = {
-            "percuss": 1, "bodies": {"a": {**block(0.0, 0.5, [20, 4], 0.3, "tri3"), **body}},
-            "contacts": {"w": {"body": f"a.{region}", "wall": wall}}, "time": {"courant": 0.5, "end": 2.5},
-        }  # fmt: skip
-        forces.append(percuss.run(percuss.load(case)).arrays["contact_force"])
+    for body, wall in (({}, [1.1, 0.0]), (turned, [0.0, 1.1])):
+        case = alone({**block(0.0, 0.5, [20, 4], 0.3, "tri3"), **body}, wall, time={"courant": 0.5, "end": 2.5})
+        forces.append(percuss.run(case).arrays["contact_force"])
     assert forces[0].max() > 0.05
     assert np.abs(forces[0] - forces[1]).max() < 1e-10 * forces[0].max()
 
@@ -86,9 +78,8 @@ def test_a_block_that_is_turned_is_the_block_in_that_direction():
 @pytest.mark.parametrize("cells", ["quad4", "tri3"])
 def test_spin_turns_a_body_about_its_centre_of_mass(cells):
     body = {**block(0.0, 0.0, [20, 4], 0.3, cells), "spin": 0.01, "angle": 30.0, "velocity": [0.2, -0.1]}
-    case = {"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 20}}
-    model = model_of(percuss.load(case))
-    result = percuss.run(percuss.load(case))
+    case = alone(body, time={"courant": 0.5, "steps": 20})
+    model, result = model_of(case), percuss.run(case)
     mass, nodes = model.bodies.mass, model.bodies["a"].mesh.nodes
     arm = nodes - mass @ nodes / mass.sum()
     turning = 0.5 * 0.01**2 * float(mass @ (arm**2).sum(axis=1))
@@ -157,7 +148,7 @@ def mean_place(nodes, mass):
 def test_a_body_of_small_strains_that_turns_is_warned_of(end, warned):
     """It becomes longer by 1/cos of the angle of a real body: sqrt(1 + angle^2)."""
     body = {**block(0.0, 0.0, [10, 4], 0.3), "spin": 0.03}
-    case = percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "end": end}})
+    case = alone(body, time={"courant": 0.5, "end": end})
     said = "Its turn of 0.12 rad is seen as a stretch of 0.72 %: the result is wrong."
     result = percuss.run(case)
     assert any(said in note for note in result.summary["notes"]) is warned
@@ -197,16 +188,11 @@ def test_cells_that_are_turned_inside_out_are_told(shape):
 def test_a_probe_at_a_point_moves_as_its_cell(cells):
     """On a node its motion, elsewhere a mean of those around, at the middle of the edge that of both its nodes."""
     body = {**block(0.0, 0.5, [10, 2], 0.3, cells), "angle": 10.0}
-    model = model_of(percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}}))
-    nodes = model.bodies["a"].mesh.nodes
+    nodes = model_of(alone(body)).bodies["a"].mesh.nodes
     spots = [nodes[7], 0.5 * (nodes[7] + nodes[10]), nodes[[7, 8, 11, 10]].mean(axis=0)]
-    case = {
-        "percuss": 1, "bodies": {"a": body}, "contacts": {"w": {"body": "a.right", "wall": [1.01, 0.1]}},
-        "time": {"courant": 0.5, "end": 1.0},
-        "record": {"probes": ["a.left", *({"body": "a", "at": spot.tolist()} for spot in spots)]},
-    }  # fmt: skip
-    march = March(model_of(percuss.load(case)))
-    outcome = march.run()
+    probes = ["a.left", *({"body": "a", "at": spot.tolist()} for spot in spots)]
+    case = alone(body, [1.01, 0.1], time={"courant": 0.5, "end": 1.0}, record={"probes": probes})
+    outcome = March(model_of(case)).run()
     u = outcome.final_displacement.reshape(-1, 2)
     middle = u[[7, 8, 11, 10]].mean(axis=0) if cells == "quad4" else 0.5 * (u[7] + u[11])
     found = outcome.record.displacement[outcome.records - 1].reshape(-1, 2)
@@ -215,19 +201,15 @@ def test_a_probe_at_a_point_moves_as_its_cell(cells):
 
 
 def test_a_probe_of_a_bar_is_between_its_nodes():
-    body = {"bar": {"length": 1.0, "elements": 99}, "area": 0.2, "material": {"young": 1.0, "density": 1.0}}
     spots = [{"body": "a", "at": [x]} for x in (0.0, 0.3, 1.0)]
-    case = {
-        "percuss": 1, "bodies": {"a": {**body, "velocity": 0.5}}, "contacts": {"w": {"body": "a.right", "wall": 1.1}},
-        "method": {"contact": "lagrange"}, "time": {"courant": 1, "end": 1.5},
-        "record": {"probes": ["a.left", "a.right", *spots]},
-    }  # fmt: skip
-    result = percuss.run(percuss.load(case))
+    more = {"method": {"contact": "lagrange"}, "record": {"probes": ["a.left", "a.right", *spots]}}
+    case = alone(bar(0.0, 0.5, 99), 1.1, time={"courant": 1, "end": 1.5}, **more)
+    result = percuss.run(case)
     left, right, *others = result.arrays["displacement"][..., 0].T
     assert np.array_equal(others[0], left)
     assert np.array_equal(others[2], right)
     assert list(result.coordinates["probe"])[2:] == ["a@0", "a@0.3", "a@1"]
-    exact = run_exact(percuss.load(case)).arrays["displacement"][-1, :, 0]
+    exact = run_exact(case).arrays["displacement"][-1, :, 0]
     assert exact == pytest.approx(result.arrays["displacement"][-1, :, 0], abs=0.011)
     assert not np.array_equal(others[1], left)
 
@@ -236,8 +218,7 @@ def test_a_probe_of_a_bar_is_between_its_nodes():
     ("poisson", "plane", "warned"), [(0.44, "strain", False), (0.46, "strain", True), (0.49, "stress", False)]
 )
 def test_a_run_warns_where_cells_lock(poisson, plane, warned):
-    body = {**block(0.0, 0.1, [4, 2], poisson), "plane": plane}
-    case = percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}})
+    case = alone({**block(0.0, 0.1, [4, 2], poisson), "plane": plane})
     said = "body 'a' is almost incompressible, where quad4 locks: it is too stiff"
     assert (said in percuss.run(case).summary["notes"]) is warned
     assert (said in str(percuss.check(case))) is warned
@@ -261,7 +242,7 @@ def test_a_run_warns_where_cells_lock(poisson, plane, warned):
 def test_a_run_warns_of_long_cells_of_slender_bodies(body, warned):
     """What it says is no more than what a cantilever shows: see the test of a slender beam of one-point elements."""
     body = {"at": [0.0] * len(body["block"]["size"]), "material": {"young": 1.0, "density": 1.0, "poisson": 0.0}} | body
-    case = percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}})
+    case = alone(body)
     notes = [note for note in percuss.run(case).summary["notes"] if "slender" in note]
     assert [warned in note for note in notes] == ([True] if warned else [])
     assert ("slender" in str(percuss.check(case))) is bool(warned)
@@ -269,30 +250,18 @@ def test_a_run_warns_of_long_cells_of_slender_bodies(body, warned):
 
 def test_a_wall_has_a_point_and_a_normal():
     """The three ways to give a wall are the same wall; one that is turned is turned with the body."""
-    forces = []
-    for wall in (1.1, [1.1, 0.0], {"point": [1.1, 7.0], "normal": [-2.0, 0.0]}):
-        case = {
-            "percuss": 1, "bodies": {"a": block(0.0, 0.5, [20, 4], 0.3)},
-            "contacts": {"w": {"body": "a.right", "wall": wall}}, "time": {"courant": 0.5, "end": 2.5},
-        }  # fmt: skip
-        forces.append(percuss.run(percuss.load(case)).arrays["contact_force"])
+
+    def force(body, wall):
+        return percuss.run(alone(body, wall, time={"courant": 0.5, "end": 2.5})).arrays["contact_force"]
+
+    body, line = block(0.0, 0.5, [20, 4], 0.3), {**bar(0.0, 0.5), "at": [0.0, 0.0]}
+    forces = [force(body, wall) for wall in (1.1, [1.1, 0.0], {"point": [1.1, 7.0], "normal": [-2.0, 0.0]})]
     assert forces[0].max() > 0.05
     assert np.array_equal(forces[0], forces[1])
     assert np.array_equal(forces[0], forces[2])
-    body = {"bar": {"length": 1.0, "elements": 20}, "area": 0.2, "material": {"young": 1.0, "density": 1.0}}
-    bar = {
-        "percuss": 1, "bodies": {"a": {**body, "at": [0.0, 0.0], "velocity": 0.5}},
-        "time": {"courant": 0.5, "end": 2.5},
-    }  # fmt: skip
-    walls = ([1.1, 0.0], {"point": [1.1, 0.0], "normal": [-3.0, 0.0]})
-    forces = [
-        percuss.run(percuss.load({**bar, "contacts": {"w": {"body": "a.right", "wall": wall}}})).arrays["contact_force"]
-        for wall in walls
-    ]
-    assert np.array_equal(*forces)
-    wrong = {"contacts": {"w": {"body": "a.right", "wall": {"point": [1.1, 0.0], "normal": [1, 1]}}}}
+    assert np.array_equal(force(line, [1.1, 0.0]), force(line, {"point": [1.1, 0.0], "normal": [-3.0, 0.0]}))
     with pytest.raises(percuss.InputError, match="expected a wall across the bar, found one of the normal"):
-        model_of(percuss.load({**bar, **wrong}))
+        model_of(alone(line, {"point": [1.1, 0.0], "normal": [1, 1]}))
 
 
 def test_methods_that_a_case_leaves_out_are_those_of_solids():
@@ -309,11 +278,8 @@ def test_methods_that_a_case_leaves_out_are_those_of_solids():
 def test_a_load_on_an_edge_is_spread_and_a_support_holds_it():
     body = block(0.0, 0.0, [10, 3], 0.3, fixed=["left"])
     loads = {"pull": {"constant": 0.01, "on": "a.right", "direction": [1.0, 0.0]}}
-    case = {
-        "percuss": 1, "bodies": {"a": body}, "loads": loads, "time": {"courant": 0.5, "end": 3.0},
-        "record": {"probes": ["a.right", "a.left"]},
-    }  # fmt: skip
-    result = percuss.run(percuss.load(case))
+    time = {"courant": 0.5, "end": 3.0}
+    result = percuss.run(alone(body, loads=loads, time=time, record={"probes": ["a.right", "a.left"]}))
     assert result.summary["energy"]["ledger_closed"]
     assert result.summary["momentum"]["balanced"]
     pulled, held = result.arrays["displacement"].transpose(1, 0, 2)
@@ -327,8 +293,7 @@ def test_a_load_on_an_edge_is_spread_and_a_support_holds_it():
 @pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points", "mortar"])
 def test_automatic_stiffness_of_a_strip_is_that_of_its_bar(integrator, pairing):
     pair = {"left": block(0.0, 0.5, [20, 4]), "right": block(1.0, -0.5, [20, 4])}
-    bar = {"bar": {"length": 1.0, "elements": 20}, "area": 0.2, "material": {"young": 1.0, "density": 1.0}}
-    ends = {"left": {**bar, "velocity": 0.5}, "right": {**bar, "at": 1.0, "velocity": -0.5}}
+    ends = {"left": bar(0.0, 0.5), "right": bar(1.0, -0.5)}
     found = []
     for bodies in (pair, ends):
         method = {"integrator": integrator, "contact": {"name": "penalty", "beta_s": "auto"}, "pairing": pairing}

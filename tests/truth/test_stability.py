@@ -46,6 +46,18 @@ def wall(beta, ratio, integrator="central-difference", courant=0.5):
     }
 
 
+def beside_another(case):
+    """Return a case of `wall` with the wall replaced by an unlike, finer bar."""
+    other = {
+        "bar": {"length": 1.0, "elements": 80},
+        "at": -1.0,
+        "area": 2.0,
+        "material": {"young": 3.0, "density": 2.0},
+    }
+    bodies = case["bodies"] | {"c": other}
+    return case | {"bodies": bodies, "contacts": {"w": {"between": ["c.right", "b.left"]}}}
+
+
 def certified(case):
     return certificate(model_of(percuss.load(case)))
 

@@ -15,7 +15,6 @@ from percuss.reporting.tables import show
 from percuss.reporting.terminal import result_lines
 from percuss.results import runner, true_error
 from percuss.results.exact import exact_solution
-from percuss.results.exact_only import run_exact
 from percuss.results.summary import ContactErrors
 from percuss.results.verify import verify
 from percuss.studies.columns import column_by_name
@@ -226,14 +225,6 @@ def test_a_smooth_pulse_shows_second_order():
         assert math.log2(two / four) == pytest.approx(2.0, abs=0.3), name
 
 
-def test_a_run_reports_the_solution_it_was_judged_by():
-    exact = run(hunek(n=10)).summary["exact"]
-    assert exact["solution"] == "bars-in-a-row"
-    assert exact["reached"] >= 0.8
-    assert exact["fronts"] == 12
-    assert errors(run(hunek(n=10)))["closed"] == [pytest.approx([0.0, 0.2]), pytest.approx([0.4, 0.6])]
-
-
 def test_a_sparse_record_has_no_errors_of_the_force_and_says_so():
     case = hunek(n=10)
     case["record"]["every"] = 4
@@ -243,13 +234,6 @@ def test_a_sparse_record_has_no_errors_of_the_force_and_says_so():
     assert "opening_error" in FORCE_ERRORS
     assert result.summary["exact"]["displacement_error"] is not None
     assert any("record.every: 1" in note for note in result.summary["notes"])
-
-
-def test_the_number_of_the_steps_recorded_does_not_change_the_exact_histories():
-    every, sparse = hunek(n=10), hunek(n=10)
-    sparse["record"]["every"] = 4
-    for name in ("contact_force_exact", "gap_exact"):
-        assert (run(every).arrays[name][::4] == run(sparse).arrays[name]).all()
 
 
 # ------------------------------------------------------------------------------------------------ stopped early
@@ -289,20 +273,6 @@ def test_a_run_of_which_a_part_is_known_has_no_true_error_but_that_of_the_part(s
     assert all(start < stop <= until for start, stop in closed)
     assert closed[-1][1] > 0.5 * until
     assert result.exact.reached == until
-
-
-def test_an_exact_solution_that_ends_early_says_where_and_why(short_of_breath, capsys):
-    result = run_exact(percuss.load(many_fronts()))
-    assert result.status == "interrupted"
-    assert result.end == result.solution.reached == result.summary["exact_covered"]["until"]
-    assert result.arrays["time"][-1] == result.end
-    reason = result.summary["exact_reason"]
-    show(result_lines(result))
-    assert f"exact solution: {reason}" in " ".join(capsys.readouterr().out.split())
-    words = " ".join(text.get_text() for text in run_figure.figure_of(result).findobj(Text))
-    assert f"INTERRUPTED at time {result.end:.4g}" in words
-    assert "most_fronts" in words
-    assert "most_fronts" in result._repr_html_()
 
 
 def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path, capsys):
