@@ -15,6 +15,7 @@ from percuss.jit import jit_disabled
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
+from strategies import CD, bar, case_of
 
 LAWS = '''
 from dataclasses import dataclass
@@ -158,20 +159,11 @@ def pressing(left, right, may):
     return best
 
 
-SHARED = {
-    "percuss": 1,
-    "bodies": {
-        "hammer": {"bar": {"length": 10, "elements": 50}, "material": {"young": 100, "density": 0.01}, "area": 1,
-                   "velocity": 0.1},
-        "upper": {"bar": {"length": 10, "elements": 50}, "at": 10, "material": {"young": 100, "density": 0.01},
-                  "area": 0.5},
-        "lower": {"bar": {"length": 10, "elements": 50}, "at": 10, "material": {"young": 100, "density": 0.01},
-                  "area": 0.5},
-    },
-    "contacts": {"one": {"between": ["hammer.right", "upper.left"]},
-                 "two": {"between": ["hammer.right", "lower.left"]}},
-    "time": {"end": 0.03, "courant": 0.5},
-}  # fmt: skip
+SHARED = case_of(
+    {"hammer": bar(10, 50, 0, 0.1), "upper": bar(10, 50, 10, area=0.5), "lower": bar(10, 50, 10, area=0.5)},
+    {"one": {"between": ["hammer.right", "upper.left"]}, "two": {"between": ["hammer.right", "lower.left"]}},
+    {"end": 0.03, "courant": 0.5},
+)
 
 
 def marched(case, *, compiled=False):
@@ -199,23 +191,18 @@ def test_two_contacts_at_one_end_press_as_a_dense_solution_has_it(file, compiled
 @st.composite
 def stars(draw):
     """Draw a bar that runs into others and perhaps a wall, all at one end: one law with a kernel, or linear laws."""
-    number = st.integers(50, 150).map(lambda k: k / 100)
+    share = st.integers(50, 150).map(lambda k: k / 100)
 
-    def bar(at, velocity):
-        return {
-            "bar": {"length": draw(number), "elements": draw(st.integers(1, 4))},
-            "material": {"young": 100.0 * draw(number), "density": 0.01 * draw(number)},
-            "area": draw(number),
-            "at": at,
-            "velocity": velocity,
-        }
+    def drawn(at, velocity):
+        material = {"young": 100.0 * draw(share), "density": 0.01 * draw(share)}
+        return bar(draw(share), draw(st.integers(1, 4)), at, velocity, material, draw(share))
 
-    bodies = {"hammer": bar(0.0, 1.0)}
+    bodies = {"hammer": drawn(0.0, 1.0)}
     end = bodies["hammer"]["bar"]["length"]
     contacts = {}
     for name in "abc"[: draw(st.integers(1, 3))]:
         gap = draw(st.integers(1, 40)) * 1.234e-4
-        bodies[name] = bar(end + gap, -0.1)
+        bodies[name] = drawn(end + gap, -0.1)
         contacts[name] = {"between": ["hammer.right", f"{name}.left"]}
     if len(contacts) == 1 or draw(st.booleans()):
         contacts["wall"] = {"body": "hammer.right", "wall": end + draw(st.integers(1, 40)) * 1.357e-4}
@@ -243,26 +230,20 @@ def test_contacts_at_one_end_are_solved_together(file, case):
     assert ignored_couplings(model_of(loaded)) == []
 
 
-WEDGED = {
-    "percuss": 1,
-    "bodies": {
-        "held": {"bar": {"length": 1.5, "elements": 6}, "material": {"young": 137, "density": 0.65}, "area": 1.7,
-                 "fixed": ["left"]},
-        "other": {"bar": {"length": 1.4, "elements": 4}, "at": 1.5, "material": {"young": 204, "density": 0.77},
-                  "area": 1.3, "velocity": -1.0},
-        "beside": {"bar": {"length": 1.2, "elements": 3}, "at": 0.3, "material": {"young": 150, "density": 0.7},
-                   "area": 0.9},
+WEDGED = case_of(
+    {
+        "held": bar(1.5, 6, 0.0, 0.0, {"young": 137, "density": 0.65}, 1.7, ["left"]),
+        "other": bar(1.4, 4, 1.5, -1.0, {"young": 204, "density": 0.77}, 1.3),
+        "beside": bar(1.2, 3, 0.3, 0.0, {"young": 150, "density": 0.7}, 0.9),
     },
-    "contacts": {
+    {
         "held": {"between": ["held.right", "other.left"]},
         "wall": {"body": "other.left", "wall": 1.49},
         "beside": {"between": ["beside.right", "other.left"]},
     },
-    "method": {
-        "integrator": "central-difference", "contact": {"name": "uzawa", "epsilon_s": 250.0, "iterations": 3},
-    },
-    "time": {"step": 0.012, "steps": 60},
-}  # fmt: skip
+    {"step": 0.012, "steps": 60},
+)
+WEDGED["method"] = {"integrator": CD, "contact": {"name": "uzawa", "epsilon_s": 250.0, "iterations": 3}}
 
 
 def wedged():
@@ -365,8 +346,7 @@ def test_what_a_kernel_ignores_is_said_by_check_and_by_the_run(file):
 
 def test_what_a_kernel_ignores_where_the_mass_couples_both_ends_of_a_bar_is_said(file):
     """With a mass that couples nodes the contacts of a bar of one element act on one another, at whichever ends."""
-    bar = {"bar": {"length": 1, "elements": 4}, "material": {"young": 100, "density": 0.01}, "area": 1}
-    bodies = {"a": bar, "b": {**bar, "bar": {"length": 1, "elements": 1}, "at": 1}, "c": {**bar, "at": 2}}
+    bodies = {"a": bar(1, 4), "b": bar(1, 1, 1), "c": bar(1, 4, 2)}
     contacts = {"ab": {"between": ["a.right", "b.left"]}, "bc": {"between": ["b.right", "c.left"]}}
     case = {"percuss": 1, "bodies": bodies, "contacts": contacts, "time": {"steps": 1, "courant": 0.5}}
     said = {
