@@ -43,6 +43,7 @@ REASONS = {
     "typer": ("typer", "the command line, from the signatures of its functions"),
     "xarray": ("xarray", "axes, units and files of results"),
     "matplotlib": ("matplotlib.pyplot", "figures (`plot`)"),
+    "vl-convert-python": ("vl_convert", "figures of studies, from the descriptions that the page draws (`plot`)"),
     "distributed": ("distributed", "studies on a cluster (`study`)"),
     "pyarrow": ("pyarrow", "parquet files of studies (`study`)"),
     "hypothesis": ("hypothesis", "draws cases for the conformance kit (`kit`)"),

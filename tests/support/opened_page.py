@@ -1,11 +1,10 @@
-"""A page of a study, opened in Chromium from its file."""
+"""A page of a study, opened in Chromium from its file, and the numbers of charts that are drawn as SVG."""
+
+from xml.etree import ElementTree as ET
 
 
 class Opened:
-    """A page in the browser, and what it asked for and complained of.
-
-    With `all_charts` charts are painted where they are not seen too.
-    """
+    """A page in the browser with all its charts drawn, and what it asked for and complained of."""
 
     def __init__(self, browser, path, width=1280, scheme="light", all_charts=True):
         self.requests, self.complaints = [], []
@@ -16,61 +15,38 @@ class Opened:
         self.page.goto(path.as_uri())
         self.page.wait_for_selector("html[data-ready]")
         if all_charts:
-            self.paint_all()
+            self.draw_all()
 
     def __enter__(self):
         return self
 
-    def click_in_table(self, selector):
-        """Click in the table, which draws its rows anew whenever it scrolls into view: a click meanwhile is lost."""
-        self.page.evaluate(
-            """async () => {
-              document.getElementById("table").scrollIntoView({ block: "center" });
-              for (let k = 0; k < 3; k++) await new Promise(requestAnimationFrame);
-              await new Promise((done) => requestIdleCallback(done));
-            }"""
-        )
-        self.page.click(f"#table {selector}")
-
-    def paint_all(self):
-        """Paint the charts that are not seen too, at once and from now on."""
-        self.page.evaluate("{ near = Infinity; [...unpainted.keys()].forEach(paint); }")
-
     def __exit__(self, *_):
         self.page.close()
 
-    def colours(self, chart):
-        """Return how many pixels of a chart are drawn, and in how many colours."""
-        return self.page.evaluate(
-            """(id) => {
-              const { width, height } = document.querySelector(`#${id} canvas`);
-              const copy = Object.assign(document.createElement("canvas"), { width, height });
-              const paper = copy.getContext("2d", { willReadFrequently: true });
-              paper.drawImage(document.querySelector(`#${id} canvas`), 0, 0);
-              const data = paper.getImageData(0, 0, width, height).data;
-              const seen = new Set();
-              let drawn = 0;
-              for (let k = 0; k < data.length; k += 4) {
-                if (data[k + 3] === 0) continue;
-                drawn += 1;
-                seen.add((data[k] << 16) | (data[k + 1] << 8) | data[k + 2]);
-              }
-              return [drawn, seen.size];
-            }""",
-            chart,
-        )
+    def draw_all(self):
+        """Draw the charts that are not seen too."""
+        self.page.evaluate("async () => { [...stale].forEach(paint); await drawn; }")
+
+    def svg(self, chart):
+        self.draw_all()
+        return self.page.evaluate("(id) => views[id].view.toSVG()", chart)
 
     def cells(self, title):
         """Return what the table shows in one column."""
-        place = self.page.evaluate("(name) => columns.findIndex((one) => one.name === name)", title)
-        return self.page.locator(f'#table .tabulator-cell[tabulator-field="c{place}"]').all_inner_texts()
+        return self.page.locator(f'#table .tabulator-cell[tabulator-field="{self.field(title)}"]').all_inner_texts()
+
+    def field(self, title):
+        return self.page.evaluate("(name) => page.columns.find((one) => one.name === name).field", title)
 
     def filter(self, title, text):
-        place = self.page.evaluate("(name) => columns.findIndex((one) => one.name === name)", title)
-        box = self.page.locator(f'#table .tabulator-col[tabulator-field="c{place}"] input')
-        box.fill("")
-        before = self.page.inner_text("#count")
-        box.press_sequentially(text)
-        # Tabulator waits for the end of typing
-        self.page.wait_for_function('(before) => document.getElementById("count").textContent !== before', arg=before)
-        self.page.wait_for_timeout(400)
+        self.page.evaluate("([field, text]) => table.setHeaderFilterValue(field, text)", [self.field(title), text])
+
+
+def drawn(svg, layer):
+    """Return what each mark of a layer says of itself, its text and its weight, as dictionaries of texts."""
+    groups = [one for one in ET.fromstring(svg).findall(".//{*}g") if f" {layer}_marks" in one.get("class", "")]
+    out = []
+    for mark in (mark for group in groups for mark in group):
+        told = dict(part.split(": ", 1) for part in mark.get("aria-label", "").split("; ") if ": " in part)
+        out.append(told | {"text": "".join(mark.itertext()), "weight": mark.get("font-weight", "")})
+    return out

@@ -33,11 +33,12 @@ def recommend(
     """
     with common.reporting(as_json) as answer:
         from percuss.reporting.recommendation_words import recommendation_lines, recommendation_verdict
-        from percuss.reporting.study_figures import work_and_precision
+        from percuss.reporting.study_figures import check_drawable, work_and_precision, write
         from percuss.studies.recommendation import bound_of
         from percuss.studies.recommendation import recommend as search
 
-        common.expect_drawable(plot)
+        if plot is not None:
+            check_drawable(plot)
         bounds = {name: bound_of(text, f"--{name}") for name, text in (("error", error), ("energy", energy))}
         with common.progress_bar("runs") as progress:
             found = search(
@@ -56,7 +57,8 @@ def recommend(
                 outputs=[plot] if plot is not None else [],
                 changes=common.reference_of(reference),
             )
-        answer.draw(plot, work_and_precision, found.study)
+        if plot is not None:
+            answer.write(plot, write, work_and_precision(found.study), plot)
         answer.show(found.as_dict(), recommendation_lines(found))
         answer.conclude(recommendation_verdict(found))
         answer.exit_code = 0 if found.best is not None else 1

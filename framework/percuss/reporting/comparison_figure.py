@@ -32,8 +32,7 @@ from percuss.reporting.figures import (
     write_reason,
 )
 from percuss.reporting.run_figure import contacts_left_out, draw_references
-from percuss.reporting.study_charts import line_style
-from percuss.reporting.study_figures import marked_line
+from percuss.reporting.study_charts import MARKS, line_style
 from percuss.studies.perform import label_of
 
 if TYPE_CHECKING:
@@ -165,7 +164,7 @@ def convergence_figure(fitted: list[Entries], title: str, judge: str = "the exac
     subject = f"errors against {judge}; the order is the slope of a line through all points"
     with new_figure(12.8, 9.0, title, [subject]) as figure:
         refinements = sorted({refine for fit in fitted for refine in fit["refine"]})
-        styles = [marked_line(line_style(k)) for k in range(len(fitted))]
+        styles = [_marked_line(k) for k in range(len(fitted))]
         panels = figure.subplots(2, 2, sharex=True)
         for axes, name in zip(panels.flat, TRUE_ERRORS, strict=True):
             _error_panel(axes, fitted, styles, name)
@@ -220,3 +219,10 @@ def _triangle(axes: Axes, points: Sequence[tuple[float, float]], order: float) -
 def _fit_label(fit: Data) -> str:
     """Return the label of a line: the pair of methods, and other varied values."""
     return label_of(fit["integrator"], fit["contact"], {path: value for path, value in fit.items() if "." in path})
+
+
+def _marked_line(k: int) -> Entries:
+    """Return matplotlib's options for the k-th line, with marks."""
+    style = line_style(k)
+    mark = dict(zip(MARKS, "os^DPv><", strict=True))[style.mark]
+    return {"color": style.colour, "linestyle": (0, style.dash) if style.dash else "-", "marker": mark}

@@ -1,63 +1,41 @@
-"""The charts of a study as data: the one description from which both the page and the files are drawn.
+"""The charts of a study, described once: the page, files for print and notebooks draw the same descriptions.
 
-A renderer decides nothing about the data. It takes from here which columns a chart offers, which of its axes are
-logarithmic and where they end, the bins of the medians, the style of each pair of methods, the steps of a profile, and
-the captions.
+The file ``charts.yaml`` beside this one describes the charts in Vega-Lite, with marks such as ``$y_label`` in the
+places of what a reader chooses. This module makes what stands there: rows, axes, and the looks of the pairs of methods.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+import re
+from dataclasses import dataclass, replace
+from functools import cache
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from percuss.case.quantities import ranking
+from percuss.case.quantities import of_column, ranking
 from percuss.case.yaml_text import flow
-from percuss.jsonable import Entries
+from percuss.files import PACKAGE
+from percuss.jsonable import Entries, plain
 from percuss.methods.interfaces import Floats
 from percuss.reporting import study_data
 from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES
-from percuss.reporting.study_data import ColumnRoles
+from percuss.reporting.study_data import ABOUT, ColumnRoles
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from percuss.studies.study_table import Study
 
-MOST_BANDS = 3  # Bands of more pairs hide each other, and the medians.
-LINES = {
-    "best": "a line joins the best runs of a pair",
-    "median": f"a line joins the medians of a pair; a band, drawn for at most {MOST_BANDS} pairs, holds 8 of 10 runs",
-}
-MARKED = (
-    "a ring marks a value at which runs failed, on the lower edge where all did; a level line is a pair without this "
-    "option"
-)
-CAPTIONS = {
-    "best": "each pair of methods in each case: the mark is its best run, the bar its median run; best pair first",
-    "work": (
-        "a line joins the runs of a pair that no other run of the pair beats; a name stands where one run beats all "
-        "others of its pair; the broad grey line joins the runs that no run of any pair beats"
-    ),
-    "vary": f"best: {LINES['best']}; median: {LINES['median']}; {MARKED}",
-    "map": "two varied values, one panel for each pair of methods in each case",
-    "profile": (
-        "the share of problems on which a pair comes within a factor of the best pair; a failed run is within none "
-        "(Dolan, Moré 2002, doi 10.1007/s101070100263)"
-    ),
-}
-# When the colours repeat, the mark and the dashes of a repeated colour differ from those before.
-MARKS = ("circle", "square", "triangle", "diamond", "open circle", "open square", "open triangle", "open diamond")
-EVERY_COLOUR, EVERY_DASH = (*COLOURS, *MORE_COLOURS), (*DASHES, *MORE_DASHES)
-STAYED = "share of runs that stayed stable"
-OUTCOMES = {"done": "done", "unstable": "unstable", study_data.WAITING: ""}
-OTHER_OUTCOME = "refused, failed or lost"
-MOST_FORCES = 8  # The page shows the contact forces of at most this many runs together.
+METHODS = ("case", "integrator", "contact")
+MOST_RANKED = 16  # pairs of methods in a panel of the best
+MOST_FORCES = 8  # runs in the chart of the forces
 MOST_TICKS = 8  # Up to this many distinct values each have their own tick.
-# Of the room between two words on an axis, the pairs of methods, which stand beside each other, take this share.
-SPREAD = 0.64
+# When the colours repeat, the mark and the dashes of a repeated colour differ from those before.
+MARKS = ("circle", "square", "triangle-up", "diamond", "cross", "triangle-down", "triangle-right", "triangle-left")
+EVERY_COLOUR, EVERY_DASH = (*COLOURS, *MORE_COLOURS), (*DASHES, *MORE_DASHES)
 
 
 def snapshot(study: Study) -> Study:
@@ -77,9 +55,208 @@ def _with_lists_as_texts(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(**structured) if structured else table
 
 
+# ---------------------------------------------------------------------------------------------------------------- axes
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A column of the table as an axis of charts, with what Vega-Lite takes.
+
+    Attributes
+    ----------
+    label
+        Words beside the axis.
+    field, drawn, place
+        Fields of the rows: the value itself, the value as it is drawn, and the place of its bin.
+    type
+        ``quantitative``, or ``nominal`` for an axis of words.
+    kind
+        ``log`` or ``linear``: that of a measure is logarithmic wherever it can be, that of a varied value where its
+        numbers suit it, see `percuss.reporting.study_data.is_log`.
+    scale, axis
+        Its scale and its ticks.
+    sort
+        The words of an axis of words, in order; None for one of numbers.
+    joined, aside
+        The mark of the chosen runs at each place, and how pairs stand beside each other: no line joins words.
+    ranked, unit
+        Whether a smaller number is better, as Vega writes it, and the sign of the unit behind a number.
+    """
+
+    label: str
+    field: str
+    drawn: str
+    place: str
+    type: str
+    kind: str
+    scale: Entries
+    axis: Entries
+    sort: list[str] | None
+    joined: str = "line"
+    aside: Entries | None = None
+    ranked: str = "false"
+    unit: str = ""
+
+
+def axis(column: pd.Series, label: str, field: str = "", *, is_measure: bool) -> Axis:
+    """Return some values as an axis.
+
+    Parameters
+    ----------
+    column
+        The values; nan where there is none.
+    label
+        Words beside the axis.
+    field
+        Its field in the rows of the charts.
+    is_measure
+        Whether they were measured: a measure has a logarithmic axis wherever it can, and ticks of Vega's choice.
+    """
+    values = study_data.numbers(column)
+    if values is None:
+        words = study_data.in_order(study_data.texts(column))
+        return Axis(label, *3 * (field,), "nominal", "", {}, {"labelAngle": -25}, words, "tick", {"field": "pair"})
+    # Each refinement halves the elements, so that the mesh is a logarithmic axis however few of its values there are.
+    suits = is_measure or column.name == "refine" or study_data.is_log(values)
+    kind = "log" if suits and study_data.may_be_log(values) else "linear"
+    scale: Entries = {"type": kind, "nice": False, "padding": 12} | ({} if kind == "log" else {"zero": False})
+    distinct = np.unique(values[np.isfinite(values)])
+    few = not is_measure and distinct.size <= MOST_TICKS
+    ticks: Entries = {"values": distinct.tolist()} if few else {"tickCount": 5}
+    ticks |= {"labelExpr": description()["number"], "labelOverlap": "greedy"}
+    return Axis(label, *3 * (field,), "quantitative", kind, scale, ticks, None)
+
+
+@dataclass(frozen=True)
+class Charts:
+    """The charts of a study: their rows, and what they offer.
+
+    Attributes
+    ----------
+    rows
+        The rows of all charts, as a list for each of their fields.
+    fields
+        The field of each column of the table.
+    axes
+        The axis of each column that some chart offers.
+    pairs, cases
+        Names of the pairs of methods and of the cases.
+    measures, costs, varied, mapped
+        The columns that charts offer: the measures, those that rank runs first; the costs; what a measure is drawn
+        over; the sides of the map.
+    ranked
+        The measures that rank runs, better when smaller: true errors come first.
+    """
+
+    rows: Entries
+    fields: dict[str, str]
+    axes: dict[str, Axis]
+    pairs: list[str]
+    cases: list[str]
+    measures: list[str]
+    costs: list[str]
+    varied: list[str]
+    mapped: list[str]
+    ranked: list[str]
+
+
+def study_charts(table: pd.DataFrame, roles: ColumnRoles) -> Charts:
+    """Return the charts of some rows of a study.
+
+    Parameters
+    ----------
+    table
+        The rows.
+    roles
+        The roles of its columns.
+    """
+    ranked, done = ranking(roles.measures), table["status"] == "done"
+    several = [name for name in (*roles.varied, *METHODS) if name in table and table[name].nunique() > 1]
+    fields = {name: name if name in ABOUT else f"c{k}" for k, name in enumerate(map(str, table.columns))}
+    rows: Entries = {"row": list(range(len(table))), "pair": study_data.methods(table)}
+    axes: dict[str, Axis] = {}
+    for name, field in fields.items():
+        column = table[name]
+        values = study_data.numbers(column)
+        if name in roles.measures:
+            share = of_column(name).is_fraction
+            if share:  # in per cent; the fractions have a field of their own, with every digit
+                rows[f"{field}r"], values = _listed(values), 100.0 * values
+            of_done = column.astype(float).where(done) * (100.0 if share else 1.0)
+            one = axis(of_done, roles.measures[name], field, is_measure=True)
+            drawn = of_done.to_numpy()
+            if one.kind == "log":  # what is smaller is round-off, and drawn at the lower edge
+                drawn = np.maximum(drawn, study_data.lowest(drawn))
+            if not np.array_equal(drawn, values, equal_nan=True):
+                one = replace(one, drawn=f"{field}d", place=f"{field}d")
+                rows[one.drawn] = _listed(drawn)
+            axes[name] = replace(one, ranked=str(name in ranked).lower(), unit=" %" if share else "")
+        elif name in several:
+            axes[name] = axis(column, name, field, is_measure=False)
+            if values is not None and column.nunique() > study_data.DISTINCT:
+                places, bin_of = study_data.binned(values)
+                axes[name] = replace(axes[name], place=f"{field}b")
+                rows[f"{field}b"] = _listed(np.append(places, np.nan)[bin_of])
+        rows[field] = study_data.texts(column) if values is None else _listed(values)
+    stayed = table["status"].map({"done": 100.0, "unstable": 0.0}).astype(float)
+    rows["stayed"] = _listed(stayed)
+    axes["stayed"] = axis(stayed, "share of runs that stayed stable [%]", "stayed", is_measure=True)
+    # Numbers come first, because they make lines.
+    varied = sorted((name for name in several if name in roles.varied), key=lambda name: axes[name].type == "nominal")
+    others = [name for name in roles.measures if name not in {*roles.costs, *ranked, "seconds"}]
+    return Charts(
+        rows,
+        fields,
+        axes,
+        pairs=list(dict.fromkeys(rows["pair"])),
+        cases=list(dict.fromkeys(rows["case"])),
+        measures=[*ranked, *others],
+        costs=list(roles.costs),
+        varied=[*varied, *(name for name in several if name not in varied)],
+        mapped=[*varied, *(["case"] if "case" in several else [])],
+        ranked=ranked,
+    )
+
+
+def _listed(values: Any) -> list[float | None]:
+    """Return numbers as JSON has them: None for one that is not finite."""
+    return cast("list[float | None]", plain(np.asarray(values).tolist()))
+
+
+# -------------------------------------------------------------------------------------------------------- descriptions
+
+
+@cache
+def description() -> Entries:
+    """Return what the file of the charts says, with lists of transforms in a list of transforms put in line."""
+    import yaml
+
+    def in_line(value: Any) -> Any:
+        if isinstance(value, list):
+            return [part for item in value for part in (item if isinstance(item, list) else [in_line(item)])]
+        return {key: in_line(item) for key, item in value.items()} if isinstance(value, dict) else value
+
+    said = yaml.safe_load((PACKAGE / "reporting" / "charts.yaml").read_text(encoding="utf-8"))
+    return {**said, "charts": in_line(said["charts"])}
+
+
+def filled(chart: Entries, marks: Entries) -> Entries:
+    """Return a chart with values in the places of its marks: a text that is a mark alone takes a value of any type."""
+
+    def value(found: re.Match[str]) -> str:
+        return json.dumps(marks[found[1]]) if found[1] else str(marks[found[2]])
+
+    return cast("Entries", json.loads(re.sub(r'"\$(\w+)"|\$(\w+)', value, json.dumps(chart))))
+
+
+def side_marks(side: str, axis: Axis) -> Entries:
+    """Return the marks of an axis at one side of a chart, as ``$x_label``."""
+    return {f"{side}_{name}": value for name, value in vars(axis).items()}
+
+
 @dataclass(frozen=True)
 class LineStyle:
-    """The look of a line and its marks: that of one pair of methods in all charts, or of one run among the forces.
+    """The look of a line and its marks: that of one pair of methods in all charts.
 
     Attributes
     ----------
@@ -103,194 +280,66 @@ def line_style(k: int) -> LineStyle:
     return LineStyle(EVERY_COLOUR[k % len(MARKS)], MARKS[turn], dash)
 
 
-@dataclass(frozen=True)
-class Axis:
-    """A column of the table as an axis of charts.
-
-    Attributes
-    ----------
-    label
-        Words beside the axis.
-    words
-        The texts on an axis of words, in order; empty for an axis of numbers.
-    log
-        Whether the axis is logarithmic: that of a measure wherever it can be, that of a varied value where its numbers
-        suit it, see `percuss.reporting.study_data.is_log`.
-    edge
-        Lower end of a logarithmic axis, at which smaller numbers are drawn, as they are round-off.
-    ticks
-        The places of the ticks where there are few distinct values; empty for a renderer's own choice. A measure is
-        spread over its axis however few its values are, and leaves the ticks to the renderer.
-    """
-
-    label: str
-    words: tuple[str, ...]
-    log: bool
-    edge: float
-    ticks: tuple[float, ...]
+def looks(charts: Charts) -> dict[str, Entries]:
+    """Return for a light and for a dark page the marks that no choice changes, and the configuration of Vega-Lite."""
+    said = description()
+    styles = [line_style(k) for k in range(len(charts.pairs))]
+    ranks = min(MOST_RANKED, len(charts.pairs))
+    shared = {"pairs": charts.pairs, "cases": charts.cases, "number": said["number"], "cell": said["cell"]}
+    shared |= {"ranks": ranks + 0.5, "ranks_height": 36 * ranks}
+    shared["shapes"] = [style.mark for style in styles]
+    shared["dashes"] = [[2.0 * length for length in style.dash] or [1, 0] for style in styles]
+    out = {}
+    for name, look in said["looks"].items():
+        palette = dict(zip(EVERY_COLOUR, look.get("palette", EVERY_COLOUR), strict=True))
+        marks = shared | look | {"colours": [palette[style.colour] for style in styles]}
+        out[name] = {"marks": marks, "config": filled(said["config"], marks)}
+    return out
 
 
-def axis(rows: pd.DataFrame, name: str, label: str, *, is_measure: bool) -> Axis:
-    """Return one column of some rows of a study's table as an axis."""
-    values = study_data.numbers(rows[name])
-    if values is None:
-        return Axis(label, tuple(study_data.in_order(study_data.texts(rows[name]))), log=False, edge=-np.inf, ticks=())
-    distinct = np.unique(values[np.isfinite(values)])
-    # Each refinement halves the elements, so that the mesh is a logarithmic axis however few of its values there are.
-    suits = is_measure or name == "refine" or study_data.is_log(values)
-    log = suits and study_data.may_be_log(values)
-    ticks = () if is_measure or distinct.size > MOST_TICKS else tuple(distinct.tolist())
-    return Axis(label, (), log, study_data.lowest(values) if log else -np.inf, ticks)
-
-
-@dataclass(frozen=True)
-class Charts:
-    """The charts of a study.
-
-    Attributes
-    ----------
-    styles
-        The style of each pair of methods.
-    axes
-        The axis of each column that some chart offers.
-    costs, results
-        The measures that the chart of error over cost offers across and up.
-    varied
-        The columns that the chart of a measure over a varied value offers across.
-    mapped
-        The columns offered for either side of the map over two varied values.
-    ranked
-        The measures that rank runs, better when smaller: true errors come first.
-    """
-
-    styles: dict[str, LineStyle]
-    axes: dict[str, Axis]
-    costs: list[str]
-    results: list[str]
-    varied: list[str]
-    mapped: list[str]
-    ranked: list[str]
-
-
-def study_charts(table: pd.DataFrame, roles: ColumnRoles) -> Charts:
-    """Return the description of all charts of a study.
-
-    Parameters
-    ----------
-    table
-        All rows of the study, shares in per cent.
-    roles
-        The roles of its columns.
-    """
-    done = table[table["status"] == "done"]
-    axes = {name: axis(done, name, label, is_measure=True) for name, label in roles.measures.items()}
-    names = (*roles.varied, "case", "integrator", "contact")
-    several = [name for name in names if name in table and table[name].nunique() > 1]
-    axes |= {name: axis(table, name, name, is_measure=False) for name in several}
-    # Numbers come first, because they make lines.
-    varied = sorted((name for name in several if name in roles.varied), key=lambda name: bool(axes[name].words))
-    return Charts(
-        {pair: line_style(k) for k, pair in enumerate(dict.fromkeys(study_data.methods(table)))},
-        axes,
-        list(roles.costs),
-        [name for name in roles.measures if name not in roles.costs and name != "seconds"],
-        [*varied, *(name for name in several if name not in varied)],
-        [*varied, *(["case"] if "case" in axes else [])],
-        ranking(roles.measures),
-    )
-
-
-def outcome(status: str) -> str:
-    """Return the outcome of a run by its status: done, unstable, lost in some other way, or empty for none yet."""
-    return OUTCOMES.get(status, OTHER_OUTCOME)
-
-
-def place_aside(turn: int, count: int) -> float:
-    """Return how far a pair of methods stands beside its word on an axis, so that pairs do not hide each other."""
-    return SPREAD * (turn - (count - 1) / 2) / max(count, 1)
-
-
-def work_lines(rows: pd.DataFrame, cost: str, error: str) -> tuple[Floats, dict[str, Floats]]:
-    """Return the Pareto fronts of error over cost of some runs, costs and errors as arrays (2, n).
-
-    Parameters
-    ----------
-    rows
-        Runs that are done, of one case.
-    cost, error
-        Names of the two columns.
+def profile_data(
+    table: pd.DataFrame, roles: ColumnRoles, name: str, problems: study_data.Problems, statistic: str
+) -> Entries:
+    """Return the performance profiles by the best or the median of one measure, over all rows.
 
     Returns
     -------
-    tuple
-        The front of all runs that compete, which are those without mesh tying, and the front of each pair of methods.
+    dict
+        ``lines``, rows with ``pair``, ``factor`` and ``share`` where a step begins; ``label`` of the factors; ``note``
+        in words, which says what was left out.
     """
-    x, y = study_data.numbers(rows[cost]), study_data.numbers(rows[error])
-    pairs = study_data.methods(rows)
-    compete = ~np.isin(pairs, study_data.references(rows))
-    of_pairs = {pair: study_data.front(x[own], y[own]) for (pair,), own in study_data.groups(pairs).items()}
-    return study_data.front(x[compete], y[compete]), {pair: line for pair, line in of_pairs.items() if line.size}
-
-
-@dataclass(frozen=True)
-class ProfileChart:
-    """The performance profiles of the pairs of methods by one measure.
-
-    Attributes
-    ----------
-    label
-        Words beside the axis of factors, which is logarithmic and begins at 1.
-    end
-        End of the axis of factors.
-    lines
-        For each pair of methods the factors and the shares of problems at which its steps begin, array (2, n).
-    note
-        How many problems there are, and which were left out.
-    empty
-        Why there is nothing to draw; empty where there is.
-    """
-
-    label: str
-    end: float
-    lines: Entries
-    note: str
-    empty: str
-
-
-def profile_chart(
-    table: object, roles: ColumnRoles, name: str, problem_set: study_data.Problems, statistic: str
-) -> ProfileChart:
-    """Return the chart of the performance profiles by the best or the median of one measure, over all rows."""
-    profile = study_data.profile(table, name, problem_set, statistic)
+    profile = study_data.profile(table, name, problems, statistic)
     left = [
-        (problem_set.left_out, "that were not run with every pair"),
+        (problems.left_out, "that were not run with every pair"),
         (profile.unknown, "in which no run is done, or a run is still to be made or lacks the number"),
     ]
     parts = [f"{count_of(count, 'problem')} {why}" for count, why in left if count]
     note = [
         f"{count_of(profile.counted, 'problem')}. A problem is a case with one value of each varied path that is no "
-        f"option of a method; of the runs of a pair on a problem the {statistic} counts.",
+        f"option of a method; of the runs of a pair on a problem the {statistic} counts. Filters change nothing here.",
         *([f"Left out: {', and '.join(parts)}."] if parts else []),
     ]
     if study_data.references(table):
         note.append("The tied twins are references, which need the exact solution, and do not compete.")
     finite = [ratios[np.isfinite(ratios)] for ratios in profile.ratios.values()]
-    largest = float(np.concatenate([*finite, np.ones(1)]).max())
-    end = max(1.5, largest**1.05)
-    lines = {pair: np.array(profile_steps(ratios, end)) for pair, ratios in profile.ratios.items() if profile.counted}
-    empty = "" if profile.counted else "No problem that was run with every pair could be judged."
-    return ProfileChart(
-        f"{roles.measures[name].removesuffix(' [%]')} over that of the best pair", end, lines, " ".join(note), empty
-    )
+    end = max(1.5, float(np.concatenate([*finite, np.ones(1)]).max()) ** 1.05)
+    lines = [
+        {"pair": pair, "factor": factor, "share": share}
+        for pair, ratios in profile.ratios.items()
+        if profile.counted
+        for factor, share in zip(*profile_steps(ratios, end), strict=True)
+    ]
+    label = f"{roles.measures[name].removesuffix(' [%]')} over that of the best pair"
+    return {"lines": lines, "label": label, "note": " ".join(note)}
 
 
-def profile_steps(ratios: Floats, end: float) -> tuple[Floats, Floats]:
+def profile_steps(ratios: Floats, end: float) -> tuple[list[float], list[float]]:
     """Return the factors and the shares of problems of one pair's profile, from factor 1 to the end of the axis."""
     factors, counts = np.unique(np.maximum(ratios[np.isfinite(ratios)], 1.0), return_counts=True)
-    share = np.cumsum(counts) / ratios.size
+    shares = np.cumsum(counts) / ratios.size
     if not factors.size or factors[0] > 1:
-        factors, share = np.array([1.0, *factors]), np.array([0.0, *share])
-    return np.array([*factors, end]), np.array([*share, share[-1]])
+        factors, shares = np.array([1.0, *factors]), np.array([0.0, *shares])
+    return [*factors.tolist(), end], [*shares.tolist(), float(shares[-1])]
 
 
 def count_of(count: int, noun: str, tail: str = "") -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,7 +13,6 @@ from percuss.case.quantities import QUANTITIES, of_column, with_unit
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import Floats, Integers
 from percuss.studies import perform
-from percuss.studies.pareto import front_of
 from percuss.studies.tasks import TIED
 
 if TYPE_CHECKING:
@@ -214,58 +212,7 @@ def binned(values: Floats, most: int = DISTINCT, bins: int = BINS) -> tuple[Floa
     return (10**middles if log else middles), bin_of
 
 
-def binned_column(column: object) -> tuple[Any, Any]:
-    """Return `binned` of a column of numbers; of a column of words the place of each word in order, 0, 1, 2, ..."""
-    values = numbers(column)
-    if values is not None:
-        return binned(values)
-    own = texts(column)
-    place_of = {word: place for place, word in enumerate(in_order(own))}
-    return np.arange(len(place_of)), np.array([place_of[word] for word in own], dtype=int)
-
-
 # ---------------------------------------------------------------------------------------------------------- statistics
-
-
-@dataclass(frozen=True)
-class Cell:
-    """Statistics of one measure over the runs of one pair of methods in one case.
-
-    Attributes
-    ----------
-    best, median
-        Smallest value and median over the runs that have the measure; nan where none has.
-    measured, made
-        Number of runs that have the measure, and number of runs made.
-    lost
-        Number of the other runs by status; ``without a number`` for a run that is done without the measure.
-    """
-
-    best: float
-    median: float
-    measured: int
-    made: int
-    lost: dict[str, int]
-
-    @property
-    def lost_words(self) -> str:
-        """The failed runs in words, as ``4 of 12 runs unstable``; empty if there are none."""
-        of = f" of {self.made} run{'' if self.made == 1 else 's'}"
-        return ", ".join(f"{count}{of} {status}" for status, count in self.lost.items())
-
-
-def cells(table: pd.DataFrame, name: str) -> dict[str, dict[str, Cell]]:
-    """Return the cells of one measure: for each case a mapping from the pair of methods to its cell."""
-    made = table[table["status"] != WAITING]
-    values, done = numbers(made[name]), (made["status"] == "done").to_numpy()
-    ends = np.where(done, "without a number", texts(made["status"]))
-    has_value = done & np.isfinite(values)
-    out: dict[str, dict[str, Cell]] = {}
-    for (case, pair), rows in groups(texts(made["case"]), methods(made)).items():
-        measured, lost = values[rows[has_value[rows]]], Counter(ends[rows[~has_value[rows]]].tolist())
-        best, median = (float(of(measured)) if measured.size else np.nan for of in STATISTICS.values())
-        out.setdefault(case, {})[pair] = Cell(best, median, measured.size, rows.size, dict(lost))
-    return out
 
 
 def lost(table: pd.DataFrame) -> list[Entries]:
@@ -278,42 +225,12 @@ def lost(table: pd.DataFrame) -> list[Entries]:
     return sorted(found, key=lambda group: -group["count"])
 
 
-QUANTILES = (0.0, 0.1, 0.5, 0.9)  # The best, the lower end of the band, the median, and its upper end.
-
-
 def lacking(table: pd.DataFrame, path: str) -> set[str]:
     """Return the pairs of methods whose runs all lack a varied value, because they have no such option or leave it out.
 
     Their runs are the same at every value of the path.
     """
     return set(methods(table)) - set(methods(table[table[path].notna()]))
-
-
-def bands(table: pd.DataFrame, name: str, path: str) -> dict[str, Floats]:
-    """Return the best, the median and the quantile band of a measure over a varied value, for each pair of methods.
-
-    Returns
-    -------
-    dict
-        For each pair of methods an array (7, bins): the place of each bin on the axis, the four `QUANTILES` over the
-        runs that have the measure, the number of these runs, and the number of runs made. A pair that lacks the value
-        has one bin, whose place is nan; among words it has the bin of the empty text.
-    """
-    places, bin_of = binned_column(table[path])
-    if not places.size:
-        return {}
-    made, pairs = table["status"] != WAITING, methods(table)
-    without = lacking(table[made], path) if numbers(table[path]) is not None else set()
-    values = np.where(table["status"] == "done", numbers(table[name]), np.nan)
-    values[np.isinf(values)] = np.nan
-    runs = table[[]].assign(pair=pairs, place=np.append(places, np.nan)[bin_of], value=values)
-    runs = runs[made & ((bin_of >= 0) | np.isin(pairs, list(without)))]
-    out = {}
-    for pair, own in runs.groupby("pair", sort=False):
-        of_bin = own.groupby("place", dropna=False)["value"]
-        rows = [of_bin.quantile(fraction) for fraction in QUANTILES]
-        out[pair] = np.array([rows[0].index, *rows, of_bin.count(), of_bin.size()], dtype=float)
-    return out
 
 
 PENDING = (WAITING, "lost")  # Nothing is known of these runs, which are still to be made or to be made again.
@@ -396,7 +313,9 @@ def profile(table: pd.DataFrame, name: str, problem_set: Problems, statistic: st
     return Profile(int(good.sum()), int((~good).sum()), ratios)
 
 
-def front(cost: Floats, error: Floats) -> Floats:
-    """Return the Pareto front of error against cost, by rising cost: costs and errors, (2, n)."""
-    rows = front_of(cost, error)
-    return np.vstack([cost[rows], error[rows]])
+def orders(table: pd.DataFrame, name: str) -> dict[str, float]:
+    """Return the observed order of each pair of methods in one case: the slope of its smallest errors over the mesh."""
+    done = table[(table["status"] == "done") & (numbers(table[name]) > 0)]
+    best = done.assign(pair=methods(done)).groupby(["pair", "refine"], sort=False)[name].min().astype(float)
+    lines = {pair: own.droplevel("pair") for pair, own in best.groupby("pair", sort=False) if len(own) > 1}
+    return {pair: -float(np.polyfit(np.log(own.index.astype(float)), np.log(own), 1)[0]) for pair, own in lines.items()}

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.case.quantities import of_column
+from percuss.case.quantities import ranking
 from percuss.files import PACKAGE, expect_no_input, replacing
 from percuss.jsonable import Entries, plain
 from percuss.reporting import page_rows, study_charts, study_data
 from percuss.reporting.component import docs
-from percuss.reporting.figures import one_line
+from percuss.reporting.figures import number, one_line
 from percuss.reporting.study_answer import answer
 from percuss.reporting.study_charts import Charts, count_of
 from percuss.reporting.study_data import ColumnRoles
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 AGAIN = "study.yaml"
 MOST_REASONS = 100
+MOST_CHOICES = 16  # A value with more choices is filtered in the table alone.
 MOST_VALUES = 12  # Of a varied path with more values only the range is shown.
 DOI = re.compile(r"\s*\bdoi:?\s*(10\.\d{4,9}/[^\s,;]*[^\s,;.)])", re.IGNORECASE)
 
@@ -82,15 +83,15 @@ def report_html(study: Study, beside: str = "", statistic: str = "best") -> str:
     """
     study = study_charts.snapshot(study)
     roles = study_data.columns(study)
-    shown = study_data.in_per_cent(study.table, roles)
-    charts = study_charts.study_charts(shown, roles)
-    data = payload(study, roles, charts) | {"statistic": statistic}
+    carried = page_rows.carried(study.table, roles)
+    charts = study_charts.study_charts(carried.table, roles)
     parts = {
         "title": escape(one_line(study.title or "Untitled study")),
-        "question": _question_html(study, data),
-        "sampled": _sampling_notice(data, beside),
+        "question": _question_html(study, charts),
+        "sampled": _sampling_notice(study, carried, beside),
         "answer": _answer_html(answer(study.table, roles), charts),
-        **{f"{name}_caption": escape(caption) for name, caption in study_charts.CAPTIONS.items()},
+        **{name: escape(text) for name, text in study_charts.description()["captions"].items()},
+        "orders": escape(_orders_in_words(study.table, roles)),
         "varied": _varied_table(study, roles),
         "measured": _measures_table(study, roles),
         "lost": _losses_html(study.table),
@@ -98,13 +99,15 @@ def report_html(study: Study, beside: str = "", statistic: str = "best") -> str:
         "again": _command_and_file(study),
         "provenance": _provenance_html(plain(study.provenance)),
         "files": _files_html(study),
-        "data": _script_json(data),
-        "licence": escape(_file("vendor", "tabulator", "LICENSE")),
-        "tabulator_css": _without_source_map(_file("vendor", "tabulator", "tabulator_simple.min.css")),
+        "data": _script_json(payload(study, roles, charts, carried) | {"statistic": statistic}),
+        "licences": escape(_file("vendor", "LICENSES")),
         "css": _file("report.css"),
-        "echarts": _without_source_map(_file("vendor", "echarts", "echarts.common.min.js")),
-        "tabulator": _without_source_map(_file("vendor", "tabulator", "tabulator.min.js")),
-        "js": _file("report.js") + _file("charts.js") + _file("address.js"),
+        "tabulator_css": _file("vendor", "tabulator", "tabulator_simple.min.css"),
+        "vega": _file("vendor", "vega", "vega.min.js"),
+        "vega_lite": _file("vendor", "vega", "vega-lite.min.js"),
+        "vega_embed": _file("vendor", "vega", "vega-embed.min.js"),
+        "tabulator": _file("vendor", "tabulator", "tabulator.min.js"),
+        "js": _file("report.js"),
     }
     # One pass replaces all marks, so that marks inside an inserted text stay as they are.
     return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], _file("report.html"))
@@ -113,78 +116,83 @@ def report_html(study: Study, beside: str = "", statistic: str = "best") -> str:
 # ----------------------------------------------------------------------------------------------------- data
 
 
-def payload(study: Study, roles: ColumnRoles, charts: Charts) -> Entries:
-    """Return the data that the page's scripts draw, in the types of JSON; arrays of numbers are base64 texts."""
-    carried = page_rows.carried(study.table, roles)
-    sampled = len(study.table) > page_rows.MOST_ROWS
-    in_order = ("case", "integrator", "contact", *roles.varied, "status", *roles.measures)
-    names = [name for name in (*in_order, "fragile", "reason", "said_by", "key") if name in study.table]
-    several_cases = study.table["case"].nunique() > 1
-    kept = page_rows.kept_histories(study, carried.table, charts.ranked)
-    with_history = np.flatnonzero(carried.table["key"].isin(study.with_histories)).tolist()
+def payload(study: Study, roles: ColumnRoles, charts: Charts, carried: page_rows.Carried) -> Entries:
+    """Return what the page's script draws, in the types of JSON."""
+    table = carried.table
+    kept = page_rows.kept_histories(study, table, charts.ranked)
+    left = int(table["key"].isin(study.with_histories).sum()) - len(kept)
+    of_first = [
+        row for row in kept if table["case"].iloc[row] == charts.cases[0] and table["status"].iloc[row] == "done"
+    ]
+    first = {charts.rows["pair"][row]: row for row in reversed(of_first)}
+    shown = [name for name in table if name in study_data.ABOUT or name in roles.varied or name in roles.measures]
+    order = [*study_charts.METHODS, *roles.varied, "status", *roles.measures, *study_data.ABOUT]
+    values = {
+        name: set(charts.rows[charts.fields[name]]) - {None, ""} for name in dict.fromkeys(order) if name in shown
+    }
+    varied = {name: charts.fields[name] for name in roles.varied}
+    chosen = [name for name in ("case", *varied) if 1 < len(values[name]) <= MOST_CHOICES]
     return {
-        "total": len(study.table),
-        "rows": len(carried.table),
-        "seed": page_rows.SEED if sampled else None,
-        "methods": list(charts.styles),
-        "most_forces": study_charts.MOST_FORCES,
-        "most_bands": study_charts.MOST_BANDS,
-        "styles": [asdict(study_charts.line_style(k)) for k in range(len(charts.styles) + study_charts.MOST_FORCES)],
-        "references": study_data.references(study.table),
-        "lacking": {path: sorted(study_data.lacking(study.table, path)) for path in roles.varied},
-        "added": np.flatnonzero(~carried.drawn).tolist(),
-        "best": carried.best,
-        "columns": [_packed_column(study.table, carried.kept, name, roles, charts) for name in names],
+        "rows": charts.rows | {"added": (~carried.drawn).tolist()},
+        "axes": {name: asdict(axis) for name, axis in charts.axes.items()},
+        "pairs": charts.pairs,
+        "charts": study_charts.description()["charts"],
+        "looks": study_charts.looks(charts),
+        "measures": charts.measures,
+        "costs": charts.costs,
+        "across": charts.varied,
+        "mapped": charts.mapped,
+        "profiles": _profiles(study.table, roles, charts),
+        "columns": [_column(name, roles, charts) for name, distinct in values.items() if distinct],
+        "filters": [(name, charts.fields[name], sorted(values[name])) for name in chosen],
+        "varied": varied,
         "command": shlex.join(["percuss", "run", str(study.path), "--row"]),
-        "charts": {name: getattr(charts, name) for name in ("costs", "results", "varied", "mapped", "ranked")},
-        "stayed": study_charts.STAYED,
-        "spread": study_charts.SPREAD,
-        "outcomes": [[kind, study_charts.outcome(kind)] for kind in ("done", "unstable", "other")],
-        "profiles": _packed_profiles(study.table, roles, charts) if several_cases else {},
         "histories": kept,
-        "not_in_page": [row for row in with_history if row not in kept],
+        "first": list(first.values())[: study_charts.MOST_FORCES],
+        "most_forces": study_charts.MOST_FORCES,
+        "force_note": _force_words(len(kept), left),
     }
 
 
-def _packed_column(table: pd.DataFrame, kept: pd.DataFrame, name: str, roles: ColumnRoles, charts: Charts) -> Entries:
-    """Return one column of the kept rows, with what its axis and its bins are over all rows."""
-    role = "varied" if name in roles.varied else "measure" if name in roles.measures else "about"
-    column: Entries = {"name": name, "role": role, "label": roles.measures.get(name, name)}
-    values = study_data.numbers(table[name]) if role != "about" else None
-    if name in charts.axes:
-        axis = charts.axes[name]
-        column |= {"ticks": axis.ticks, "log": axis.log, "edge": axis.edge if axis.log else None}
-    if role == "measure" and of_column(name).is_fraction:
-        column["scale"] = 100.0
-    if role == "varied" and values is not None:
-        places, bin_of = study_data.binned(values)
-        column["bins"] = {"places": places.tolist(), "of": page_rows.packed(bin_of[kept], "<i2")}
-    if values is not None:
-        # Double precision, so that the csv file saved from the page holds the same numbers as the study.
-        return column | {"kind": "<f8", "data": page_rows.packed(values[kept], "<f8")}
-    values_as_text = study_data.texts(table[name])
-    levels = list(dict.fromkeys(values_as_text)) if role == "about" else study_data.in_order(values_as_text)
-    codes = {level: k for k, level in enumerate(levels)}
-    code_of_row = np.array([codes[text] for text in values_as_text], dtype=int)[kept]
-    if role == "about":
-        # Only words on an axis need the places of words that no kept row has.
-        used, code_of_row = np.unique(code_of_row, return_inverse=True)
-        levels = [levels[code] for code in used]
-        column["label"] = name.replace("_", " ")
-    if name == "status":
-        column["outcomes"] = [study_charts.outcome(level) for level in levels]
-    return column | {"kind": "text", "levels": levels, "data": page_rows.packed(code_of_row, "<u2")}
+def _column(name: str, roles: ColumnRoles, charts: Charts) -> Entries:
+    """Return a column of the table: the field that it shows, and the field of its numbers with every digit."""
+    field = charts.fields[name]
+    return {
+        "name": name,
+        "title": roles.measures.get(name, name.replace("_", " ") if name in study_data.ABOUT else name),
+        "field": field,
+        "raw": f"{field}r" if f"{field}r" in charts.rows else field,
+        "number": not any(isinstance(value, str) for value in charts.rows[field]),
+        "names": name in study_charts.METHODS,
+        "varied": name in roles.varied,
+    }
 
 
-def _packed_profiles(table: object, roles: ColumnRoles, charts: Charts) -> Entries:
+def _profiles(table: pd.DataFrame, roles: ColumnRoles, charts: Charts) -> Entries:
     """Return the performance profiles by the best and by the median of each measure that ranks runs."""
-    problem_set = study_data.problems(table, roles.varied)
-    out = {}
-    for name, statistic in itertools.product(charts.ranked, study_data.STATISTICS):
-        chart = study_charts.profile_chart(table, roles, name, problem_set, statistic)
-        lines = {pair: [page_rows.packed(part) for part in line] for pair, line in chart.lines.items()}
-        out[f"{name}|{statistic}"] = asdict(chart) | {"lines": lines}
-    return out
+    if table["case"].nunique() < 2:
+        return {}
+    problems = study_data.problems(table, roles.varied)
+    made = itertools.product(charts.ranked, study_data.STATISTICS)
+    return {f"{name}|{of}": study_charts.profile_data(table, roles, name, problems, of) for name, of in made}
+
+
+def _orders_in_words(table: pd.DataFrame, roles: ColumnRoles) -> str:
+    ranked = ranking(roles.measures)
+    if "refine" not in roles.varied or table["case"].nunique() != 1 or not ranked:
+        return ""
+    orders = study_data.orders(table, ranked[0])
+    words = "; ".join(f"{pair} {number(order, 2)}" for pair, order in orders.items())
+    return f"Observed orders of the smallest {roles.measures[ranked[0]]} over refine: {words}." if orders else ""
+
+
+def _force_words(kept: int, left: int) -> str:
+    if not kept:
+        return 'This study kept no forces: "keep: {histories: 200}" in its file keeps 200 points of each.'
+    more = f" The study keeps those of {count_of(left, 'more run')}, the worst of each pair and case." if left else ""
+    first = "Shown is the best run of each pair in the first case, until a click on a run shows its force."
+    most = f"At most {study_charts.MOST_FORCES} are drawn."
+    return f"The page has the forces of {count_of(kept, 'run')}.{more} {first} {most}"
 
 
 def _script_json(data: Entries) -> str:
@@ -199,33 +207,37 @@ def _script_json(data: Entries) -> str:
 
 def _answer_html(sentences: list[str], charts: Charts) -> str:
     """Return the answer as HTML, with the pairs of methods in bold."""
-    names = sorted(map(escape, charts.styles), key=len, reverse=True)
+    names = sorted(map(escape, charts.pairs), key=len, reverse=True)
     bold = re.compile("|".join(map(re.escape, names)) or "$^")
     lines = (escape(line).replace(" %", "\u00a0%") for line in sentences)  # no line ends at this space
     return "".join(f"<li>{bold.sub(lambda name: f'<b>{name[0]}</b>', line)}</li>" for line in lines)
 
 
-def _question_html(study: Study, data: Entries) -> str:
+def _question_html(study: Study, charts: Charts) -> str:
     question = study.spec.get("question")
     question_html = f'<p class="question">{escape(str(question))}</p>' if question else ""
     counts = study.table["status"].replace(study_data.WAITING, "still to be made").value_counts()
     status_counts = [f"{count:,} {escape(str(status))}" for status, count in counts.items()]
-    pairs, cases = count_of(len(data["methods"]), "pair", " of methods"), study.table["case"].nunique()
-    words = [count_of(data["total"], "run"), pairs, count_of(cases, "case")]
-    return f'{question_html}<p class="counts">{"  ·  ".join(words)}  ·  <strong>{", ".join(status_counts)}</strong></p>'
+    words = [
+        count_of(len(study.table), "run"),
+        count_of(len(charts.pairs), "pair", " of methods"),
+        count_of(len(charts.cases), "case"),
+    ]
+    return f"{question_html}<p>{'  ·  '.join(words)}  ·  <strong>{', '.join(status_counts)}</strong></p>"
 
 
-def _sampling_notice(data: Entries, beside: str) -> str:
-    if data["seed"] is None:
+def _sampling_notice(study: Study, carried: page_rows.Carried, beside: str) -> str:
+    if carried.drawn.all():
         return ""
     where = f" The file <code>{escape(beside)}</code> beside this page has every row." if beside else ""
+    drawn = int(carried.drawn.sum())
     return (
-        f'<p class="notice">This page carries {data["rows"]:,} of the {data["total"]:,} rows: a random sample of '
-        f"{data['rows'] - len(data['added']):,} (seed {data['seed']}), and all {data['best']:,} best runs, of which "
-        f"the sample lacked {len(data['added']):,}. No other run of its case and pair of methods has a smaller error "
-        "than a best run, or a smaller error at the same cost. The sentences above, the profile and the table of "
-        "failed runs count all rows. The other charts show the rows of this page; their medians, bands and counts "
-        f"leave out the best runs that were added.{where}</p>"
+        f'<p class="notice">This page carries {len(carried.table):,} of the {len(study.table):,} rows: a random sample '
+        f"of {drawn:,} (seed {page_rows.SEED}), and all {carried.best:,} best runs, of which the sample lacked "
+        f"{len(carried.table) - drawn:,}. No other run of its case and pair of methods has a smaller error than a best "
+        "run, or a smaller error at the same cost. The sentences above, the profile and the table of failed runs count "
+        "all rows. The other charts show the rows of this page; their medians, bands and counts leave out the best "
+        f"runs that were added.{where}</p>"
     )
 
 
