@@ -13,6 +13,7 @@ from percuss.case.mesh_file import mesh_in
 SCRIPT = Path(side_by_side.__file__)
 
 
+@pytest.mark.deep
 def test_percuss_has_two_blocks_that_meet_squarely():
     row = side_by_side.with_percuss("blocks", next(iter(side_by_side.OWN["blocks"])), 1)
     assert row.mean == pytest.approx(0.025, rel=0.005)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.march import march
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from percuss.record_arrays import empty_records
@@ -94,18 +93,6 @@ def test_a_run_is_the_same_with_the_kernels(pair, monkeypatch):
         one, other = uniform.arrays[name], general.arrays[name]
         assert np.abs(one - other).max() <= 1e-11 * max(np.abs(other).max(), 1.0), name
     assert uniform.summary["energy"]["ledger_error"] < 1e-13
-
-
-def test_a_run_is_the_same_in_chunks_of_steps(monkeypatch):
-    """The steps of a chunk fit neither between two snapshots nor between two records, nor into a stretch."""
-    case = {**BOUNCE, "record": {"every": 11, "fields": 7}}
-    whole = run(case)
-    monkeypatch.setattr(march, "CHUNK_STEPS", 50)
-    parts = run(case)
-    for name, values in whole.arrays.items():
-        assert values.tobytes() == parts.arrays[name].tobytes(), name
-    assert whole.field_arrays["stress"].tobytes() == parts.field_arrays["stress"].tobytes()
-    assert whole.summary["contacts"] == parts.summary["contacts"]
 
 
 def largest_force(result):
