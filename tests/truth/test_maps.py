@@ -227,58 +227,41 @@ def test_unlike_bars_keep_the_energy_of_waves():
 # ---------------------------------------------------------------------------------------------- the step chosen
 
 
-# On large meshes each integrator and each law is asked once, and two pairs on the largest: the search takes longer
-# there, and half a minute where the black box is asked.
-IN_SPACE = {"box-impact", "wolff-bucher", "ball-on-wall-3d", "two-spheres"}
-LARGE = {"box-impact", "ball-on-wall-3d", "two-spheres", "disk-on-wall"}
+# Bars are asked for all pairs; solids, where the search takes long, for each integrator and each law once.
+SOLIDS = {path.stem for path in CASES if "bar: " not in path.read_text(encoding="utf-8")}
 EACH_ONCE = {(CD, "penalty"), (CD, "lagrange"), (WU, "bipenalty"), ("noh-bathe", "tied")}
+AUTO = {"end": 1e-6, "courant": "auto"}
 
 
-def is_asked(case, pair):
-    if case.stem == "two-spheres":
-        return pair in {(CD, "lagrange"), (WU, "bipenalty")}
-    return pair in EACH_ONCE or case.stem not in LARGE | {"wolff-bucher"}
-
-
-def is_quick(case, pair):
-    if pair[0] == "noh-bathe":
-        return case.stem == "hunek"
-    if case.stem in LARGE:
-        return pair == (CD, "lagrange") and case.stem == "disk-on-wall"
-    return case.stem == "hunek" or pair == (CD, "penalty") or (case.stem not in IN_SPACE and pair in EACH_ONCE)
+def mark_of(case, integrator, law):
+    """Quick are the bars of Hunek, of other bars each integrator and each law once."""
+    once = (integrator, law) in EACH_ONCE and integrator != "noh-bathe"
+    return () if case.stem == "hunek" or (once and case.stem not in SOLIDS) else pytest.mark.deep
 
 
 @pytest.mark.parametrize(
-    ("case", "pair"),
+    ("case", "integrator", "law"),
     [
-        pytest.param(
-            case,
-            pair,
-            id=f"{pair_id(pair)}-{case.stem}",
-            marks=() if is_quick(case, (pair[0], pair[1]["name"])) else pytest.mark.deep,
-        )
+        pytest.param(case, integrator, law["name"], marks=mark_of(case, integrator, law["name"]))
         for case in CASES
-        for pair in CORE_PAIRS
-        if len(pair[1]) == 1 and is_asked(case, (pair[0], pair[1]["name"]))
+        for integrator, law in CORE_PAIRS
+        if len(law) == 1 and (case.stem not in SOLIDS or (integrator, law["name"]) in EACH_ONCE)
+        if case.stem != "two-spheres" or law["name"] in {"lagrange", "bipenalty"}  # half a minute each
     ],
+    ids=lambda value: getattr(value, "stem", value),
 )
-def test_the_chosen_step_is_certified_on_every_case(case, pair):
-    model, criterion = settled(
-        percuss.load(case, {"method.integrator": pair[0], "method.contact": pair[1], "time.courant": "auto"})
-        if "courant" in percuss.load(case).data["time"]
-        else percuss.load(case, {"method.integrator": pair[0], "method.contact": pair[1], "time": AUTO})
-    )
+def test_the_chosen_step_is_certified_on_every_case(case, integrator, law):
+    time = percuss.load(case).data["time"]
+    changes = {"time.courant": "auto"} if "courant" in time else {"time": AUTO}
+    model, criterion = settled(percuss.load(case, {"method.integrator": integrator, "method.contact": law, **changes}))
     found = certificate(model, criterion)
-    if pair[0] == "noh-bathe" and pair[1]["name"] in {"lagrange", "tied"}:  # asked of the black box
+    if integrator == "noh-bathe" and law in {"lagrange", "tied"}:  # asked of the black box
         assert found["by"] == "black-box"
         if found["stable"] == "unknown":
             assert "Krylov" in found["why"] or "other combinations" in found["why"]
             return
     assert found["stable"] == "yes"
     assert found["margin"] == pytest.approx(SHARE_OF_CRITICAL_STEP, rel=1e-6)
-
-
-AUTO = {"end": 1e-6, "courant": "auto"}
 
 
 @pytest.mark.nightly
