@@ -61,8 +61,9 @@ def test_a_method_runs_as_its_case_expects(written, kind):
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in {"contact", "integrator"}])
 def test_a_method_conforms(written, kind):
+    """Those that come in pairs are held against the kit in test_third_party, as packages."""
     registry = Registry.load([written / f"some-{kind}.py"])
     method = registry.get(scaffold.KINDS[kind], f"some-{kind}")
     outcomes = [outcome_of(check) for _, check in checks(method, registry=registry)]

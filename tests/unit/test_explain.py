@@ -243,42 +243,13 @@ def test_a_snippet_runs_where_it_is_pasted(family, name, tmp_path, monkeypatch):
     assert f"{family}/{name}" in used
 
 
-LAW = '''
-from dataclasses import dataclass
-from typing import Annotated
-
-from percuss import ContactLaw, Doc, Gt, LinearLaw, Unit
-
-
-@dataclass(frozen=True)
-class Soft(ContactLaw):
-    """A penalty.
-
-    Formula: ``lambda = eps_s <-g>``.
-
-    More of it.
-    """
-
-    name = "soft"
-    summary = "A soft penalty"
-    references = ("Somebody (2026)",)
-    examples = ({}, {"beta_s": 0.1})
-
-    beta_s: Annotated[float, Gt(0), Unit("1"), Doc("stiffness over EA/h")] = 0.2
-
-    def bind(self, points, dt):
-        return LinearLaw(at="explicit", sigma=1 / (self.beta_s * points.stiffness))
-'''
-
-
 def test_a_single_file_is_described_and_its_snippet_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "soft.py").write_text(LAW)
+    percuss.new("soft", "contact")
     registry = Registry.load(["soft.py"])
     text = component_text(registry, "contacts", "soft")
-    for words in ("lambda = eps_s <-g>", "More of it.", "beta_s [1]: stiffness over EA/h", "default 0.2"):
+    for words in ("lambda >= 0", "beta_s [1]: stiffness over EA/h", "default 1.0", str(tmp_path / "soft.py")):
         assert words in text
-    assert str(tmp_path / "soft.py") in text
     result = percuss.run(percuss.load(pasted(registry, "contacts", "soft")), compiled=False)
     assert result.status == "done"
     assert result.provenance["resolved"]["contact"] == "soft"
