@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from percuss.case.quantities import (
     COMPARISON_TABLE,
@@ -272,7 +273,7 @@ def stability_lines(title: str, rows: list[Entries], *, whole: bool = False) -> 
     lines: dict[tuple[object, ...], Entries] = {}
     for row in rows:
         lines.setdefault(tuple(row[path] for path in paths), {})[row["by"]] = row
-    shown = list(lines) if whole or len(lines) <= STABILITY_LINES else _telling_lines(lines)
+    shown = list(lines)[:: 1 if whole else math.ceil(len(lines) / STABILITY_LINES)]  # evenly spread
     columns = [Column(path, [number_text(values[k]) for values in shown]) for k, path in enumerate(paths)]
     for criterion in criteria:
         found = [lines[values].get(criterion) for values in shown]
@@ -291,22 +292,6 @@ def stability_lines(title: str, rows: list[Entries], *, whole: bool = False) -> 
         yield f"and {len(reasons) - STABILITY_REASONS} other reasons: --all prints them"
     for criterion in criteria:
         yield _summary_of(criterion, [row for row in rows if row["by"] == criterion], paths)
-
-
-def _telling_lines(lines: Mapping[tuple[object, ...], Data]) -> list[tuple[Any, ...]]:
-    """Return the combinations to be shown of many: evenly spread, with the least and the largest critical step."""
-    values = list(lines)
-    count = STABILITY_LINES - 4
-    chosen = {round(k * (len(values) - 1) / (count - 1)) for k in range(count)}
-    numbers = [
-        (row["courant_critical"], k)
-        for k, by_criterion in enumerate(lines.values())
-        for row in by_criterion.values()
-        if row["courant_critical"] is not None
-    ]
-    if numbers:
-        chosen |= {min(numbers)[1], max(numbers)[1]}
-    return [values[k] for k in sorted(chosen)]
 
 
 def _summary_of(criterion: str, rows: list[Entries], paths: list[str]) -> str:
