@@ -42,6 +42,7 @@ def test_the_gap_of_a_contact_is_the_smallest_of_its_points(height):
     })  # fmt: skip
     assert found.data["contacts"]["floor"]["gap"] == pytest.approx(height, abs=1e-12)
     assert f"floor: d.skin and a rigid wall, {f'gap {height:g}' if height else 'touching'}; " in found.text
+    assert "closed alone, at its first point: " in found.text
 
 
 # ------------------------------------------------------------------------------------------------- cases
@@ -119,11 +120,12 @@ def test_numbers_of_a_contact_are_those_of_the_closed_formulas(integrator, law):
 
 
 def test_what_lagrange_multipliers_answer():
+    """Signorini's conditions."""
     found = told(hunek(20, contact="lagrange"))
+    assert "g >= 0, lambda >= 0, lambda g = 0 (Signorini), where g is the gap at the end of the step" in found.text
     row = found.data["contacts"]["tip"]["row"]
     assert (row["sigma"], row["sign"], row["active"], row["at"]) == (0.0, ">= 0", "all", "end")
     assert row["w"] == pytest.approx(found.data["step"]["dt"] ** 2, rel=1e-12)
-    assert "the gap at the end of the step" in found.text
 
 
 def test_what_chose_itself_is_told_with_its_reason():

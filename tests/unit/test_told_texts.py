@@ -7,7 +7,7 @@ import pytest
 
 from command_line import percuss_command
 from percuss import InputError, RefusedPair, load, run
-from percuss.errors import printable
+from percuss.errors import nearest, printable
 
 TITLE = r"\e[31mred\x9b5m\e]0;owned\a [bold]b[/bold]"
 SHOWN = r"\u001b[31mred\u009b5m\u001b]0;owned\u0007 [bold]b[/bold]"
@@ -68,10 +68,9 @@ def test_a_refused_pair_is_told_at_both_its_names(case):
     assert refused.value.sentence.startswith("explicit-hht with lagrange is refused by explicit-hht: ")
 
 
-@pytest.mark.parametrize("command", ["run", "verify", "study"])
-def test_a_named_pipe_is_no_case(tmp_path, command):
+def test_a_named_pipe_is_no_case(tmp_path):
     os.mkfifo(tmp_path / "pipe.yaml")  # which would be waited for
-    done = percuss_command(command, "pipe.yaml", cwd=tmp_path)
+    done = percuss_command("verify", "pipe.yaml", cwd=tmp_path)
     assert done.returncode == 2
     assert "pipe.yaml: expected a YAML file, found a pipe or a device\n  Save its text in a file first." in done.stderr
 
@@ -91,3 +90,19 @@ def test_an_end_that_is_driven_for_a_part_of_the_run_is_told_with_that_part(case
     assert "Free one of the ends" not in str(part.value)
     with pytest.raises(InputError, match=r"found every side fixed or driven\n(.*\n)*  Free one of the ends"):
         run(load(case), {"loads.p.from": None, "loads.p.until": None})
+
+
+@pytest.mark.parametrize(
+    ("word", "names", "near"),
+    [
+        ("velocty", ["velocity", "volume"], "velocity"),
+        ("tap", ["tip", "seam"], "tip"),
+        ("spring", ["ring", "spring-dashpot"], "spring-dashpot"),
+        ("warning", ["stop", "warn"], "warn"),
+        ("wall", ["ball"], None),
+        ("courrant", ["constant"], None),
+        ("radius", ["disk"], None),
+    ],
+)
+def test_a_far_fetched_name_is_not_suggested(word, names, near):
+    assert nearest(word, names) == near

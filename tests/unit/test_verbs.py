@@ -48,12 +48,6 @@ def test_a_case_is_verified_with_its_own_run_or_with_a_result(case):
     assert percuss.verify(case, result) == []
 
 
-def test_a_method_is_begun_from_python_as_from_the_command_line(tmp_path):
-    made = percuss.new("my-law", "contact", tmp_path)
-    assert made.component == "MyLaw"
-    assert {file.name for file in tmp_path.iterdir()} == {file.name for file in made.files} >= {"my-law.py"}
-
-
 @pytest.mark.parametrize(
     ("call", "words"),
     [
