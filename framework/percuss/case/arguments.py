@@ -30,12 +30,6 @@ def expect_suffix(path: str | os.PathLike[str], what: str, suffixes: Sequence[st
     return suffix.lower()
 
 
-def expect_mapping_or_path(function: str, value: object) -> None:
-    """Raise InputError unless `value` is a path or a mapping."""
-    if not isinstance(value, (str, os.PathLike, Mapping)):
-        raise wrong_argument(function, "expected the path of a YAML file, or the same as a mapping", value, "")
-
-
 def expect_paths(function: str, parameter: str, value: object, *, many: bool = False) -> None:
     """Raise InputError unless `value` is None or maps dotted paths to values; with `many`, each path to several."""
     advice = 'As {"method.contact.beta_s": [0.1, 1]}.' if many else 'As {"method.contact.beta_s": 1}.'

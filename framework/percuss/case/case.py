@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from percuss.case import overrides as overriding
-from percuss.case.arguments import expect_files, expect_mapping_or_path, expect_paths, wrong_argument
+from percuss.case.arguments import expect_files, expect_paths, wrong_argument
 from percuss.case.cross_checks import CrossChecks, completed
 from percuss.case.source import Source
 from percuss.case.specs import Address, CaseSection, Spot
@@ -161,7 +161,6 @@ def load(
     if isinstance(source, Source):
         origin = source
     else:
-        expect_mapping_or_path("percuss.load", source)
         origin = Source.of(source) if isinstance(source, Mapping) else Source.read(source)
     return _load(origin, overrides or {}, registry, tuple(Path(file) for file in plugins), ())
 

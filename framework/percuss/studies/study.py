@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from percuss.case.arguments import expect_files, expect_mapping_or_path
+from percuss.case.arguments import expect_files
 from percuss.case.case import Case
 from percuss.digest import content_digest
 from percuss.errors import InputError, shortened, wrong_input
@@ -91,7 +91,6 @@ def study(
     from percuss.studies.preflight import check_measures
     from percuss.studies.spec import read_study
 
-    expect_mapping_or_path("percuss.study", path)
     expect_files("percuss.study", plugins)
     if not isinstance(workers, Workers):
         number_of_workers(workers)
