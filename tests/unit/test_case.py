@@ -85,16 +85,6 @@ def test_null_neither_starts_nor_stops_a_load():
     assert (load_.start, load_.stop) == (-np.inf, np.inf)
 
 
-@pytest.mark.parametrize("content", ["time,value\n0,0\n\n0.5,2\n", "0;0\n# peak\n0.5;2\n", "\ufeff0, 0\r\n0.5, 2"])
-def test_a_table_from_a_file_beside_the_case(tmp_path, content):
-    (tmp_path / "pulse.csv").write_text(content, encoding="utf-8")
-    load_ = from_text(tmp_path, text("loads: {push: {table: {file: pulse.csv}, on: a.left}}\n")).loads["push"].load
-    assert load_.file.path == "pulse.csv"
-    assert load_.file.table.tolist() == [[0.0, 0.5], [0.0, 2.0]]
-    assert not load_.file.table.flags.writeable
-    assert load_.amplitude(np.array([0.25])).tolist() == [1.0]
-
-
 def test_dimensions():
     bodies = {
         "a": {"bar": {**BAR, "direction": [1, 1]}, "material": STEEL, "area": 1, "velocity": [0, 1]},
@@ -105,10 +95,6 @@ def test_dimensions():
     assert (case.bodies["a"].at, case.bodies["b"].at) == ((0.0, 0.0), (10.0, 0.0))
     assert (case.bodies["a"].velocity, case.bodies["b"].velocity) == ((0.0, 1.0), 2.0)
     assert (case.loads["weight"].direction, case.loads["wind"].direction) == ((1.0, 0.0), (0.0, 2.0))
-
-
-def test_infinite_where_it_is_allowed(tmp_path):
-    assert from_text(tmp_path, text("method: {contact: {ratio: .inf}}\n")).method.contact.ratio == np.inf
 
 
 def test_expectations():
@@ -225,23 +211,6 @@ def forget_files():
     for name in [name for name in sys.modules if name.startswith("percuss_file_")]:
         del sys.modules[name]
     _load.cache_clear()
-
-
-@pytest.mark.usefixtures("forget_files")
-def test_a_plug_in_beside_the_case(tmp_path):
-    (tmp_path / "soft_law.py").write_text(
-        "from dataclasses import dataclass\nfrom percuss.methods.interfaces import ContactLaw, LinearLaw\n"
-        "@dataclass(frozen=True)\nclass Soft(ContactLaw):\n    '''Soft.'''\n"
-        "    name = 'soft'\n    summary = 'Soft'\n    stiffness: float = 1.0\n"
-        "    def bind(self, points, dt):\n        return LinearLaw('explicit', 1 / self.stiffness)\n"
-    )
-    case = from_text(tmp_path, text("plugins: [soft_law.py]\nmethod: {contact: {name: soft, stiffness: 3}}\n"))
-    assert case.method.contact.stiffness == 3.0
-    assert type(case.with_overrides({"method.contact.stiffness": 4}).method.contact) is type(case.method.contact)
-    beside = load(mapping(method={"contact": "soft"}), plugins=[tmp_path / "soft_law.py"])
-    assert type(beside.method.contact).name == "soft"
-    with pytest.raises(InputError, match="unknown contact law 'soft'"):
-        load(mapping(method={"contact": "soft"}))
 
 
 @pytest.mark.usefixtures("forget_files")
