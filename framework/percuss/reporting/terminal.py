@@ -32,8 +32,7 @@ from percuss.studies.perform import Run
 
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
-    from percuss.results.differences import Difference
-    from percuss.results.rerun import Rerun
+    from percuss.results.rerun import Difference, Rerun
     from percuss.results.result import Result
     from percuss.studies.study_table import Study
 

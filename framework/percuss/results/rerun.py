@@ -2,17 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
+from percuss.case.quantities import QUANTITIES
 from percuss.errors import InputError, PercussError, RunError
-from percuss.jsonable import Entries
-from percuss.results.differences import Change, Difference, changes, differences
+from percuss.jsonable import Data, Entries
+from percuss.methods.interfaces import Floats, Integers
 from percuss.results.exact_only import run_exact
 from percuss.results.provenance import case_inside
-from percuss.results.result import open_result
+from percuss.results.result import Result, open_result
 from percuss.results.runner import run_again
+
+# Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
+_NOT_COMPARED = {"seconds", "notes", "compiled_why"}
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A quantity in which two results differ.
+
+    Attributes
+    ----------
+    quantity
+        Name of a history, or dotted path of a number in the summary.
+    then, now
+        Value in the earlier and in the later result: of a history the first values that differ, or its shape.
+    time
+        Time of the first difference of a history; None for a number of the summary, or if the shapes differ.
+    of
+        Contact, probe or body with that difference; may be empty.
+    largest
+        Largest difference, None where it is no number.
+    relative
+        The same over the largest magnitude of the earlier values.
+    """
+
+    quantity: str
+    then: object
+    now: object
+    time: float | None = None
+    of: str = ""
+    largest: float | None = None
+    relative: float | None = None
+
+
+@dataclass(frozen=True)
+class Change:
+    """Something that is not as it was when a result was made: its name, then and now; None where it was not there."""
+
+    what: str
+    then: str | None
+    now: str | None
 
 
 @dataclass(frozen=True)
@@ -81,3 +125,119 @@ def rerun(path: Path, plugins: Sequence[Path] = ()) -> Rerun:
         raise KeyboardInterrupt  # Ctrl-C ended the second run
     found = differences(then, now), changes(then.provenance, now.provenance)
     return Rerun(str(path), then.title, tuple(found[0]), tuple(found[1]))
+
+
+def differences(then: Result, now: Result) -> list[Difference]:
+    """Return all quantities whose bits differ: histories in the order of their first difference, then numbers."""
+    histories = [
+        *_of_arrays(then.arrays, now.arrays, then.coordinates),
+        *_of_arrays(_fields(then.field_arrays), _fields(now.field_arrays), {"body": then.field_arrays.get("body", [])}),
+    ]
+    histories.sort(key=lambda difference: -np.inf if difference.time is None else difference.time)
+    numbers = [
+        *_of_numbers(_compared(then.summary), _compared(now.summary), ""),
+        *_of_numbers(then.provenance.get("resolved"), now.provenance.get("resolved"), "resolved"),
+    ]
+    return [*histories, *numbers]
+
+
+def row_differences(then: Data, now: Data, histories_then: Data, histories_now: Data) -> list[Difference]:
+    """Return all quantities of a row of a study whose bits differ: histories that are kept, then numbers."""
+    before, after = ({k: v for k, v in each.items() if k != "contact"} for each in (histories_then, histories_now))
+    return [*_of_arrays(before, after, {}), *_of_numbers(then, now, "")]
+
+
+def _compared(summary: Data) -> Entries:
+    return {name: value for name, value in summary.items() if name not in _NOT_COMPARED}
+
+
+def _fields(arrays: Data) -> Entries:
+    words = {name: f"{name.replace('_', ' ')} of the fields" for name in arrays if name != "stress"}
+    return {words.get(name, name): values for name, values in arrays.items() if not isinstance(values, list)}
+
+
+def _of_arrays(then: Data, now: Data, coordinates: Mapping[str, list[str]]) -> Iterator[Difference]:
+    for name in dict.fromkeys([*then, *now]):
+        before, after = then.get(name), now.get(name)
+        if before is None or after is None or np.shape(before) != np.shape(after):
+            yield Difference(name, _shape(before), _shape(after))
+            continue
+        differs = _bits(before) != _bits(after)
+        if not differs.any():
+            continue
+        first = np.unravel_index(int(np.argmax(differs)), differs.shape)
+        quantity = QUANTITIES.get(name)
+        times = then.get("time_half" if quantity and quantity.axis == "time_half" else "time", ())
+        times = times if len(times) else then.get("time of the fields", ())
+        names = coordinates.get({"element": "body"}.get(of := quantity.of if quantity else "", of), [])
+        largest, relative = _size(before, after)
+        yield Difference(
+            name,
+            _plain(before[first]),
+            _plain(after[first]),
+            time=float(times[first[0]]) if len(times) == len(before) else None,
+            of=str(names[first[1]]) if len(first) > 1 and first[1] < len(names) else "",
+            largest=largest,
+            relative=relative,
+        )
+
+
+def _shape(values: Floats | None) -> str | None:
+    return None if values is None else f"{' x '.join(map(str, np.shape(values)))} values"
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _bits(values: Floats) -> Integers:
+    """Return the bits of numbers, in which all that is not a number is one."""
+    values = np.ascontiguousarray(values, dtype=float)
+    return np.where(np.isnan(values), np.nan, values).view(np.int64)
+
+
+def _size(before: Floats, after: Floats) -> tuple[float | None, float | None]:
+    """Return the largest difference between numbers, and the same over the largest magnitude before."""
+    with np.errstate(all="ignore"):
+        difference = np.abs(np.asarray(after, dtype=float) - np.asarray(before, dtype=float))
+        largest = float(np.max(difference, where=np.isfinite(difference), initial=0.0))
+        scale = float(np.max(np.abs(before), where=np.isfinite(before), initial=0.0))
+    return largest, largest / scale if scale > 0.0 else None
+
+
+def _of_numbers(then: object, now: object, path: str) -> Iterator[Difference]:
+    if isinstance(then, Mapping) and isinstance(now, Mapping):
+        for name in dict.fromkeys([*then, *now]):
+            yield from _of_numbers(then.get(name), now.get(name), f"{path}.{name}" if path else str(name))
+    elif isinstance(then, list) and isinstance(now, list) and len(then) == len(now):
+        for place, (before, after) in enumerate(zip(then, now, strict=True)):
+            yield from _of_numbers(before, after, f"{path}[{place}]")
+    elif repr(then) != repr(now):  # of a number, the shortest text that gives back its bits
+        numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (then, now))
+        largest, relative = _size(np.array([then]), np.array([now])) if numeric else (None, None)
+        yield Difference(path, then, now, largest=largest, relative=relative)
+
+
+def changes(then: Data, now: Data) -> list[Change]:
+    """Return what has changed between the provenances of two results: versions, sources, plug-ins, processor.
+
+    What one of them does not know is no change, but a plug-in that it does not use is one.
+    """
+    before, after = _facts(then), _facts(now)
+    names = [name for name in {**before, **after} if (name in before and name in after) or name.startswith("plug-in ")]
+    return [Change(name, before.get(name), after.get(name)) for name in names if before.get(name) != after.get(name)]
+
+
+def _facts(provenance: Data) -> dict[str, str]:
+    """Return all that numbers depend on, by its name in words."""
+    facts = {f"version of {name}": version for name, version in provenance.get("versions", {}).items()}
+    facts |= {"sources of percuss": provenance.get("source_digest")}
+    facts |= {"processor": provenance.get("machine", {}).get("cpu")}
+    facts |= {f"plug-in {name}": _plugin_words(origin) for name, origin in provenance["plugins"].items()}
+    return {name: value for name, value in facts.items() if value is not None}
+
+
+def _plugin_words(origin: Data) -> str:
+    """Return version and digest of a plug-in; its place is no change."""
+    version = f"{origin['distribution']} {origin['version']}" if origin["distribution"] else "a file"
+    return f"{version}, sources {origin['digest'] or 'edited while they were in use'}"

@@ -8,9 +8,8 @@ from pathlib import Path
 from percuss.case.case import Case
 from percuss.errors import nearest, wrong_input
 from percuss.jsonable import Entries
-from percuss.results.differences import changes, row_differences
 from percuss.results.provenance import case_inside, keys_of, machine, origins
-from percuss.results.rerun import Rerun
+from percuss.results.rerun import Rerun, changes, row_differences
 from percuss.studies.columns import RowSettings
 from percuss.studies.job_package import Record, record, unpacked
 from percuss.studies.perform import label_of, perform_timed, tied_twin
