@@ -31,7 +31,7 @@ def runs():
 
 
 MATERIAL = {"young": 1.0, "density": 1.0, "poisson": 0.0}
-BARS = "stretches with drives, laws with state and a tie for a while | central-difference | penalty"
+BARS = "laws with kernels at one end | central-difference | penalty"
 
 
 class Killed(BaseException):
