@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image, PngImagePlugin
 
@@ -85,6 +86,12 @@ def words(texts):
     return [text.get_text().strip() for text in texts]
 
 
+def of_polygons(part):
+    """Return the places and colours of some polygons, each sorted: round-off may change who is drawn first."""
+    places = np.concatenate([path.vertices for path in part.get_paths()])
+    return [rounded(np.sort(column)) for column in (*places.T, *part.get_facecolors().T)]
+
+
 def drawn(figure):
     """Return what a figure shows: its texts, and of each panel the texts, the limits, the lines and the fields."""
     panels = []
@@ -96,6 +103,7 @@ def drawn(figure):
             "limits": rounded([*axes.get_xlim(), *axes.get_ylim()]),
             "lines": [{"x": rounded(line.get_xdata()), "y": rounded(line.get_ydata())} for line in axes.lines],
             "fields": [rounded(part.get_array()) for part in axes.collections if part.get_array() is not None],
+            "polygons": [of_polygons(part) for part in axes.collections if isinstance(part, PolyCollection)],
         })  # fmt: skip
     return {"words": words(figure.texts), "panels": panels}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -10,8 +10,9 @@ from percuss.contact.pairs import walls_of
 from percuss.errors import InputError, Problem
 from percuss.jsonable import Entries
 from percuss.mesh.cells import cells_of
-from percuss.reporting.figures import COLOURS, FAINT, INK, PAPER, SOFT, legend_below, new_figure, one_line, set_labels
-from percuss.reporting.views import Faces, draw_walls, on_page
+from percuss.reporting import figures, solids
+from percuss.reporting.figures import COLOURS, FAINT, INK, SOFT
+from percuss.reporting.solids import Part
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,19 +20,27 @@ if TYPE_CHECKING:
 
     from percuss.contact.model import Model
     from percuss.mesh.body import Body
-    from percuss.methods.interfaces import Floats, Integers
+    from percuss.methods.interfaces import Floats
 
-ARROW = 0.05  # length of an arrow, over the size of all bodies
-MOST_ARROWS = 24  # of a surface or a load
-MARKS = 0.025  # least distance between two marks of a support, over the size of all bodies
-BESIDE, BEYOND = 0.45, 1.35  # distance of a name from its region, over the length of an arrow: without and with arrows
-ROOM = 4.5  # of these distances that a body has to have, for the name to stand inside of it
-LETTER = 0.012  # height of a letter of a name, over the size of all bodies
-MARK_OF = {"x": "o", "y": "s", "z": "v", "xy": "p", "xz": "h", "yz": "8"}  # of a node that is held along these axes
+Signs: TypeAlias = list[Part]  # marks and arrows, which no name may hide
+Drawn: TypeAlias = dict[
+    str, tuple[list[Part], Signs, Entries]
+]  # surfaces and signs by label, and its line in the legend
+
+# Lengths over the size of all bodies.
+NORMAL, LOAD = 0.05, 0.1  # an arrow of a surface, the longest one of a load
+APART = 0.04  # least distance between two arrows or marks
+MARK = 0.009  # radius of the mark of a support
+STEP = 0.03  # from a surface to its name, at least
+# Corners and turn of the mark of a node that is held along these axes, along all, or driven.
+MARKS = {"x": (20, 0), "y": (4, 45), "z": (3, 180), "xy": (5, 0), "xz": (6, 0), "yz": (8, 0)}
+HELD, DRIVEN = (3, 0), (4, 0)
 
 
 def case_figure(model: Model) -> Figure:
     """Return the figure of a case: its bodies with regions and meshes, contact surfaces, walls, supports and loads.
+
+    In three dimensions bodies are translucent: what they hide is pale.
 
     Raises
     ------
@@ -42,144 +51,158 @@ def case_figure(model: Model) -> Figure:
         advice = "`percuss check` describes bars in words; `percuss run --plot` draws them."
         raise InputError([Problem(model.case.origin.name, "", "expected bodies that are no bars to draw", advice)])
     nodes = model.bodies.nodes
-    page = on_page(nodes)
-    low, high = page.min(axis=0), page.max(axis=0)
-    size = float((high - low).max())
-    low, high = low - 2.2 * ARROW * size, high + 2.2 * ARROW * size
-    width, height = high - low
-    tall = float(np.clip(9.0 * height / width, 2.0, 7.5))
-    counts = {"bodies": len(model.bodies), "nodes": model.bodies.n_nodes, "contact points": len(model.contact_points)}
-    small = ["  ·  ".join(f"{words}: {count}" for words, count in counts.items())]
-    entries: Entries = {}
-    with new_figure(9.6, tall + 1.9, model.case.title, small) as figure:
+    page = solids.on_page(nodes)
+    size = float(np.ptp(page, axis=0).max())
+    low, high = page.min(axis=0) - 2.2 * NORMAL * size, page.max(axis=0) + 2.2 * NORMAL * size
+    tall = float(np.clip(9.0 * (high - low)[1] / (high - low)[0], 2.0, 7.5))
+    facts = [f"bodies: {len(model.bodies)}", f"nodes: {len(nodes)}", f"contact points: {len(model.contact_points)}"]
+    facts.append(f"size: {' × '.join(map(figures.number, np.ptp(nodes, axis=0)))}")
+    with figures.new_figure(9.6, tall + 1.9, model.case.title, ["  ·  ".join(facts)]) as figure:
+        from matplotlib.lines import Line2D
+
         axes = figure.subplots()
-        for body in model.bodies.values():
-            _mesh(axes, body)
-        middle = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))
-        draw_walls(axes, walls_of(model.case, model.bodies), middle, float(np.ptp(nodes, axis=0).max()))
-        for k, name in enumerate(model.case.contacts):
-            entries |= _contact(axes, model, name, COLOURS[k % len(COLOURS)], ARROW * size)
-        entries |= _supports(axes, model, MARKS * size) | _loads(axes, model, 2.0 * ARROW * size)
-        for body in model.bodies.values():
-            _names(axes, model, body, size)
+        solids.draw_walls(axes, walls_of(model.case, model.bodies), nodes)
+        meshes = [part for body in model.bodies.values() for part in _mesh(body, size)]
+        drawn = _contacts(model, size) | _supports(model, size) | _loads(model, size)
+        surfaces = [part for some, _, _ in drawn.values() for part in some]
+        signs = [part for _, some, _ in drawn.values() for part in some]
+        solids.draw(axes, [*meshes, *surfaces, *signs], zorder=2)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axes.grid(visible=False)
         if model.dim == 2:
-            set_labels(axes, model.case.data.get("units") or {}, xlabel=("x", "length"), ylabel=("y", "length"))
+            units = model.case.data.get("units") or {}
+            figures.set_labels(axes, units, xlabel=("x", "length"), ylabel=("y", "length"))
         else:
             axes.set_axis_off()
-        legend_below(figure, entries)
+        figures.legend_below(figure, {label: Line2D([], [], **style) for label, (_, _, style) in drawn.items()})
+    with figures.drawing():
+        _write_names(axes, model, size, signs)
     return figure
 
 
-def _mesh(axes: Axes, body: Body) -> None:
-    """Draw the cells of a body and its outline."""
-    from matplotlib.collections import LineCollection, PolyCollection
-
-    nodes, faces = body.mesh.nodes, Faces.of(cells_of(body.mesh), body.mesh.nodes.shape[1])
-    seen, page = faces.seen(nodes), on_page(nodes)
-    style: Any = {"facecolors": "#f4f6f8", "edgecolors": FAINT, "linewidths": 0.4}
-    axes.add_collection(PolyCollection(faces.polygons(seen, nodes), rasterized=seen.size > 1000, **style))
-    axes.add_collection(LineCollection(list(page[faces.edges(nodes)]), colors=SOFT, linewidths=0.9))
-
-
-def _names(axes: Axes, model: Model, body: Body, size: float) -> None:
-    """Write the name of a body into its middle, and those of its regions beside theirs, where no arrow is."""
-    style: Any = {"ha": "center", "va": "center", "bbox": {**PAPER, "alpha": 0.7, "pad": 1.0}, "zorder": 5}
-    touching = {(side.body, side.region) for contact in model.case.contacts.values() for side in contact.sides}
+def _mesh(body: Body, size: float) -> list[Part]:
+    """Return the cells of a body and its outline."""
     nodes = body.mesh.nodes
-    x, y = on_page(nodes.mean(axis=0))
-    axes.text(x, y, one_line(body.name), size=11, weight="bold", color=INK, **style)
-    for region in body.mesh.regions:
-        surface = body.surface(region).surface
-        middles = surface.positions[surface.facets].mean(axis=1)
-        if np.linalg.norm(surface.normals.sum(axis=0)) > 1e-6 * len(middles):
-            facet = int(np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin())
-        else:  # a surface that looks to all sides is named at its highest point
-            facet = int(surface.normals[:, -1].argmax())
-        out, touches = surface.normals[facet], (body.name, region) in touching
-        away = ARROW * size * (BEYOND if touches else BESIDE)
-        flat = out.size == 2
-        inside = flat and np.ptp(nodes @ out) > ROOM * away
-        # Outside of the middle of a surface that touches another there is the other body.
-        place = middles[facet] if inside or not touches else middles[len(middles) // 8]
-        upright = flat and np.ptp(surface.positions[:, 1]) > LETTER * size * len(region) and abs(out[0]) > 0.7
-        x, y = on_page(place - away * out if inside else place + away * out)
-        axes.text(x, y, region, size=8.5, color=SOFT, rotation=90 if upright else 0, **style)
+    faces = solids.Faces.of(cells_of(body.mesh), nodes.shape[1])
+    cells = Part(nodes[faces.corners], "#f4f6f8" if nodes.shape[1] == 2 else "#eef1f4a8", FAINT, 0.4)
+    return [cells, Part(faces.outline(nodes), edge=SOFT, width=0.9, nearer=0.2 * STEP * size)]
 
 
-def _some(count: int) -> Integers:
-    """Return at most `MOST_ARROWS` of `count` numbers, evenly spread, also where the last is beside the first."""
-    most = min(count, MOST_ARROWS)
-    return ((np.arange(most) + 0.5) * count / most).astype(int)
+def _contacts(model: Model, size: float) -> Drawn:
+    """Return the surfaces of the contacts with their outward normals.
+
+    A surface of two contacts shows the colours of both, the later one within the other.
+    """
+    contacts, drawn = model.case.contacts, Drawn()
+    for k, (name, contact) in enumerate(contacts.items()):
+        colour, later = COLOURS[k % len(COLOURS)], list(contacts.values())[k + 1 :]
+        surfaces: list[Part] = []
+        normals: Signs = []
+        for side in contact.sides:
+            surface = model.bodies[side.body].surface(side.region).surface
+            corners = surface.positions[surface.facets]
+            width = 2.6 + 2.8 * sum(side in other.sides for other in later)
+            if model.dim == 2:
+                surfaces.append(Part(corners, edge=colour, width=width))
+            else:
+                surfaces.append(Part(corners, f"{colour}30", f"{colour}90", 0.3 * width, nearer=0.1 * STEP * size))
+            tails, out = corners.mean(axis=1), NORMAL * size * surface.normals
+            normals.append(_arrows(tails + out, out, size, colour))
+        drawn[f"contact {name}, with normals"] = surfaces, normals, {"color": colour, "linewidth": 2.6}
+    return drawn
 
 
-def _contact(axes: Axes, model: Model, name: str, colour: str, length: float) -> Entries:
-    """Draw the surfaces of a contact with their outward normals."""
-    from matplotlib.collections import LineCollection
-
-    contacts = model.case.contacts
-    later = list(contacts)[list(contacts).index(name) + 1 :]
-    for side in contacts[name].sides:
-        surface = model.bodies[side.body].surface(side.region).surface
-        corners = surface.positions[surface.facets]
-        # A surface of two contacts shows the colours of both, the later one within the other.
-        width = 2.6 + 2.8 * sum(side in contacts[other].sides for other in later)
-        thin: Any = {"linewidths": width} if model.dim == 2 else {"linewidths": 0.5 * width, "alpha": 0.5}
-        rims = on_page(corners if model.dim == 2 else np.concatenate([corners, corners[:, :1]], axis=1))
-        lines = axes.add_collection(LineCollection(list(rims), colors=colour, zorder=3, **thin))
-        some = _some(len(corners))
-        _arrows(axes, corners.mean(axis=1)[some], length * surface.normals[some], colour)
-    return {f"contact {name}, with normals": lines}
+def _arrows(tips: Floats, vectors: Floats, size: float, colour: str) -> Part:
+    """Return arrows that stand evenly apart."""
+    some = solids.spread(tips - vectors, APART * size)
+    return Part(solids.arrows(tips[some], vectors[some], 0.0025 * size), colour, nearer=STEP * size)
 
 
-def _arrows(axes: Axes, tails: Floats, vectors: Floats, colour: str, **more: Any) -> None:
-    style: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches", "width": 0.014, "zorder": 4}
-    axes.quiver(*on_page(tails).T, *on_page(vectors).T, color=colour, **style, **more)
-
-
-def _supports(axes: Axes, model: Model, apart: float) -> Entries:
-    """Mark nodes that supports hold, by direction, and some that are driven; marks that would overlap are left out."""
+def _supports(model: Model, size: float) -> Drawn:
+    """Return marks on nodes that supports hold, by direction, or drive; marks that would overlap are left out."""
     held: dict[int, Floats] = {}
-    driven: list[int] = []
+    driven: dict[int, bool] = {}
     for constraint in model.loads.constraints:
         if constraint.load is not None:
-            driven.append(constraint.node)
+            driven[constraint.node] = True
         else:
             held[constraint.node] = held.get(constraint.node, np.zeros(model.dim)) + np.abs(constraint.direction)
-    nodes, entries = on_page(model.bodies.nodes), {}
     along: dict[str, list[int]] = {}
     for node, by in held.items():
-        along.setdefault("".join(axis for axis, size in zip("xyz", by, strict=False) if size > 1e-9), []).append(node)
-    for held_along, some in sorted(along.items(), key=lambda item: (-len(item[0]), item[0])):
-        words = "held" if len(held_along) == model.dim else f"held along {' and '.join(held_along)}"
-        style: Any = {"color": INK, "markersize": 7, "markerfacecolor": "white", "zorder": 4}
-        mark = MARK_OF.get(held_along, "^") if words != "held" else "^"
-        (entries[words],) = axes.plot(*_apart(nodes[some], apart).T, mark, **style)
-    if driven:
-        (entries["driven"],) = axes.plot(*_apart(nodes[driven], apart).T, "D", color=INK, fillstyle="none", zorder=4)
-    return entries
+        along.setdefault("".join(axis for axis, part in zip("xyz", by, strict=False) if part > 1e-9), []).append(node)
+    drawn = Drawn()
+    for axes, nodes in sorted(along.items(), key=lambda item: (-len(item[0]), item[0])):
+        whole = len(axes) == model.dim
+        words = "held" if whole else f"held along {' and '.join(axes)}"
+        drawn[words] = _marks(model, nodes, HELD if whole else MARKS.get(axes, HELD), size)
+    return drawn | ({"driven": _marks(model, list(driven), DRIVEN, size)} if driven else {})
 
 
-def _apart(places: Floats, least: float) -> Floats:
-    """Return those places that are not nearer than `least` to one that comes before."""
-    kept = places[:1]
-    for place in places[1:]:
-        if (np.abs(kept - place).max(axis=1) > least).all():
-            kept = np.concatenate([kept, place[None]])
-    return kept
+def _marks(model: Model, nodes: list[int], shape: tuple[int, int], size: float) -> tuple[list[Part], Signs, Entries]:
+    """Return regular polygons on nodes that stand evenly apart, given by their corners and turn."""
+    sides, turn = shape
+    places = model.bodies.nodes[nodes]
+    angles = np.radians(90.0 + turn) + 2.0 * np.pi * np.arange(sides) / sides
+    corners = MARK * size * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    corners = corners if model.dim == 2 else corners @ solids.PAGE.T
+    marks = places[solids.spread(places, APART * size)][:, None] + corners
+    style: Entries = {"marker": (sides, 0, turn), "linestyle": "none", "color": INK}
+    look = {**style, "markerfacecolor": "white", "markersize": 8}
+    return [], [Part(marks, "white", INK, 1.0, nearer=STEP * size)], look
 
 
-def _loads(axes: Axes, model: Model, length: float) -> Entries:
-    """Draw the forces on nodes as they are at amplitude 1, the largest of each load as an arrow of the given length."""
-    entries: Entries = {}
+def _loads(model: Model, size: float) -> Drawn:
+    """Return the forces on nodes as they are at amplitude 1, the largest of each load as an arrow of a given length."""
+    drawn = Drawn()
     for k, (name, spec) in enumerate(model.case.loads.items()):
         forces = [force for force in model.loads.nodal_forces if force.load is spec]
-        if not forces:
-            continue
-        colour, some = COLOURS[-1 - k % 2], [forces[k] for k in _some(len(forces))]
-        vectors = np.array([force.force for force in some])
-        vectors *= length / np.linalg.norm([force.force for force in forces], axis=1).max()
-        _arrows(axes, model.bodies.nodes[[force.node for force in some]], vectors, colour, pivot="tip")
-        (entries[f"load {name}"],) = axes.plot([], [], color=colour, marker=r">", linewidth=1.5)
-    return entries
+        if forces:
+            colour, vectors = COLOURS[-1 - k % 2], np.array([force.force for force in forces])
+            vectors *= LOAD * size / np.linalg.norm(vectors, axis=1).max()
+            arrows = _arrows(model.bodies.nodes[[force.node for force in forces]], vectors, size, colour)
+            drawn[f"load {name}"] = [], [arrows], {"color": colour, "marker": ">", "linewidth": 1.5}
+    return drawn
+
+
+def _write_names(axes: Axes, model: Model, size: float, taken: Signs) -> None:
+    """Write the names of the bodies and of their regions where they hide no arrow, no mark and no other name."""
+    from matplotlib.transforms import Bbox
+
+    corners = [axes.transData.transform(polygon) for part in taken for polygon in solids.on_page(part.polygons)]
+    boxes = [Bbox([each.min(axis=0), each.max(axis=0)]) for each in corners]
+
+    def write(words: str, places: list[Floats], **style: Any) -> None:
+        box = {**figures.PAPER, "alpha": 0.7, "pad": 1.0}
+        text = axes.text(0.0, 0.0, words, ha="center", va="center", bbox=box, zorder=5, **style)
+
+        def hidden(place: Floats) -> int:
+            text.set_position((place[0], place[1]))
+            return int(text.get_window_extent().count_overlaps(boxes))
+
+        hidden(min(places, key=hidden))
+        boxes.append(text.get_window_extent())
+
+    for body in model.bodies.values():
+        middle = solids.on_page(body.mesh.nodes.mean(axis=0))
+        places = [middle + STEP * size * np.array([x, y]) for y in (0, 1, -1, 2, -2) for x in (0, 1, -1, 2, -2)]
+        write(figures.one_line(body.name), places, size=11, weight="bold", color=INK)
+    for body in model.bodies.values():
+        for region in body.mesh.regions:
+            write(region, _beside(body, region, STEP * size), size=8.5, color=SOFT)
+
+
+def _beside(body: Body, region: str, step: float) -> list[Floats]:
+    """Return places for the name of a region, from the middle of what is seen of it: in the body if that is thick."""
+    surface = body.surface(region).surface
+    middles, normals = surface.positions[surface.facets].mean(axis=1), surface.normals
+    ways = [1.0, 2.0, 3.0]  # steps along the normal
+    seen = np.full(len(middles), fill_value=True) if middles.shape[1] == 2 else normals @ solids.TO_CAMERA > 0.1
+    if seen.any():
+        first = np.where(seen, np.linalg.norm(middles - middles[seen].mean(axis=0), axis=1), np.inf)
+        thick = middles.shape[1] == 2 and np.ptp(body.mesh.nodes @ normals[first.argmin()]) > 5.0 * step
+        ways = [-1.0, -2.0, -3.0, *ways] if thick else ways if middles.shape[1] == 2 else [0.0, *ways]
+    else:
+        first = -middles @ solids.TO_CAMERA  # its nearest edge is seen
+    facets = np.argsort(first, kind="stable")
+    some = facets[:: max(1, len(facets) // 8)]
+    return [solids.on_page(middles[facet] + way * step * normals[facet]) for facet in some for way in ways]

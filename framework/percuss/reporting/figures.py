@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import io
-import math
 import os
-import re
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -26,6 +24,7 @@ from percuss.results.ledger import open_accounts
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     from percuss.results.result import Result
 
@@ -38,7 +37,6 @@ RAISED = str.maketrans("0123456789-\u2212", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
 SMALL = {"s": "ₛ", "m": "ₘ", "n": "ₙ", "p": "ₚ"}
 OVERLAY = 6  # More lines than this cannot be distinguished in one panel.
 MOST_PANELS = 6  # of contacts in one figure
-BELOW = 0.1  # inches below all panels
 
 
 def one_line(text: object) -> str:
@@ -48,7 +46,7 @@ def one_line(text: object) -> str:
 
 def wrapped(text: str, width: int, most: int) -> list[str]:
     """Return a text as at most `most` lines of at most `width` letters."""
-    return textwrap.wrap(one_line(text), width, max_lines=most, placeholder=" …")
+    return textwrap.wrap(printable(one_line(text)), width, max_lines=most, placeholder=" …")
 
 
 def number(value: object, digits: int = 4) -> str:
@@ -102,81 +100,62 @@ def warning_lines(result: Result) -> list[str]:
     return [head] if stop is None else [f"{head}; {stop['what']}", f"Likely cause: {stop['cause']}"]
 
 
-def header(figure: Figure, title: str, small: Sequence[str], loud: Sequence[str], foot: Sequence[str] = ()) -> None:
-    """Write title, small lines and loud warnings above a figure's panels and foot lines below them.
-
-    The panels are laid out in the room between.
-    """
-    from matplotlib.patches import Rectangle
-
-    height, left = figure.get_figheight(), 0.2 / figure.get_figwidth()
-    y = 1 - 0.18 / height
-
-    def write(lines: Iterable[str], size: float, colour: str, weight: str = "normal") -> None:
-        nonlocal y
-        for line in lines:
-            figure.text(left, y, printable(line), size=size, color=colour, weight=weight, va="top")
-            y -= 1.5 * size / 72 / height
-
-    write(wrapped(title or "Untitled case", 88, 2), 17, INK, "bold")
-    write((part for line in small for part in wrapped(line, 160, 3)), 10, SOFT)
-    if loud:
-        above, y = y, y - 0.07 / height
-        write(wrapped(loud[0], 125, 2), 12, "white", "bold")
-        write((part for line in loud[1:] for part in wrapped(line, 155, 2)), 10, "white")
-        band = Rectangle((0, y), 1, above - y, transform=figure.transFigure, facecolor=ALARM, zorder=0)
-        figure.add_artist(band)
-    top = y - 0.08 / height
-    feet = [part for line in foot for part in wrapped(line, 165, 1)]
-    y = bottom = (BELOW + 0.2 * len(feet)) / height
-    write(feet, 9.5, ALARM)
-    rect = (0.008, bottom, 0.984, top - bottom)
-    figure.set_layout_engine("constrained", rect=rect, hspace=0.03, wspace=0.03)
-
-
 @contextmanager
 def new_figure(
-    width: float, height: float, title: str, small: Sequence[str], loud: Sequence[str] = (), foot: Sequence[str] = ()
+    width: float, height: float, title: str | None = None, small: Sequence[str] = (), loud: Sequence[str] = ()
 ) -> Iterator[Figure]:
-    """Yield a figure with its `header`, drawn in the style of percuss; its layout is fixed at the end."""
+    """Yield a figure in the style of percuss, with title, small lines and loud warnings above the room of its panels.
+
+    At the end the panels are laid out; later changes move them no more.
+    """
     with drawing():
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(width, height), facecolor="white")
-        header(figure, title, small, loud, foot)
+        # Texts are measured as they are saved: at a lower resolution they are up to a tenth shorter or longer.
+        figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white")
+        y = _head(figure, title, small, loud)
+        figure.set_layout_engine("constrained", rect=(0.008, 0.1 / height, 0.984, y - 0.1 / height))
         yield figure
-        fix_layout(figure)
+        for axes in figure.axes:  # the power of ten of an axis stands where it hides nothing above the panel
+            axes.yaxis.get_offset_text().set(ha="right", x=-0.01)
+            axes.yaxis.OFFSETTEXTPAD = 8
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
 
 
-def fix_layout(figure: Figure) -> Figure:
-    """Fix the layout of a figure and return the figure.
+def _head(figure: Figure, title: str | None, small: Sequence[str], loud: Sequence[str]) -> float:
+    """Write what stands above the panels, and return how far up the figure these may reach."""
+    lines = [(text, 17.0, INK) for text in wrapped("Untitled case" if title == "" else title or "", 88, 2)]
+    lines += [(text, 10.0, SOFT) for line in small for text in wrapped(line, 160, 3)]
+    lines += [(text, 10.5, ALARM) for line in loud for text in wrapped(line, 135, 2)]
+    height, y = figure.get_figheight(), 0.18
+    for text, size, colour in lines:
+        band = {"color": "white", "bbox": {"facecolor": ALARM, "edgecolor": "none", "pad": 2.5}}
+        style: Entries = {"color": colour} if colour != ALARM else band
+        weight = "normal" if colour == SOFT else "bold"
+        figure.text(0.2 / figure.get_figwidth(), 1 - y / height, text, size=size, weight=weight, va="top", **style)
+        y += 1.5 * size / 72
+    return 1 - (y + 0.08) / height
 
-    Texts are measured as they are saved: at a lower resolution they are up to a tenth shorter or longer. Positions are
-    rounded, because the solver of the layout differs in the last bits from run to run.
-    """
-    _write_powers(figure.axes)
-    shown = figure.get_dpi()
-    figure.set_dpi(DOTS_PER_INCH)
-    for axes in figure.axes:
-        axes.apply_aspect()
-    if engine := figure.get_layout_engine():
-        engine.execute(figure)
-        foot = engine.get()["rect"][1]
-        for below in figure.legends if foot * figure.get_figheight() > 2.0 * BELOW else ():
-            below.set_bbox_to_anchor((0.0, foot, 1.0, 1.0 - foot))  # clear of the foot lines
-    figure.set_dpi(shown)
-    figure.set_layout_engine("none")
-    for axes in figure.axes:
-        axes.apply_aspect()
-        active, original = (tuple(np.round(axes.get_position(o).bounds, 6)) for o in (False, True))
-        axes.set_position(original, which="original")
-        axes.set_position(active, which="active")
-    return figure
+
+def draw_line(axes: Axes, time: Floats, values: Floats, **style: Any) -> Line2D:
+    """Draw a history, thinned, and return its line."""
+    (line,) = axes.plot(*thinned(time, values), **style)
+    return line
 
 
 def set_labels(axes: Axes, units: Data, **labels: tuple[str, str]) -> None:
     """Name the axes of a panel: `xlabel` and `ylabel` are labels with their units in words, which the case may name."""
     axes.set(**{which: with_unit(*label, units) for which, label in labels.items()})
+
+
+def colour_limit(values: Floats) -> tuple[float, str]:
+    """Return the size of stress that has the darkest colour; and "both" if single values are larger, else "neither"."""
+    sizes = np.abs(values[np.isfinite(values)])
+    largest = float(sizes.max(initial=0.0))
+    limit = float(np.percentile(sizes, 99.5)) if sizes.size else 0.0
+    limit = limit if limit > 1e-3 * largest else largest or 1.0
+    return limit, "both" if largest > 1.001 * limit else "neither"
 
 
 def write_reason(axes: Axes, text: str) -> None:
@@ -186,53 +165,26 @@ def write_reason(axes: Axes, text: str) -> None:
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=SOFT)
 
 
-def legend(axes: Axes, entries: Data, *, room: int = 76, up: float = 1.0) -> None:
+def legend(axes: Axes, entries: Entries, *, room: int = 82, up: float = 1.0) -> None:
     """Put a legend above a panel, where it hides no data, in as many columns as `room` letters allow."""
-    lengths = [len(one_line(label)) + 10 for label in entries]
-    for rows in range(1, len(lengths) + 1):
-        columns = [max(lengths[k : k + rows]) for k in range(0, len(lengths), rows)]
-        if sum(columns) <= room:
-            break
-    _add_legend(axes, entries, loc="lower left", bbox_to_anchor=(0, up), ncols=len(columns), borderaxespad=0.2)
+    _add_legend(axes, entries, room, loc="lower left", bbox_to_anchor=(0, up), borderaxespad=0.2)
 
 
-def legend_below(figure: Figure, entries: Entries, *, beside: bool = False) -> None:
-    """Put one legend below all panels, above the foot lines of the `header`, or beside them."""
-    if not entries:
-        return
-    longest = max(map(len, entries))
-    columns = 1 if beside else max(1, min(len(entries), int(12 * figure.get_figwidth()) // (longest + 8)))
-    place = f"outside {'right' if beside else 'lower'} center"
-    _add_legend(figure, entries, loc=place, ncols=columns, fontsize=8.5 if beside else None)
+def legend_below(figure: Figure, entries: Entries) -> None:
+    """Put one legend below all panels."""
+    if entries:
+        _add_legend(figure, entries, int(12 * figure.get_figwidth()), loc="outside lower center")
 
 
-def _add_legend(owner: Axes | Figure, entries: Data, **options: Any) -> None:
-    """Add a legend to a panel or a figure."""
+def _add_legend(owner: Any, entries: Entries, room: int, **options: Any) -> None:
     # The space keeps matplotlib from dropping a label that begins with an underscore.
-    owner.legend(list(entries.values()), [f" {one_line(label)}" for label in entries], **options)
+    labels = [f" {one_line(label)}" for label in entries]
+    columns = room // (max(map(len, labels), default=0) + 7)
+    owner.legend(list(entries.values()), labels, ncols=max(1, min(len(labels), columns)), **options)
 
 
-def _write_powers(panels: Sequence[Axes]) -> None:
-    """Write the powers of ten of axes as plain text, to the left of the axis where they hide nothing above the panel.
-
-    Plain text is laid out ten times as fast as mathematical text.
-    """
-    from matplotlib.ticker import ScalarFormatter
-
-    class Powers(ScalarFormatter):
-        def get_offset(self) -> str:
-            return re.sub(r"1e([-\u2212]?\d+)", lambda match: "×10" + match[1].translate(RAISED), super().get_offset())
-
-    for axes in panels:
-        for axis in (axes.xaxis, axes.yaxis):
-            if isinstance(axis.get_major_formatter(), ScalarFormatter):
-                axis.set_major_formatter(Powers(useMathText=False))
-        axes.yaxis.get_offset_text().set(ha="right", x=-0.01)
-        axes.yaxis.OFFSETTEXTPAD = 8  # The text must stay clear of a tick at the very top.
-
-
-def tick_text(value: float, _: object = None) -> str:
-    """Return the label of a tick as plain text, which is drawn ten times as fast as mathematical text."""
+def tick_text(value: float) -> str:
+    """Return the label of a tick as plain text: texts are never read as mathematics, as a user's title may have a $."""
     if value == 0 or 1e-3 <= abs(value) < 1e5:
         return f"{value:.6g}"
     head, power = f"{value:.5e}".split("e")
@@ -240,45 +192,31 @@ def tick_text(value: float, _: object = None) -> str:
     return raised if float(head) == 1 else f"{float(head):g}×{raised}"
 
 
-def percent_text(value: float, _: object = None) -> str:
-    """Return the label of a tick at a fraction, in per cent."""
-    return f"{tick_text(100 * value)} %"
-
-
 def log_axis(
-    axes: Axes, which: str, limits: tuple[float, float] | None = None, text: Callable[..., str] = tick_text
+    axes: Axes, which: str, limits: tuple[float, float] | None = None, text: Callable[[float], str] = tick_text
 ) -> None:
     """Make the axis `which`, x or y, logarithmic between limits, those of its data by default, with plain ticks."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-    axis = axes.xaxis if which == "x" else axes.yaxis
     axes.set(**{f"{which}scale": "log", **({f"{which}lim": limits} if limits else {})})
+    axis = axes.xaxis if which == "x" else axes.yaxis
     low, high = axis.get_view_interval()
-    # Two or more ticks that are round: whole decades, or parts of one, or equal distances within a small part of one.
-    choices = (LogLocator(), LogLocator(subs=(1, 2, 5)), LogLocator(subs=(1, 1.5, 2, 3, 5, 7)), MaxNLocator(5))
-    ticks: Sequence[float] = ()
-    for locator, least in zip(choices, (5, 4, 3, 0), strict=True):
-        ticks = [tick for tick in locator.tick_values(low, high) if low <= tick <= high]
-        if len(ticks) >= least:
-            break
-    spaced: list[float] = []  # equal distances crowd towards the end of the axis
-    for tick in ticks:
-        if not spaced or math.log(tick / spaced[-1]) > LEAST_SPACE[which] * math.log(high / low):
-            spaced.append(tick)
-    axis.set_major_locator(FixedLocator(spaced))
-    axis.set_major_formatter(FuncFormatter(text))
-    axis.set_minor_locator(NullLocator())
+    if high > 6.0 * low:
+        most = 100.0 if which == "x" else 3000.0  # labels stand side by side, or above each other
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < most * low else (1.0,)))
+    else:
+        axis.set_major_locator(MaxNLocator(3 if which == "x" else 5))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: text(value)))
     axis.set_minor_formatter(NullFormatter())
 
 
 def percent_axis(axes: Axes, low: float, high: float) -> None:
     """Make the axis of positive fractions logarithmic around `low` to `high`, with ticks in per cent."""
     margin = (high / low) ** 0.06 if high > low else 2.0
-    log_axis(axes, "y", (low / margin, high * margin), percent_text)
+    log_axis(axes, "y", (low / margin, high * margin), lambda share: f"{tick_text(100 * share)} %")
 
 
 DOTS_PER_INCH = 180
-LEAST_SPACE = {"x": 0.16, "y": 0.06}  # of an axis between two ticks
 SUFFIXES = (".png", ".svg", ".pdf")
 # The colours of Okabe and Ito, ordered so that neighbours differ in grey too; each has its own line style.
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7")
@@ -307,14 +245,10 @@ def check_suffix(path: str | os.PathLike[str]) -> None:
 
 def picture(figure: Figure, kind: str) -> bytes:
     """Return a figure as the bytes of a png, svg or pdf file; the same figure gives the same bytes."""
-    stamps: dict[str, Entries] = {
-        "png": {"Software": None},
-        "svg": {"Date": None, "Creator": "percuss"},
-        "pdf": {"CreationDate": None, "Creator": "percuss", "Producer": None},
-    }
+    no_date = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
     out = io.BytesIO()
     with drawing():
-        figure.savefig(out, format=kind, dpi=DOTS_PER_INCH, metadata=stamps[kind])
+        figure.savefig(out, format=kind, dpi=DOTS_PER_INCH, metadata=no_date)
     return out.getvalue()
 
 
@@ -340,9 +274,8 @@ def write(path: str | os.PathLike[str], figure: Figure) -> None:
     """Write a figure as a png, svg or pdf file, by suffix, completely or not at all."""
     check_suffix(path)
     suffix = Path(path).suffix
-    content = picture(figure, suffix.lower()[1:])
     with replacing(path, suffix) as beside:
-        beside.write_bytes(content)
+        beside.write_bytes(picture(figure, suffix.lower()[1:]))
 
 
 def axis_end(result: Result) -> float:

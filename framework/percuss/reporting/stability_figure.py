@@ -88,10 +88,9 @@ class _Drawn(NamedTuple):
 
 def _notes_on_omissions(rows: list[Entries], drawn: _Drawn) -> list[str]:
     """Return notes on parts that are not drawn: points without a number, curves without a map, and further criteria."""
-    without_number = [row for row in rows if row.get(drawn.quantity) is None]
+    without_number = [row["reason"] or "no reason given" for row in rows if row.get(drawn.quantity) is None]
     words = []
-    if without_number:
-        reason, count = Counter(row["reason"] or "no reason given" for row in without_number).most_common(1)[0]
+    for reason, count in Counter(without_number).most_common(1):
         often = f" ({count} of them)" if count < len(without_number) else ""
         words.append(f"{len(without_number)} of {len(rows)} points have no number and are left blank: {reason}{often}")
     first, *others = drawn.criteria
@@ -105,16 +104,15 @@ def _notes_on_omissions(rows: list[Entries], drawn: _Drawn) -> list[str]:
 def _draw_curves(figure: Figure, drawn: _Drawn) -> None:
     axes, (path,) = figure.subplots(), drawn.vary
     for k, (curve, of_curve) in enumerate(drawn.curves.items()):
-        colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
         for j, criterion in enumerate(drawn.criteria):
             points = [row for row in of_curve if row["by"] == criterion and row.get(drawn.quantity) is not None]
-            x, y = [_coordinate(row[path]) for row in points], [row[drawn.quantity] for row in points]
             label = "  ".join(filter(None, (curve, criterion if len(drawn.criteria) > 1 else ""))) or criterion
-            if j == 0:
-                axes.plot(x, y, color=colour, linestyle=dashes, linewidth=1.8, label=label)
-                continue
-            thin, mark = slice(None, None, max(1, len(x) // 15)), MARKS[(j - 1) % len(MARKS)]
-            axes.plot(x[thin], y[thin], mark, color=colour, fillstyle="none", markersize=7, label=label)
+            style: Entries = {"linestyle": DASHES[k % len(DASHES)], "linewidth": 1.8}
+            if j > 0:  # marks on the line of the first criterion
+                style = {"linestyle": "none", "marker": MARKS[(j - 1) % len(MARKS)], "fillstyle": "none"}
+                style |= {"markersize": 7, "markevery": max(1, len(points) // 15)}
+            x, y = [row[path] for row in points], [row[drawn.quantity] for row in points]
+            axes.plot(x, y, color=COLOURS[k % len(COLOURS)], label=label, **style)
     _set_scale(axes, drawn.vary, path, "x")
     axes.set(xlabel=path, ylabel=WORDS[drawn.quantity])
     axes.set_ylim(bottom=0)
@@ -123,26 +121,25 @@ def _draw_curves(figure: Figure, drawn: _Drawn) -> None:
 
 def _draw_maps(figure: Figure, drawn: _Drawn) -> None:
     first, second = drawn.vary
-    labels = list(drawn.curves)[:MOST_MAPS]
-    panels = figure.subplots(1, len(labels), sharey=True, squeeze=False)[0]
-    x, y = ([_coordinate(value) for value in drawn.vary[path]] for path in (first, second))
+    maps = list(drawn.curves.items())[:MOST_MAPS]
+    panels = figure.subplots(1, len(maps), sharey=True, squeeze=False)[0]
     grids = []
-    for label in labels:
-        rows = [row for row in drawn.curves[label] if row["by"] == drawn.criteria[0]]
-        value_at = {(row[first], row[second]): row.get(drawn.quantity) for row in rows}
-        values = [[value_at.get((across, up)) for across in drawn.vary[first]] for up in drawn.vary[second]]
-        grids.append(np.array(values, dtype=float))
+    for _, rows in maps:
+        values = {(row[first], row[second]): row.get(drawn.quantity) for row in rows if row["by"] == drawn.criteria[0]}
+        lines = [[values.get((across, up)) for across in drawn.vary[first]] for up in drawn.vary[second]]
+        grids.append(np.array(lines, dtype=float))
     boundary = drawn.quantity != "courant_critical"
-    high = 2.0 if boundary else max(float(grid[np.isfinite(grid)].max(initial=0.0)) for grid in grids)
+    high = 2.0 if boundary else float(np.max(grids, where=np.isfinite(grids), initial=0.0))
     levels = [1.0] if boundary else [level for level in np.linspace(0.1, 1.0, 10) if 0.0 < level < high]
     style: Entries = {"cmap": "RdBu_r" if boundary else "viridis", "vmin": 0.0, "vmax": high, "shading": "nearest"}
-    for axes, grid, label in zip(panels, grids, labels, strict=True):
+    x, y = list(drawn.vary[first]), list(drawn.vary[second])
+    for axes, grid, (label, _) in zip(panels, grids, maps, strict=True):
         # Where no step is stable the ratio of the step to the critical one is infinite, which is drawn as a colour.
         shown = np.ma.masked_invalid(np.where(grid == np.inf, 10 * high, grid))
         mesh = axes.pcolormesh(x, y, shown, rasterized=True, **style)
         if min(grid.shape) > 1 and shown.count():
-            lines = axes.contour(x, y, shown, levels=levels, colors=INK, linewidths=1.6 if boundary else 0.7)
-            axes.clabel(lines, fmt="%.3g", fontsize=9)
+            contours = axes.contour(x, y, shown, levels=levels, colors=INK, linewidths=1.6 if boundary else 0.7)
+            axes.clabel(contours, fmt="%.3g", fontsize=9)
         _set_scale(axes, drawn.vary, first, "x")
         axes.set_title(label, loc="left", size=11)
         axes.set_xlabel(first)
@@ -150,10 +147,6 @@ def _draw_maps(figure: Figure, drawn: _Drawn) -> None:
     _set_scale(panels[0], drawn.vary, second, "y")
     panels[0].set_ylabel(second)
     figure.colorbar(mesh, ax=list(panels), extend="max" if boundary else "neither", label=WORDS[drawn.quantity])
-
-
-def _coordinate(value: float | str) -> float | str:
-    return float(value) if isinstance(value, (int, float)) else str(value)
 
 
 def _set_scale(axes: Axes, vary: Axis, path: str, which: str) -> None:
