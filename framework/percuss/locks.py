@@ -13,21 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from percuss.errors import InputError, Problem, wrong_input
-
-
-class NotWritableError(InputError):
-    """Refusal to write to a file in a folder that cannot be written to.
-
-    Attributes
-    ----------
-    path
-        The file.
-    """
-
-    def __init__(self, path: Path, reason: str | None) -> None:
-        self.path = path
-        super().__init__([Problem(str(path), "", f"cannot write here: {reason}", "Name another file with -o.")])
+from percuss.errors import wrong_input
 
 
 @contextmanager
@@ -37,9 +23,7 @@ def locked(path: Path) -> Iterator[None]:
     Raises
     ------
     InputError
-        If another process, or another thread of this one, holds the lock.
-    NotWritableError
-        If the lock file cannot be made.
+        If another process, or another thread of this one, holds the lock, or the lock file cannot be made.
     """
     import filelock
 
@@ -54,7 +38,7 @@ def locked(path: Path) -> Iterator[None]:
         message = f"is being written by {writer or 'another process'}"
         raise wrong_input(str(path), message, "Wait until it has ended, or name another file with -o.") from None
     except OSError as error:
-        raise NotWritableError(path, error.strerror) from error
+        raise wrong_input(str(path), f"cannot write here: {error.strerror}", "Name another file with -o.") from error
     try:
         since = dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
         with contextlib.suppress(OSError):  # the disk is full, or the lock forbids it, as on Windows

@@ -25,7 +25,7 @@ from percuss.reporting.study_answer import answer
 from percuss.reporting.study_figures import figures, study_figures
 from percuss.reporting.study_page import report_html, study_report
 from percuss.studies.columns import metric
-from percuss.studies.study_files import StudyFile
+from percuss.studies.store import StudyFile
 
 pytestmark = pytest.mark.slow
 

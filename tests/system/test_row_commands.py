@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 import yaml
 
-import pages
 import percuss
 import places
 from command_line import percuss_command
 from opened_page import Opened
 from percuss.case.quantities import METRICS
-from percuss.studies import study_files
+from percuss.reporting import study_page
 from percuss.studies.columns import metric
 
 pytestmark = pytest.mark.slow
@@ -159,7 +158,7 @@ def test_rows_are_verified_to_the_last_bit(whole, tmp_path):
         ),
         (("run", "rows.sqlite", "--row", ""), "rows.sqlite"),
         (("verify", "rows.sqlite", "--row", "nothing"), "expected the key of one row of rows.sqlite, found 0"),
-        (("verify", "mine.py", "--row", "a"), "expected the file of a study with --row"),
+        (("verify", "mine.py", "--row", "a"), "mine.py: expected the file of a study, found "),
     ],
 )
 def test_a_row_that_there_is_not_is_told(whole, words, said):
@@ -170,11 +169,8 @@ def test_a_row_that_there_is_not_is_told(whole, words, said):
 
 def test_options_that_a_later_change_drops_do_not_return(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    plan = bench(
-        tmp_path,
-        set={**SMALL, "method.contact": {"name": "penalty", "beta_s": 0.4}},
-        methods={"contacts": ["lagrange", "bipenalty"]},
-    )
+    penalty = {"name": "penalty", "beta_s": 0.4}
+    plan = bench(tmp_path, set={**SMALL, "method.contact": penalty}, methods={"contacts": ["lagrange", "bipenalty"]})
     expect_same_runs(percuss.study(plan, workers=1), tmp_path)
 
 
@@ -190,40 +186,22 @@ def test_a_study_may_set_a_plug_in_and_vary_numbers_and_words(tmp_path, monkeypa
     expect_same_runs(percuss.study(plan, workers=1), tmp_path)
 
 
-def test_the_files_of_a_study_are_kept_with_their_digests(whole):
-    files = {file.path: file for file in whole.study.files}
-    assert {path: file.role for path, file in files.items()} == {
-        "plans/study.yaml": "study",
-        "it's here/my case.yaml": "case",
-        "it's here/pulse.csv": "data",
-        "mine.py": "plug-in",
-    }
-    for path, file in files.items():
-        content = (whole.folder / path).read_bytes()
-        assert (file.sha256, file.size, file.text) == (
-            hashlib.sha256(content).hexdigest(),
-            len(content),
-            content.decode(),
-        )
-    with sqlite3.connect(whole.study.path) as db:
-        assert db.execute("SELECT text FROM files WHERE role = 'plug-in'").fetchone() == (LAW,)
-    db.close()
-
-
-def test_of_files_that_are_large_or_no_text_there_is_the_digest_alone(tmp_path, monkeypatch):
+def test_the_files_of_a_study_are_kept_once_with_their_digests(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    plan = bench(tmp_path, vary={"time.courant": [0.5]})
-    case = Path("it's here", "my case.yaml")
+    plan = bench(tmp_path, methods={"contacts": ["mine"]}, vary={"time.courant": [0.5]})
+    table, case = Path("it's here", "pulse.csv"), Path("it's here", "my case.yaml")
     case.write_bytes(b"\xef\xbb\xbf" + case.read_bytes())  # a mark that belongs to the file and not to its text
-    table = Path("it's here", "pulse.csv")
-    table.write_text("0, 0\n0.1, 0.01\n" + "\n" * study_files.LONGEST_TEXT)
-    found = {file.role: file for file in percuss.study(plan, workers=1).files}
-    assert (found["data"].text, found["data"].size) == (None, table.stat().st_size)
-    assert found["data"].sha256 == hashlib.sha256(table.read_bytes()).hexdigest()
-    assert found["case"].sha256 == hashlib.sha256(case.read_bytes()).hexdigest()
-    assert found["case"].text == case.read_text(encoding="utf-8-sig")
+    table.write_text("0, 0\n0.1, 0.01\n" + "\n" * study_page.LONGEST_TEXT)
+    files = {file.path: file for file in percuss.study(plan, workers=1, plugins=["mine.py"]).files}
+    roles = {"plans/study.yaml": "study", str(case): "case", str(table): "data", "mine.py": "plug-in"}
+    assert {path: file.role for path, file in files.items()} == roles
+    for path, file in files.items():
+        content = Path(path).read_bytes()
+        assert (file.sha256, file.size) == (hashlib.sha256(content).hexdigest(), len(content))
+        assert file.text == content.decode("utf-8-sig")
+    assert Path("study.sqlite").read_bytes().count(b"\n" * 1000) < 2 * table.stat().st_size / 1000  # texts stand once
     assert percuss_command("report", "study.sqlite").returncode == 0
-    assert "Its text was not kept" in Path("study.html").read_text(encoding="utf-8")
+    assert "Its text is in the study" in Path("study.html").read_text(encoding="utf-8")
 
 
 # ---------------------------------------------------------------------------------------------- in the page
@@ -266,8 +244,3 @@ def test_the_files_are_folded_into_the_page(browser, page_of_rows, whole):
             files.nth(place).locator("summary").click()
             assert files.nth(place).locator("pre").text_content() == file.text
             assert file.sha256 in files.nth(place).inner_text()
-
-
-def test_the_page_says_how_much_is_kept():
-    words = pages.everything()
-    assert f"above {study_files.LONGEST_TEXT // 1000} kB" in words

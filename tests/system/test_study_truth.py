@@ -20,7 +20,7 @@ import places
 from percuss import digest
 from percuss.errors import InputError
 from percuss.locks import locked
-from percuss.studies import perform as performing
+from percuss.studies import columns
 from percuss.studies.perform import failure_status
 from percuss.studies.spec import read_study
 from percuss.studies.study import planned
@@ -272,29 +272,20 @@ def test_a_study_has_the_units_that_all_its_cases_name(tmp_path):
 
 def test_a_study_that_moves_together_with_its_rows_is_the_same(tmp_path):
     (tmp_path / "here").mkdir()
-    one = written(tmp_path / "here", vary={"time.courant": [0.3, 0.4]})
+    one = written(tmp_path / "here", cases=["case.yaml"], vary={"time.courant": [0.3, 0.4]})
     percuss.study(one, tmp_path / "here" / "a.sqlite", workers=1)
     (tmp_path / "here").rename(tmp_path / "there")
-    case = tmp_path / "there" / "case.yaml"
-    moved = written(tmp_path / "there", cases=[str(case)], vary={"time.courant": [0.3, 0.4, 0.5]})
+    moved = written(tmp_path / "there", cases=["case.yaml"], vary={"time.courant": [0.3, 0.4, 0.5]})
     assert percuss.study(moved, tmp_path / "there" / "a.sqlite", workers=1).found == 2
 
 
-def test_default_names_do_not_collide(tmp_path, monkeypatch):
+def test_a_file_has_the_name_of_its_study_and_another_of_that_name_is_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_case(tmp_path)
-    places = ["study.yaml", "study.yml", "a/study.yaml", "b/study.yaml"]
-    counts = {}
-    for n, place in enumerate(places, start=1):
-        (tmp_path / place).parent.mkdir(exist_ok=True)
-        text = given(tmp_path, title=place, vary={"time.courant": [0.1 * k for k in range(1, n + 1)]})
-        (tmp_path / place).write_text(yaml.safe_dump(text))
-        counts[place] = percuss.study(place, workers=1).path
-    assert len(set(counts.values())) == len(places)
-    assert counts["study.yaml"] == Path("study.sqlite")
-    for n, place in enumerate(places, start=1):
-        again = percuss.study(place, workers=1)
-        assert (again.path, again.found, again.title) == (counts[place], n, place)
+    written(tmp_path, "study.yaml", title="One")
+    written(tmp_path, "a/study.yaml", title="Another")
+    assert percuss.study("study.yaml", workers=1).path == Path("study.sqlite")
+    with pytest.raises(InputError, match=r"study\.sqlite: holds another study: 'One' of .*this is 'Another' of"):
+        percuss.study("a/study.yaml", workers=1)
 
 
 def test_two_at_once_are_refused_and_a_dead_one_is_no_obstacle(tmp_path):
@@ -348,7 +339,7 @@ def test_of_many_threads_one_at_a_time_holds_a_lock(tmp_path):
 def test_what_the_machine_does_is_not_the_methods_fault(tmp_path, monkeypatch, error):
     out = tmp_path / "a.sqlite"
     study = given(tmp_path, vary={"time.courant": [0.3, 0.4]})
-    real = performing.timed_run
+    real = columns.timed_run
 
     def fails(case, **options):
         if case.time.courant == 0.4:
@@ -356,7 +347,7 @@ def test_what_the_machine_does_is_not_the_methods_fault(tmp_path, monkeypatch, e
         return real(case, **options)
 
     with monkeypatch.context() as patched:
-        patched.setattr(performing, "timed_run", fails)
+        patched.setattr(columns, "timed_run", fails)
         first = percuss.study(study, out, workers=1)
     assert first.counts == {"done": 1, "lost": 1}
     assert not first.complete
@@ -389,7 +380,7 @@ def test_a_plug_in_that_is_missing_or_another_where_the_run_is_made_is_told_apar
         ),
         ({"contacts/theirs": "0" * 64}, "contacts/theirs is not installed here"),
     ):
-        there = dataclasses.replace(bench, components={"case": {**bench.components["case"], **what}})
+        there = dataclasses.replace(bench, components={"case": {**bench.components["case"], **what}}, cases={})
         records = [there.record(job) for job in jobs]
         assert [record.status for record in records] == ["lost"] * 2
         assert said in records[0].reason
@@ -474,7 +465,7 @@ import json, sys, percuss
 from percuss.studies.perform import perform
 from percuss.studies.tasks import tasks
 case = percuss.load(json.loads(sys.argv[1]))
-(twin,) = [task for task in tasks("", case, {}, {}, [{}], tied=True) if task.tied]
+(twin,) = [task for task in tasks({"": case}, {}, {}, [{}], tied=True) if task.tied]
 rows = [perform(case, twin)[0] for _ in range(2)]
 print(json.dumps([row.result.summary["seconds"] for row in rows]))
 """

@@ -16,7 +16,7 @@ from percuss.reporting.verdict import comparison_verdict, run_verdict
 from percuss.results import reference
 from percuss.results.reference import _at_nodes, case_of
 from percuss.studies.comparison import metrics
-from percuss.studies.two_references import two_references
+from percuss.studies.tasks import two_references
 
 BLOCKS = CASES / "tilted-blocks.yaml"
 

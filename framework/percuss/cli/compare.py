@@ -37,12 +37,12 @@ def compare(
         axes = varied(vary or [])
         loaded = common.load_to_write(case, set_, plugin, plot, varied=axes, reference=reference)
         contacts = common.names_in(contact)
-        own = comparison.own_laws(loaded) if contacts else []
+        own = [name for name, contact in loaded.contacts.items() if contact.own_law] if contacts else []
         if own:
             common.tell(f"note: the named laws replace the own law of {', '.join(own)} in every run")
         with common.progress_bar("runs") as progress:
             rows = comparison.compare(loaded, common.names_in(integrator), contacts, axes, tied=tied, progress=progress)
-        for note in comparison.notes_of_swaps(loaded, common.names_in(integrator), contacts, axes):
+        for note in rows.notes:
             common.tell(f"note: {note}")
         orders = comparison.orders(rows)
         judges = (judge_words(row.result.summary) for row in rows if row.result is not None)

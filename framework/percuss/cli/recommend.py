@@ -5,9 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 from percuss.cli import common
 from percuss.cli.common import option
 from percuss.process import INTERRUPTED
+
+CONTINUES = "interrupted: the same command continues from here"
 
 
 def recommend(
@@ -22,6 +26,7 @@ def recommend(
     seed: Annotated[int, option("--seed N", "Seed of the order in which pairs are tried.")] = 0,
     out: Annotated[Path | None, option("-o --out FILE", "File of the runs; by default CASE-recommend.sqlite.")] = None,
     workers: common.Workers = None,
+    longest: common.Longest = None,
     plugin: common.Plugins = None,
     reference: common.Reference = "",
     plot: Annotated[Path | None, option("--plot FILE", "Draw the error of all runs over their cost.")] = None,
@@ -40,28 +45,33 @@ def recommend(
         if plot is not None:
             check_drawable(plot)
         bounds = {name: bound_of(text, f"--{name}") for name, text in (("error", error), ("energy", energy))}
-        with common.progress_bar("runs") as progress:
-            found = search(
-                case,
-                **bounds,
-                seconds=bound_of(time, "--time"),
-                measure=measure,
-                integrators=common.names_in(integrator),
-                contacts=common.names_in(contact),
-                runs=runs,
-                seed=seed,
-                out=out,
-                workers=workers,
-                plugins=plugin or [],
-                progress=progress,
-                outputs=[plot] if plot is not None else [],
-                changes=common.reference_of(reference),
-            )
+        try:
+            with common.progress_bar("runs") as progress:
+                found = search(
+                    case,
+                    **bounds,
+                    seconds=bound_of(time, "--time"),
+                    measure=measure,
+                    integrators=common.names_in(integrator),
+                    contacts=common.names_in(contact),
+                    runs=runs,
+                    seed=seed,
+                    out=out,
+                    workers=workers,
+                    plugins=plugin or [],
+                    progress=progress,
+                    outputs=[plot] if plot is not None else [],
+                    changes=common.reference_of(reference),
+                    longest=longest,
+                )
+        except KeyboardInterrupt:  # between two rounds of the search
+            common.tell(CONTINUES)
+            raise typer.Exit(INTERRUPTED) from None
         if plot is not None:
             answer.write(plot, write, work_and_precision(found.study), plot)
         answer.show(found.as_dict(), recommendation_lines(found))
         answer.conclude(recommendation_verdict(found))
         answer.exit_code = 0 if found.best is not None else 1
         if not found.study.complete:
-            common.tell("interrupted: the same command continues from here")
+            common.tell(CONTINUES)
             answer.exit_code = INTERRUPTED

@@ -22,7 +22,7 @@ def study(
     ] = None,
     workers: common.Workers = None,
     scheduler: Annotated[str | None, option("--scheduler ADDRESS", "Use the workers of this Dask scheduler.")] = None,
-    longest: Annotated[float | None, option("--longest SECONDS", "End a run of a worker after this time.")] = None,
+    longest: common.Longest = None,
     plugin: common.Plugins = None,
     reference: common.Reference = "",
     again: Annotated[
@@ -37,7 +37,7 @@ def study(
     with common.reporting(as_json) as answer:
         from percuss.reporting.terminal import study_lines
         from percuss.reporting.verdict import rows_verdict
-        from percuss.studies.dispatch import number_of_workers
+        from percuss.studies.pool import number_of_workers
         from percuss.studies.spec import read_study
         from percuss.studies.study import planned
         from percuss.studies.study import study as make_study
@@ -80,8 +80,10 @@ def study(
         if counts.get("waiting"):
             common.tell("interrupted: the same command continues from here")
             answer.exit_code = INTERRUPTED
-        if lost := counts.get("lost"):
-            common.tell(f"{lost} of {len(rows)} runs failed because of the machine: the same command makes them again")
+        if lost := [row["reason"] for row in rows if row["status"] == "lost"]:
+            common.tell(
+                f"{len(lost)} of {len(rows)} runs lost; the same command makes them again. The first: {lost[0]}"
+            )
 
 
 class _ResumeNotice:

@@ -69,7 +69,7 @@ def _verify_files(answer: common.Answer, files: list[Path], plugins: list[Path],
     reruns: list[Rerun] = []
     for path in files:
         beginning = _beginning(path)
-        if row or beginning.startswith(STUDY):
+        if row or path.suffix == ".sqlite" or beginning.startswith(STUDY):
             with common.progress_bar("rows") as progress:
                 reruns += rerun_rows(path, row, plugins, progress)
         elif path.suffix == ".nc" or beginning.startswith(RESULTS):

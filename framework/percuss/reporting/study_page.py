@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from percuss.studies.study_table import Study
 
 AGAIN = "study.yaml"
+LONGEST_TEXT = 200_000  # bytes of a file whose text stands in the page
 MOST_REASONS = 100
 MOST_CHOICES = 16  # A value with more choices is filtered in the table alone.
 MOST_VALUES = 12  # Of a varied path with more values only the range is shown.
@@ -354,7 +355,7 @@ def _command_and_file(study: Study) -> str:
     words = command if isinstance(command, str) else shlex.join(map(str, command or ("percuss", "study", AGAIN)))
     saved = f"<p>With the file below saved as <code>{AGAIN}</code> where its cases are found from:</p>"
     run = f'{"" if command else saved}<pre class="command">{escape(words)}</pre>'
-    if any(file.role == "study" and file.text is not None for file in study.files):
+    if any(file.role == "study" for file in study.files):
         return f'{run}<p>The study file and the files that it names stand <a href="#files">below</a>.</p>'
     return f"{run}<p>The study file, as it was read:</p><pre>{escape(_yaml(study.spec))}</pre>"
 
@@ -364,15 +365,12 @@ def _files_html(study: Study) -> str:
     files = study.files
     if not files:
         return "<p>No files were kept with this study.</p>"
-    note = (
-        '<p class="soft">The files as the study read them last. A file that is too large to be kept, or is not text, '
-        "has only its digest.</p>"
-    )
+    note = '<p class="soft">The files as the study read them last. Of a large file the page has only its digest.</p>'
     return note + "".join(
         f'<details class="file"><summary><code>{escape(one_line(file.path))}</code> '
         f'<span class="soft">{escape(file.role)}, {count_of(file.size, "byte")}</span></summary>'
         f'<p class="soft">SHA-256 <code>{escape(file.sha256)}</code></p>'
-        + (f"<pre>{escape(file.text)}</pre>" if file.text is not None else "<p>Its text was not kept.</p>")
+        + (f"<pre>{escape(file.text)}</pre>" if file.size <= LONGEST_TEXT else "<p>Its text is in the study.</p>")
         + "</details>"
         for file in files
     )

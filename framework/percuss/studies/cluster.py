@@ -9,24 +9,24 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 from percuss.errors import RunError, wrong_input
-from percuss.studies.job_package import WORKER, Bench, Job, Record
-from percuss.studies.perform import LOST
+from percuss.studies.bench import Bench, Job
+from percuss.studies.perform import LOST, WORKER, Record
 
 CONNECT_SECONDS = 5.0  # until a scheduler counts as absent
 LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
 
 
-def made_on_cluster(bench: Bench, jobs: Sequence[Job], address: str, stop: threading.Event) -> Generator[list[Record]]:
+def made_on_cluster(address: str, bench: Bench, jobs: Sequence[Job], stop: threading.Event) -> Generator[list[Record]]:
     """Make runs on the workers of the scheduler at `address`, and yield the records of those that have ended.
 
     Parameters
     ----------
+    address
+        Address of the scheduler, as ``tcp://10.0.0.1:8786``.
     bench
         Everything the workers need.
     jobs
         The runs.
-    address
-        Address of the scheduler, as ``tcp://10.0.0.1:8786``.
     stop
         Event that ends the work when it is set.
 
@@ -70,7 +70,7 @@ def _made_by(
             try:
                 records.append(future.result())
             except KilledWorker:  # it killed several workers
-                reason = "its worker process died several times; the same command tries the run again"
+                reason = "its worker process died several times while it made this run"
                 records.append(Record(job.key, LOST, reason, WORKER))
         yield records
     client.cancel(list(waiting))

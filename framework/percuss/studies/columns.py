@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints, is_typeddict
 
 import numpy as np
 
+from percuss.case.case import Case
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, by_two, values_at
 from percuss.case.specs import MeasureSection
+from percuss.case.type_words import branches
 from percuss.errors import nearest, suggestion
-from percuss.jsonable import Data, Entries
+from percuss.jsonable import Entries
 from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
 from percuss.results.exact import ROUND_OFF
 from percuss.results.result import Result
+from percuss.results.runner import timed_run
 from percuss.results.summary import Summary
 from percuss.results.true_error import errors_of_contacts
 from percuss.results.verify import CannotMeasure, measure
@@ -59,26 +62,30 @@ class Column:
         except CannotMeasure:
             return None
 
-    def unknown_to(self, summary: Data) -> tuple[str, str] | None:
-        """Return the beginning of the dotted path that a summary lacks and the advice, or None if the path is in it.
+    def check(self, contacts: Iterable[str]) -> None:
+        """Check that the dotted path leads to a number in the summary of a run with these contacts.
 
-        The beginning is empty if the path ends at a group of entries, not at a number.
+        Entries of the certificate and times by name differ between runs: they are not checked.
+
+        Raises
+        ------
+        ValueError
+            With message and advice, if it does not.
         """
-        if self.kind != "summary":
-            return None
-        entry: Any = summary
-        parts = self.path.split(".")
+        kind: Any = Summary
+        parts = self.path.split(".") if self.kind == "summary" else []
         for n, part in enumerate(parts):
-            if entry is None:
-                return None  # the case has no exact solution, or no such number
-            if part == "*" and isinstance(entry, Mapping):
-                entry = next(iter(entry.values()), None)
-            elif isinstance(entry, Mapping) and part in entry:
-                entry = entry[part]
-            else:
-                keys = list(entry) if isinstance(entry, Mapping) else []
-                return ".".join(parts[: n + 1]), suggestion(part, keys, "entry")
-        return ("", "Name a number in it.") if isinstance(entry, Mapping | list) else None
+            kind = next(branches(kind))
+            known = get_type_hints(kind) if is_typeddict(kind) else {}
+            if get_origin(kind) is dict:
+                inside = get_args(kind)[1]
+                known = dict.fromkeys(["*", *contacts] if is_typeddict(inside) else [part], inside)
+            if part not in known:
+                message = f"the summary of a run has no '{'.'.join(parts[: n + 1])}'"
+                raise ValueError(message, suggestion(part, known, "entry"))
+            kind = known[part]
+        if parts and (is_typeddict(next(branches(kind))) or get_origin(next(branches(kind))) in (dict, list)):
+            raise ValueError(f"{self.name} is not one number", "Name a number in it.")
 
 
 # Entries of the summary that need the critical step.
@@ -106,10 +113,13 @@ class RowSettings:
     histories: int
     repeats: int | None
 
-    @property
-    def critical_step(self) -> bool:
-        """Whether a column asks for the critical step, which runs do not search where only the step can tell it."""
-        return any(column.path in OF_CRITICAL_STEP for column in self.columns)
+    def run(self, case: Case) -> Result:
+        """Return the result of a case, with a repeated march to measure its cost.
+
+        Where only the step can tell the critical step, it is not searched unless a column asks for it.
+        """
+        asked = any(column.path in OF_CRITICAL_STEP for column in self.columns)
+        return timed_run(case, nudge=self.nudge, repeats=self.repeats, critical_step=asked)
 
 
 def column_by_name(name: str, registries: Iterable[Registry] = ()) -> Column:

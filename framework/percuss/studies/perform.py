@@ -1,26 +1,31 @@
-"""The run of a task: how it is made and how it ends; a tied twin is tied while its exact contact is closed."""
+"""The run of a task: how it is made, how it ends, and what is stored of it."""
 
 from __future__ import annotations
 
+import io
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+import numpy as np
 
 from percuss.case.case import Case
 from percuss.errors import InputError, PercussError, RefusedPair, RunError, TooLargeError
-from percuss.jsonable import Data, Entries
-from percuss.march.march import Progress
+from percuss.jsonable import Data, Entries, plain
 from percuss.methods.blame import described, line_in_plugin, plugin_faults
 from percuss.methods.interfaces import ContactLaw
 from percuss.methods.registry import Registry
 from percuss.results.assemble import AGAINST_CERTIFICATE, NOT_VALID
+from percuss.results.provenance import processor_model
 from percuss.results.result import Result
-from percuss.results.runner import run, timed_run
+from percuss.results.runner import run
+from percuss.studies.columns import RowSettings
 from percuss.studies.tasks import TIED, Task
 
 WAITING = "waiting"  # status of a run that is still to be made
 LOST = "lost"  # status of a run whose failure does not come from its methods: it is made again
+WORKER = "worker"  # `said_by` of a run that was lost with its worker
 
 # Errors of the machine, whichever code raises them: a missing file, no memory, a missing package.
 ENVIRONMENT = (OSError, MemoryError, ImportError, EOFError)
@@ -80,9 +85,7 @@ def label_of(integrator: str, contact: str, varied: Data) -> str:
     return " ".join([f"{integrator} + {contact}", *values])
 
 
-def perform(
-    case: Case, task: Task, *, nudge: bool = False, progress: Progress | None = None
-) -> tuple[Run, InputError | None]:
+def perform(case: Case, task: Task, make: Callable[[Case], Result] = run) -> tuple[Run, InputError | None]:
     """Make the run of a task.
 
     Parameters
@@ -91,10 +94,8 @@ def perform(
         The case of the task.
     task
         Task of the run.
-    nudge
-        Whether to run the nudged twin too.
-    progress
-        As in `percuss.run`.
+    make
+        Function that runs a case; in a study one that measures its cost.
 
     Returns
     -------
@@ -103,25 +104,10 @@ def perform(
     error
         Error of the input if it is the reason why there is no result, else None.
     """
-    return _perform(case, task, lambda changed: run(changed, nudge=nudge, progress=progress))
-
-
-def perform_timed(
-    case: Case, task: Task, *, nudge: bool = False, repeats: int | None = None, critical_step: bool = False
-) -> Run:
-    """Make the run of a task of a study, with a repeated march to measure its cost; parameters as in `perform`."""
-
-    def make(changed: Case) -> Result:
-        return timed_run(changed, nudge=nudge, repeats=repeats, critical_step=critical_step)
-
-    return _perform(case, task, make)[0]
-
-
-def _perform(case: Case, task: Task, make: Callable[[Case], Result]) -> tuple[Run, InputError | None]:
     names, unread = (task.integrator, task.contact, task.varied), True
     try:
         with plugin_faults():
-            changed = case.with_overrides(task.changes) if task.changes else case
+            changed = task.changed(case)
             unread = False
             result = make(tied_twin(changed) if task.tied else changed)
     except (RefusedPair, _NoTwin) as error:
@@ -197,3 +183,98 @@ def tied_twin(case: Case) -> Case:
         for name, contact in solution.contacts.items()
     }
     return case.with_overrides(tied_during)
+
+
+# ------------------------------------------------------------------------------------------------- what is stored
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run as it is stored.
+
+    Attributes
+    ----------
+    key
+        Key of its inputs.
+    status, reason, said_by
+        As in a `percuss.studies.perform.Run`.
+    fragile
+        Whether the result depends on round-off; None if this was not tested or there is no exact solution.
+    seconds
+        Wall time of the march alone, the smallest of its repeats; None if the march did not reach its end.
+    compiling
+        Seconds that were spent on compilation; None if there is no result.
+    cpu
+        Model of the processor.
+    measures
+        Value of each column; None if the run was not done.
+    histories
+        Arrays as one npz file; empty if none are kept.
+    """
+
+    key: str
+    status: str
+    reason: str = ""
+    said_by: str = ""
+    fragile: bool | None = None
+    seconds: float | None = None
+    measures: Entries | None = None
+    histories: bytes = b""
+    compiling: float | None = None
+    cpu: str = ""
+
+
+def record(key: str, run: Run, settings: RowSettings, registry: Registry) -> Record:
+    """Return the stored form of a run.
+
+    Parameters
+    ----------
+    key
+        Key of the task.
+    run
+        The run with its outcome.
+    settings
+        Its columns are measured if the run is done; a stopped run has no number that could be compared.
+    registry
+        Registry of the measures that are plug-ins.
+    """
+    times = run.result.summary["seconds"] if run.result is not None else {}
+    compiling = times.get("compile")
+    stored = Record(key, run.status, run.reason, run.said_by, compiling=compiling, cpu=processor_model())
+    if run.result is None or run.status != "done":
+        return stored
+    measures = {}
+    for column in settings.columns:
+        try:
+            with plugin_faults():
+                measures[column.name] = plain(column.take(run.result, registry))
+        except Exception as error:  # noqa: BLE001 - an error of a plug-in's measure costs this run alone
+            status, reason = failure_status(error, registry)
+            return replace(stored, status=status, reason=f"measure {column.name}: {reason}", said_by=column.name)
+    histories = _packed(run.result, settings.histories) if settings.histories else b""
+    return replace(
+        stored, fragile=run.result.summary["fragile"], seconds=times["march"], measures=measures, histories=histories
+    )
+
+
+def _packed(result: Result, points: int) -> bytes:
+    """Return time, contact force and exact force as one npz file, single precision, at most `points` of each.
+
+    Every n-th record is kept, from the first on: runs can be compared on a regular time axis.
+    """
+    arrays = result.arrays
+    stride = max(1, -(-arrays["time"].size // points))
+    kept = {
+        name: arrays[name][::stride].astype(np.float32)
+        for name in ("time", "contact_force", "contact_force_exact")
+        if name in arrays
+    }
+    out = io.BytesIO()
+    np.savez(out, allow_pickle=False, contact=np.array(result.coordinates["contact"]), **kept)
+    return out.getvalue()
+
+
+def unpacked(packed: bytes) -> Entries:
+    """Return the arrays of stored histories: ``time``, ``contact``, ``contact_force``, ``contact_force_exact``."""
+    with np.load(io.BytesIO(packed), allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}

@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import resource_tracker
@@ -21,11 +21,11 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from percuss.blas import ONE_THREAD
-from percuss.errors import RunError
+from percuss.errors import RunError, wrong_input
 from percuss.jit import NOTICES
 from percuss.process import processes_with
-from percuss.studies.job_package import WORKER, Bench, Job, Record
-from percuss.studies.perform import LOST
+from percuss.studies.bench import Bench, Job
+from percuss.studies.perform import LOST, WORKER, Record
 
 if TYPE_CHECKING:
     from pebble import ProcessPool
@@ -60,18 +60,18 @@ class Workers:
             self._pool.join()
 
     def made(
-        self, bench: Bench, jobs: Sequence[Job], longest: float | None, stop: threading.Event
+        self, longest: float | None, bench: Bench, jobs: Sequence[Job], stop: threading.Event
     ) -> Generator[list[Record]]:
         """Make runs, and yield the records of those that have ended meanwhile.
 
         Parameters
         ----------
+        longest
+            Seconds that a run may take; None for any time.
         bench
             Everything the workers need.
         jobs
             The runs.
-        longest
-            Seconds that a run may take; None for any time.
         stop
             Event that ends the work when it is set, in the middle of runs.
 
@@ -83,12 +83,13 @@ class Workers:
         from pebble import ProcessExpired, ProcessPool
 
         if self._pool is None:
-            with processes_with(_variables()):  # a process of its own, which would look for code in the current folder
+            quiet = {"PYTHONWARNINGS": "ignore"}  # of a process that outlives this one, if somebody kills it
+            with processes_with({**_variables(), **quiet}):
                 resource_tracker.ensure_running()
             self._pool = ProcessPool(self._number, max_tasks=MOST_RUNS, initializer=_begin, context=_Context())
         give, packed = functools.partial(self._pool.schedule, _made), pickle.dumps(bench)
         waiting: dict[Future[Record], Job] = {give(args=[packed, job, longest]): job for job in jobs}
-        silent, deaths = _Silence(waiting), Counter[str]()
+        deaths, since = Counter[str](), dict[Future[Record], float]()
         try:
             while waiting and not stop.is_set():
                 records = []
@@ -100,7 +101,7 @@ class Workers:
                     else:
                         records.append(_record_of(future, job, longest))
                 yield records
-                silent.tell()
+                _name_silent(waiting, since)
         except BrokenProcessPool:
             raise RunError("worker processes die before they make a run: --workers 1 shows the reason") from None
 
@@ -116,25 +117,30 @@ def _record_of(future: Future[Record], job: Job, longest: float | None) -> Recor
         if code == LATE:
             return Record(job.key, "failed", f"no result after {longest:g} s (--longest)", WORKER)
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
-        return Record(job.key, LOST, f"its worker process {how}, twice; the same command tries the run again", WORKER)
+        return Record(job.key, LOST, f"its worker process {how}, twice, while it made this run", WORKER)
 
 
-class _Silence:
-    """Messages to the log on runs that have begun and do not end."""
+def _name_silent(waiting: Mapping[Future[Record], Job], since: dict[Future[Record], float]) -> None:
+    """Name each run that has begun and has not ended for `SILENCE` seconds in the log, once."""
+    now = time.monotonic()
+    for future, job in waiting.items():
+        if future.running() and now - since.setdefault(future, now) > SILENCE:
+            since[future] = float("inf")
+            methods = f"{job.task.case}: {job.task.integrator} + {job.task.contact}"
+            LOG.warning("%s has not answered for %.0f s: --longest SECONDS ends such runs", methods, SILENCE)
 
-    def __init__(self, waiting: dict[Future[Record], Job]) -> None:
-        self._waiting = waiting
-        self._since: dict[Future[Record], float] = {}
 
-    def tell(self) -> None:
-        """Name each run that has not ended for `SILENCE` seconds, once."""
-        now = time.monotonic()
-        for future in [future for future in self._waiting if future.running()]:
-            if now - self._since.setdefault(future, now) > SILENCE:
-                self._since[future] = float("inf")
-                task = self._waiting[future].task
-                methods = f"{task.case}: {task.integrator} + {task.contact}"
-                LOG.warning("%s has not answered for %.0f s: --longest SECONDS ends such runs", methods, SILENCE)
+def number_of_workers(given: int | None) -> int:
+    """Return the number of worker processes: the given one, or the number of cores that this process may use.
+
+    Raises
+    ------
+    InputError
+        If it is less than 1.
+    """
+    if given is not None and given < 1:
+        raise wrong_input("--workers", f"expected a number of at least 1, found {given}")
+    return given or len(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1))
 
 
 def _variables() -> dict[str, str]:

@@ -1,8 +1,8 @@
 """Recommendation of the cheapest methods, options, mesh and step that meet stated bounds on a case.
 
 The search (`search`) decides what runs next among the candidates (`candidates`); here they run, are judged by the
-bounds, and become the answer. Its runs are a study whose plan grows, so that one file holds all of them and a search
-that was interrupted goes on.
+bounds, and become the answer. Its runs are the rows of one session of a study whose plan grows, so that one file holds
+all of them and a search that was interrupted goes on.
 
 What a run costs is its number of steps times nodes times stages: known before it runs, and the same on every machine.
 """
@@ -15,8 +15,7 @@ import json
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,38 +26,22 @@ from percuss.case.case import Case, load
 from percuss.case.quantities import JUDGED_BY, METRICS, by_two
 from percuss.certificate.closed_laws import NEVER_GROWS
 from percuss.contact.model import Model
-from percuss.errors import (
-    InputError,
-    PercussError,
-    PluginError,
-    Problem,
-    RefusedPair,
-    refuse_if_any,
-    shortened,
-    suggestion,
-)
+from percuss.errors import InputError, PercussError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
 from percuss.files import expect_no_input, expect_writable
 from percuss.jsonable import Data, Entries
 from percuss.march.model_of_case import model_of
 from percuss.methods.blame import plugin_faults
-from percuss.methods.interfaces import ContactLaw
 from percuss.methods.registry import Registry
 from percuss.results.exact import exact_solution
-from percuss.studies.candidates import (
-    Candidate,
-    defaults,
-    evaluations,
-    meshes,
-    needed_quantities,
-    neighbours,
-)
-from percuss.studies.dispatch import Progress, number_of_workers
+from percuss.studies.bench import Bench, Job
+from percuss.studies.candidates import Candidate, defaults, evaluations, meshes, needed_quantities, neighbours
 from percuss.studies.pareto import front_of
-from percuss.studies.pool import Workers
+from percuss.studies.pool import number_of_workers
 from percuss.studies.search import Search
-from percuss.studies.study import study
+from percuss.studies.spec import read_study
+from percuss.studies.study import Progress, Session, session
 from percuss.studies.study_table import Study
-from percuss.studies.two_references import second_reference
+from percuss.studies.tasks import Task, second_reference
 
 FEWEST_RUNS = 10
 SHARE_OF_FIRST_RUNS = 1 / 3  # of all runs; of more pairs than that some are drawn, and the others wait
@@ -211,9 +194,7 @@ class Recommendation:
             "title": self.study.title,
             "file": str(self.study.path),
             "bounds": dataclasses.asdict(self.bounds),
-            "best": told(self.best),
-            "second": told(self.second),
-            "nearest": told(self.nearest),
+            **{name: told(getattr(self, name)) for name in ("best", "second", "nearest")},
             "front": [told(one) for one in self.front],
             "tried": [one.as_dict() for one in self.tried],
             "refused": {" + ".join(pair): reason for pair, reason in self.refused.items()},
@@ -243,6 +224,7 @@ def recommend(
     progress: Progress | None = None,
     outputs: Sequence[str | os.PathLike[str]] = (),
     changes: Data | None = None,
+    longest: float | None = None,
 ) -> Recommendation:
     """Return the cheapest registered methods with options, mesh and step that meet bounds on a case.
 
@@ -270,6 +252,8 @@ def recommend(
         Files that the caller writes afterwards, checked before any run is made.
     changes
         Values of the case by dotted path, as ``{"reference.refine": 4}``.
+    longest
+        Seconds that a run may take in a worker process; by default any time.
 
     Raises
     ------
@@ -277,12 +261,12 @@ def recommend(
         If the case or a bound is wrong, `out` holds something else, or an output cannot be written or is a file that
         the search reads.
     """
-    case = load(Path(path), changes, plugins=plugins)
-    bounds = Bounds(error, energy, seconds, measure)
+    bounds, set_ = Bounds(error, energy, seconds, measure), {**(changes or {})}
+    case = load(Path(path), set_, plugins=plugins)
     _check(bounds, runs, seed)
+    number_of_workers(workers)
     if error is not None and case.reference is None and _why_no_exact_solution(case):
-        changes = {**(changes or {}), "reference.refine": FINER}
-        case = load(Path(path), changes, plugins=plugins)
+        set_["reference.refine"] = FINER
     expect_names("percuss.recommend", "integrators", integrators)
     expect_names("percuss.recommend", "contacts", contacts)
     if case.bonds and not contacts:
@@ -291,16 +275,22 @@ def recommend(
         raise InputError([case.problem(("contacts", case.bonds[0]), message, advice)])
     methods = _methods(case.registry, integrators, contacts)
     pairings = case.registry.names("pairings") if case.method.pairing is not None else ()
-    changes = {**(changes or {}), **second_reference(case, methods[1], pairings)}
-    case = load(Path(path), changes, plugins=plugins)
+    set_ |= _fixed(case) | second_reference(load(Path(path), set_, plugins=plugins), methods[1], pairings)
     file = Path(out) if out is not None else Path(f"{Path(path).stem}-recommend.sqlite")
     expect_no_input(file, case.inputs)
     for output in outputs:
         expect_writable(output, [*case.inputs, ("file of runs", file)])
-    with ExitStack() as ends:  # one pool serves all rounds
-        pool = 1 if workers == 1 else ends.enter_context(Workers(number_of_workers(workers)))
-        bench = _Bench(case, Path(path), bounds, runs, file, pool, plugins, progress, changes)
-        return _answer(bench, methods, np.random.default_rng(seed))
+    plan = {
+        "percuss-study": 1,
+        "title": f"recommendation for {Path(path).name}",
+        "cases": [str(path)],
+        "set": set_,
+        "measure": [measure, "energy_kept", "energy_max", STABLE, GUARANTEE, UNJUDGED],
+    }
+    spec = read_study(plan, [Path(plugin) for plugin in plugins])
+    bench = Bench.of(spec.cases, spec.rows)
+    with session(spec, bench, file, None, workers=workers, longest=longest, most=runs) as running:
+        return _answer(_Runs(bench, running, bounds, runs, progress), methods, np.random.default_rng(seed))
 
 
 def bound_of(text: str, option: str) -> float | None:
@@ -317,8 +307,8 @@ def bound_of(text: str, option: str) -> float | None:
     try:
         return float(digits) * percent
     except ValueError:
-        message = f"expected a number, found '{shortened(text, 60)}'"
-        raise InputError([Problem(option, "", message, "Write it as 1% or 0.01.")]) from None
+        found = f"expected a number, found '{text[:60]}'"
+        raise InputError([Problem(option, "", found, "Write it as 1% or 0.01.")]) from None
 
 
 def _check(bounds: Bounds, runs: int, seed: int) -> None:
@@ -354,22 +344,18 @@ def _methods(registry: Registry, integrators: Sequence[str], contacts: Sequence[
     problems, chosen = [], []
     for option, names in (("integrator", integrators), ("contact", contacts)):
         family = f"{option}s"
-        methods = {name: registry.get(family, name) for name in names or registry.names(family)}
+        methods: dict[str, Any] = {name: registry.get(family, name) for name in names or registry.names(family)}
         needed = {name: quantities for name, method in methods.items() if (quantities := needed_quantities(method))}
         problems += [
             Problem(f"--{option}", "", f"'{name}' needs a value of {' and '.join(needed[name])}, which no search knows")
             for name in names
             if name in needed
         ]
-        contenders = {name: method for name, method in methods.items() if name not in needed}
-        chosen.append([name for name, method in contenders.items() if names or not _is_reference(method)])
+        # A law that ties a contact at times is none to choose, unless it is named.
+        ties = {name for name, method in methods.items() if not names and getattr(method, "tied_during", False)}
+        chosen.append([name for name in methods if name not in {*needed, *ties}])
     refuse_if_any(problems)
     return chosen[0], chosen[1]
-
-
-def _is_reference(method: Any) -> bool:
-    """Return whether a method is no contender: a contact that is tied at times."""
-    return issubclass(method, ContactLaw) and bool(method.tied_during)
 
 
 def _why_no_exact_solution(case: Case) -> str:
@@ -391,62 +377,46 @@ def _fixed(case: Case) -> Entries:
     return fixed | {path: None for path in own if case.origin.get(tuple(path.split("."))) is not None}
 
 
-@dataclass
-class _Bench:
-    """Where the candidates of a search run: the runs so far, and the study that holds them."""
+class _Runs:
+    """Where the candidates of a search run: the runs so far, and the session of the study that holds them."""
 
-    case: Case
-    path: Path
-    bounds: Bounds
-    runs: int
-    out: Path
-    workers: int | Workers
-    plugins: Sequence[str | Path]
-    progress: Progress | None
-    changes: Data
-    rows: dict[str, Entries] = field(default_factory=dict)
-    candidates: dict[str, Candidate] = field(default_factory=dict)
-    refused: dict[tuple[str, str], str] = field(default_factory=dict)
-    made: Study | None = None
-    interrupted: bool = False
-    rate: float = 0.0  # the least time of a march for one evaluation
-
-    def __post_init__(self) -> None:
+    def __init__(self, bench: Bench, session: Session, bounds: Bounds, runs: int, progress: Progress | None) -> None:
+        self._bench, self._session, self.bounds, self._runs, self._progress = bench, session, bounds, runs, progress
+        ((self._label, self.case),) = bench.cases.items()
+        self.rows: dict[str, Entries] = {}
+        self.refused: dict[tuple[str, str], str] = {}
         self.reason: PercussError = InputError([])
-        self.fixed = {**_fixed(self.case), **self.changes}
-        self.usual: Entries = {}  # methods that fit, to count nodes and steps with
-        self.node_steps = functools.cache(self._node_steps)
-        self.stages = functools.cache(self._stages)
-
-    @property
-    def pairing(self) -> str:
-        """Name of the pairing of the case; empty of a case of bars."""
-        return self.case.method.pairing.name if self.case.method.pairing is not None else ""
+        self.made: Study | None = None
+        self._jobs: dict[str, tuple[Candidate, Job]] = {}
+        self._rate = 0.0  # the least time of a march for one evaluation
+        self._usual: Entries = {}  # methods that fit, to count nodes and steps with
+        self._node_steps = functools.cache(self._count_node_steps)
+        self._stages = functools.cache(self._count_stages)
 
     @property
     def room(self) -> int:
         """Number of candidates that may still be run."""
-        return 0 if self.interrupted else self.runs - len(self.candidates)
+        return 0 if self.made is not None and not self.made.complete else self._runs - len(self._jobs)
 
     def cost(self, candidate: Candidate) -> float:
         """Return the number of steps times nodes times stages of a candidate, infinite if its march takes too long."""
         options = json.dumps(candidate.integrator_options)
-        count = self.node_steps(candidate.refine, candidate.courant) * self.stages(candidate.integrator, options)
-        return count if self.rate * count <= (self.bounds.seconds or math.inf) else math.inf
+        count = self._node_steps(candidate.refine, candidate.courant) * self._stages(candidate.integrator, options)
+        return count if self._rate * count <= (self.bounds.seconds or math.inf) else math.inf
 
-    def _node_steps(self, refine: float, courant: float) -> float:
+    def _count_node_steps(self, refine: float, courant: float) -> float:
         try:
-            model = self._model({**self.usual, "refine": refine, "time.courant": courant})
+            model = self._model({**self._usual, "refine": refine, "time.courant": courant})
         except InputError:  # too large for this machine
             return math.inf
         return float(model.steps * len(model.bodies.nodes))
 
-    def _model(self, changes: Data) -> Model:
-        return model_of(self.case.with_overrides({**self.fixed, **changes}))
-
-    def _stages(self, name: str, options: str) -> int:
+    def _count_stages(self, name: str, options: str) -> int:
         integrator: Any = self.case.registry.get("integrators", name)
         return evaluations(integrator(**json.loads(options)))
+
+    def _model(self, changes: Data) -> Model:
+        return model_of(self.case.with_overrides(changes))
 
     def fits(self, candidate: Candidate) -> bool:
         """Return whether the options of a candidate go together, and neither method refuses the other."""
@@ -469,8 +439,8 @@ class _Bench:
 
     def meshes(self, candidate: Candidate) -> list[float]:
         """Return the refinements to choose from; a candidate that fits tells numbers of elements, nodes and steps."""
-        self.usual = candidate.changes
-        bodies = self._model(self.usual).bodies
+        self._usual = candidate.changes
+        bodies = self._model(self._usual).bodies
         found = meshes([body.in_a_row for body in bodies.values()])
         # A bar has one row of elements, other bodies as many rows as elements in a row, and as many layers.
         others = [body for body in bodies.values() if body.count > body.in_a_row]
@@ -478,60 +448,54 @@ class _Bench:
         if self.case.reference is not None:
             found = [refine for refine in found if refine <= NOT_FINE * self.case.reference.refine]
         try:
-            self._model({**self.usual, "refine": found[0]})
+            self._model({**self._usual, "refine": found[0]})
         except (InputError, PluginError):  # of a shape that knows whole numbers alone
             return [refine for refine in found if isinstance(refine, int)]
         return found
 
     def ask(self, candidates: Sequence[Candidate]) -> list[float]:
         """Run candidates and return their excess."""
-        new = {one.key: one for one in candidates if one.key not in self.candidates}
-        self.candidates |= dict(list(new.items())[: self.runs - len(self.candidates)])
-        plan = {
-            "percuss-study": 1,
-            "title": f"recommendation for {self.path.name}",
-            "cases": [str(self.path)],
-            "set": self.fixed,
-            "paired": [one.changes for one in self.candidates.values()],
-            "measure": [self.bounds.measure, "energy_kept", "energy_max", STABLE, GUARANTEE, UNJUDGED],
-        }
-        self.made = study(plan, self.out, self.workers, None, self._progress, plugins=self.plugins)
-        self.rows = dict(zip(self.candidates, self.made.as_records(), strict=True))
-        self.interrupted = not self.made.complete
+        for one in [one for one in candidates if one.key not in self._jobs][: self.room]:
+            task = Task(self._label, one.integrator, one.contact, one.changes, one.changes)
+            self._jobs[one.key] = one, self._bench.job(task)
+        self.made = self._session.make([job for _, job in self._jobs.values()], self._count)
+        self.rows = dict(zip(self._jobs, self.made.as_records(), strict=True))
         tried = self.tried()
-        self.rate = min((one.seconds / one.evaluations for one in tried if one.seconds), default=0.0)
+        self._rate = min((one.seconds / one.evaluations for one in tried if one.seconds), default=0.0)
         excess = {one.candidate.key: one.excess for one in tried}
         return [excess.get(one.key, math.inf) for one in candidates]
 
-    def _progress(self, done: int, total: int) -> None:  # noqa: ARG002 - of the round, not of the search
-        if self.progress is not None:
-            self.progress(done, self.runs)
+    def _count(self, done: int, total: int) -> None:  # noqa: ARG002 - of the round, not of the search
+        if self._progress is not None:
+            self._progress(done, self._runs)
 
     def tried(self) -> list[Tried]:
         """Return the runs, judged by the bounds."""
-        return [self._judged(self.rows[key], candidate) for key, candidate in self.candidates.items()]
+        return [self._judged(self.rows[key], candidate) for key, (candidate, _) in self._jobs.items()]
 
     def _judged(self, row: Data, candidate: Candidate) -> Tried:
         ran = row["status"] == "done" and row["seconds"] is not None
         doubt = why_never(row) if ran else ""
-        kept = row["energy_kept"]
-        error, energy = row[self.bounds.measure], None if kept is None else abs(1.0 - kept)
-        growth = None if None in (kept, row["energy_max"]) else max(kept, row["energy_max"]) - 1.0
+        kept, most, bounds = row["energy_kept"], row["energy_max"], self.bounds
+        error, energy = row[bounds.measure], None if kept is None else abs(1.0 - kept)
+        growth = None if None in (kept, most) else max(kept, most) - 1.0
         seconds = row["seconds"] if ran else None
-        bounds = (
-            (error, self.bounds.error),
-            (energy, self.bounds.energy),
-            (growth, self.bounds.growth),
-            (seconds, self.bounds.seconds),
+        asked = (error, bounds.error), (energy, bounds.energy), (growth, bounds.growth), (seconds, bounds.seconds)
+        ratios = [math.nan if value is None else value / bound for value, bound in asked if bound is not None]
+        both = tuple(row[path] for path in by_two(bounds.measure)[:2] if path in row)
+        return Tried(
+            candidate,
+            row["status"],
+            row["reason"] or doubt,
+            stable=row[STABLE] if row["status"] == "done" else None,
+            error=error,
+            energy=energy,
+            seconds=seconds,
+            evaluations=float(row["node_steps"]) if ran else math.inf,
+            excess=max(ratios) if ran and not doubt and all(map(math.isfinite, ratios)) else math.inf,
+            key=row["key"],
+            both=() if all(value is None for value in both) else both,  # of a run that an exact solution judges
         )
-        ratios = [math.nan if value is None else value / bound for value, bound in bounds if bound is not None]
-        excess = max(ratios) if ran and not doubt and all(map(math.isfinite, ratios)) else math.inf
-        count = float(row["node_steps"]) if ran else math.inf
-        stable = row[STABLE] if row["status"] == "done" else None
-        numbers = error, energy, seconds, count, excess
-        both = tuple(row[path] for path in by_two(self.bounds.measure)[:2] if path in row)
-        both = () if all(value is None for value in both) else both  # of a run that an exact solution judges
-        return Tried(candidate, row["status"], row["reason"] or doubt, stable, *numbers, row["key"], both)
 
 
 def why_never(row: Data) -> str:
@@ -551,36 +515,43 @@ def why_never(row: Data) -> str:
     return "" if row["energy_kept"] is not None else "by how much its energy changed is not known"
 
 
-def _answer(bench: _Bench, methods: tuple[list[str], list[str]], random: np.random.Generator) -> Recommendation:
+def _answer(runs: _Runs, methods: tuple[list[str], list[str]], random: np.random.Generator) -> Recommendation:
     """Search and return the answer."""
-    registry = bench.case.registry
-    usable = [one for one in defaults(*methods, registry, bench.pairing) if bench.fits(one)]
+    case = runs.case
+    pairing = case.method.pairing.name if case.method.pairing is not None else ""
+    usable = [one for one in defaults(*methods, case.registry, pairing) if runs.fits(one)]
     if not usable:
-        raise bench.reason
+        raise runs.reason
     of_pair = {one.pair: one for one in reversed(usable)}
-    drawn = random.permutation(len(of_pair))[: max(1, int(SHARE_OF_FIRST_RUNS * bench.runs))]
+    drawn = random.permutation(len(of_pair))[: max(1, int(SHARE_OF_FIRST_RUNS * runs.room))]
     first = [list(of_pair.values())[k] for k in drawn]
-    search = Search(first, usable, bench.meshes(first[0]), lambda one: neighbours(one, registry), bench)
+    search = Search(first, usable, runs.meshes(first[0]), lambda one: neighbours(one, case.registry), runs)
     search.run()
-    tried = bench.tried()
-    best = _cheapest(tried)
-    known = [one for one in tried if math.isfinite(one.excess)]
-    nearest = min(known, key=lambda one: (one.excess, one.cost), default=None) if best is None else None
-    if bench.made is None:
+    if runs.made is None:
         raise AssertionError("a search has made no run")
-    cost, _ = search.best()
+    tried, (cost, _) = runs.tried(), search.best()
+    known = [one for one in tried if math.isfinite(one.excess)]
+    best = _cheapest(tried)
+    nearest = min(known, key=lambda one: (one.excess, one.cost), default=None) if best is None else None
     centre = best or nearest
     around = [not search.left(line, cost) for line in search.around(centre.candidate)] if centre is not None else []
-    second = _cheapest(one for one in tried if best is not None and one.candidate.pair != best.candidate.pair)
-    neighbours_of_best = sum(around), len(around) - sum(around)
-    untried = len(of_pair) - len({one.candidate.pair for one in tried})
-    left = sum(bool(search.left(line, cost)) for line in search.lines.values())
-    numbers = *neighbours_of_best, untried, left
-    runs = best, second, nearest, front(known), tried
-    estimated = any(row.get(JUDGED_BY) for row in bench.rows.values())
-    reasons = (row[UNJUDGED] or "" for row in bench.rows.values())
-    unjudged = next(reasons, "") if all(one.error is None for one in tried) else ""
-    return Recommendation(bench.bounds, *runs, bench.refused, *numbers, estimated, unjudged, bench.made)
+    reasons = (row[UNJUDGED] or "" for row in runs.rows.values())
+    return Recommendation(
+        bounds=runs.bounds,
+        best=best,
+        second=_cheapest(one for one in tried if best is not None and one.candidate.pair != best.candidate.pair),
+        nearest=nearest,
+        front=front(known),
+        tried=tried,
+        refused=runs.refused,
+        beside=sum(around),
+        unsettled=len(around) - sum(around),
+        untried=len(of_pair) - len({one.candidate.pair for one in tried}),
+        left=sum(bool(search.left(line, cost)) for line in search.lines.values()),
+        estimated=any(row.get(JUDGED_BY) for row in runs.rows.values()),
+        unjudged=next(reasons, "") if all(one.error is None for one in tried) else "",
+        study=runs.made,
+    )
 
 
 def _cheapest(runs: Iterable[Tried]) -> Tried | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from percuss.case.case import Case
@@ -11,8 +12,7 @@ from percuss.jsonable import Entries
 from percuss.results.provenance import case_inside, keys_of, machine, origins
 from percuss.results.rerun import Rerun, changes, row_differences
 from percuss.studies.columns import RowSettings
-from percuss.studies.job_package import Record, record, unpacked
-from percuss.studies.perform import label_of, perform_timed, tied_twin
+from percuss.studies.perform import Record, label_of, perform, record, tied_twin, unpacked
 from percuss.studies.spec import settings_of
 from percuss.studies.study_table import Study
 from percuss.studies.tasks import Task
@@ -63,17 +63,17 @@ class StoredRows:
     def case(self, key: str) -> Case:
         """Return the case of a row with its changes, which ties its contacts if the row is a tied twin."""
         task = self._task(key)
-        changed = self._case(task.case)[0].with_overrides(task.changes)
+        changed = task.changed(self._case(task.case)[0])
         return tied_twin(changed) if task.tied else changed
 
     def rerun(self, key: str) -> Rerun:
         """Make the run of a row again, and compare what the study holds of it to the last bit."""
         task = self._task(key)
         about, (case, settings) = self._about[task.case], self._case(task.case)
-        run = perform_timed(case, task, nudge=settings.nudge, repeats=1, critical_step=settings.critical_step)
+        run, _ = perform(case, task, replace(settings, repeats=1).run)
         if run.status == "interrupted":
             raise KeyboardInterrupt
-        now, then = record(key, run, settings, 0.0, case.registry), self._runs[key]
+        now, then = record(key, run, settings, case.registry), self._runs[key]
         timed = {column.name for column in settings.columns if column.path.startswith("seconds")}
         arrays = unpacked(now.histories) if now.histories else {}
         found = row_differences(_numbers(then, timed), _numbers(now, timed), self.study.histories(key) or {}, arrays)
@@ -82,9 +82,7 @@ class StoredRows:
         return Rerun(f"{self.study.path} --row {key[:12]}", label, tuple(found), tuple(since))
 
     def _task(self, key: str) -> Task:
-        row = self.plan[key]
-        names = row["case"], row["integrator"], row["contact"]
-        return Task(*names, varied=row["varied"], changes=row["changes"], tied=row["twin"])
+        return Task(**self.plan[key])
 
     def _case(self, label: str) -> tuple[Case, RowSettings]:
         """Return the case of a label as the study has it, and the settings of its rows; see `case_inside`."""

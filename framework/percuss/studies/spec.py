@@ -16,19 +16,19 @@ from percuss.case.specs import MeasureSection
 from percuss.case.type_words import found
 from percuss.case.validation import Mistake, Reader
 from percuss.case.yaml_text import KeyPath, flow
-from percuss.errors import InputError, Problem, suggestion
-from percuss.jsonable import Data, Entries
+from percuss.errors import InputError, Problem, refuse_if_any, suggestion
+from percuss.jsonable import Data, Entries, as_lists
 from percuss.methods.blame import SINGULAR
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
 from percuss.studies.columns import Column, RowSettings, column, column_by_name
 from percuss.studies.layout import Condition, SampleSection, StudySection
-from percuss.studies.tasks import method_name
-from percuss.studies.two_references import two_references
+from percuss.studies.tasks import FAMILIES, Task, method_name, two_references
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 COST = "node_steps"
 PATHS_OF_END = {"time", "time.end", "time.step", "time.steps"}  # on which the end of a run depends
+Places = Mapping[str, KeyPath]  # where the study writes out a value, by the path that it is set at
 NAMES = ("case", "integrator", "contact")  # columns of every row, besides the varied paths
 
 
@@ -38,8 +38,6 @@ class StudySpec:
 
     Attributes
     ----------
-    name
-        Default name of its output.
     cases
         Cases by label, with `set` applied.
     integrators, contacts
@@ -48,30 +46,25 @@ class StudySpec:
         Values of each path.
     paired
         Points whose values go together.
-    sample
-        Points to be drawn, or None.
     rows
         Measured columns, and the other settings on which rows depend.
-    where
-        Conditions that every run meets.
-    section
-        The file as it was read.
-    data
-        The study as a plain mapping.
+    section, source
+        The file as it was read, and its text.
     """
 
-    name: str
     cases: dict[str, Case]
     integrators: Entries
     contacts: Entries
     vary: dict[str, list[object]]
     paired: list[Entries]
-    sample: SampleSection | None
     rows: RowSettings
-    where: tuple[Condition, ...]
     section: StudySection
-    data: Data
     source: Source
+
+    @property
+    def data(self) -> Entries:
+        """The study as plain data."""
+        return as_lists(self.source.data)  # type: ignore[no-any-return]
 
     @property
     def inputs(self) -> list[tuple[str, Path]]:
@@ -105,8 +98,7 @@ def read_study(given: str | Path | Data, plugins: list[Path] | None = None, chan
         source = Source("study", "", source.data, source.marks)
     if changes and isinstance(source.data, Mapping) and isinstance(source.get(("set",), {}), Mapping):
         source = source.replaced(("set",), {**source.get(("set",), {}), **changes})
-    name = "study" if isinstance(given, Mapping) else Path(given).stem
-    return _StudyReader(source, plugins or []).study(name)
+    return _StudyReader(source, plugins or []).study()
 
 
 def settings_of(data: Data, cases: Mapping[str, Case], varied: Iterable[str]) -> RowSettings:
@@ -122,15 +114,10 @@ def settings_of(data: Data, cases: Mapping[str, Case], varied: Iterable[str]) ->
         The varied paths.
     """
     reader = _StudyReader(Source.of(data), [])
-    section = reader.reader.read(StudySection)
-    columns = reader.columns(dict(cases), list(varied))
-    reader.reader.finish()
-    if section is None:
-        raise AssertionError("a study is wrong and nothing says why")
-    return RowSettings(columns, section.nudge, section.keep.histories, section.repeats)
+    return reader.checked(reader.reader.read(StudySection), reader.columns(dict(cases), list(varied)))[1]
 
 
-def mistake_in_study(problem: Problem, places: Mapping[str, KeyPath]) -> Mistake | None:
+def mistake_in_study(problem: Problem, places: Places) -> Mistake | None:
     """Return the problem of a value that a study sets as the mistake at its place there.
 
     Parameters
@@ -143,9 +130,13 @@ def mistake_in_study(problem: Problem, places: Mapping[str, KeyPath]) -> Mistake
     path = next((path for path in places if problem.place.startswith(f"--set {path}=")), None)
     if path is None:
         return None
-    message = problem.message if problem.path in {"", path} else f"{problem.path}: {problem.message}"
-    at, unknown = places[path], problem.message.startswith("unknown key")
-    if unknown and path in at:  # it concerns the path, not one of its values
+    inside = problem.path.removeprefix(path)
+    below: KeyPath = ()
+    if not inside or inside.startswith("."):
+        below = tuple(int(part) if part.isdecimal() else part for part in inside.split(".")[1:])
+    message = problem.message if below or problem.path in {"", path} else f"{problem.path}: {problem.message}"
+    at, unknown = (*places[path], *below), problem.message.startswith("unknown key")
+    if unknown and path in at and not below:  # it concerns the path, not one of its values
         at = at[: at.index(path) + 1]
     return Mistake(at, message, problem.advice, key=unknown)
 
@@ -157,7 +148,7 @@ class _StudyReader:
         self.reader = Reader(source, Registry.load(plugins))
         self.source, self.plugins = source, plugins
 
-    def study(self, name: str) -> StudySpec:
+    def study(self) -> StudySpec:
         reader, data = self.reader, self.source.data
         if not isinstance(data, Mapping):
             reader.wrong((), f"expected a study, found {found(data)}", "Begin with `percuss-study: 1`.")
@@ -185,24 +176,16 @@ class _StudyReader:
         paths = [*varied, *(path for point in paired for path in point), *(sample.of if sample else ())]
         points = [{path: value} for path, values in varied.items() for value in values]
         cases = {label: two_references(case, contacts, [*points, *paired]) for label, case in cases.items()}
-        columns, where = self.columns(cases, paths), self.where([*NAMES, *dict.fromkeys(paths)])
-        reader.finish()
+        self.check_conditions([*NAMES, *dict.fromkeys(paths)])
+        section, rows = self.checked(section, self.columns(cases, paths))
+        return StudySpec(cases, integrators, contacts, varied, paired, rows, section, self.source)
+
+    def checked(self, section: StudySection | None, columns: tuple[Column, ...]) -> tuple[StudySection, RowSettings]:
+        """Return the section and the settings of its rows, if no mistake was found."""
+        self.reader.finish()
         if section is None:
             raise AssertionError("a study is wrong and nothing says why")
-        return StudySpec(
-            name=name,
-            cases=cases,
-            integrators=integrators,
-            contacts=contacts,
-            vary=varied,
-            paired=paired,
-            sample=sample,
-            rows=RowSettings(columns, section.nudge, section.keep.histories, section.repeats),
-            where=where,
-            section=section,
-            data=data,
-            source=self.source,
-        )
+        return section, RowSettings(columns, section.nudge, section.keep.histories, section.repeats)
 
     # -------------------------------------------------------------------------------------------- parts
 
@@ -306,14 +289,13 @@ class _StudyReader:
             self.reader.wrong(("sample", "of"), "expected at least one path, found none", "Add PATH: {from: 0, to: 1}.")
         return section
 
-    def where(self, paths: list[str]) -> tuple[Condition, ...]:
-        """Return the conditions that every run must meet."""
-        conditions = [self.reader.part(("where", i)) for i in range(len(self.items("where")))]
-        for i, condition in enumerate(conditions):
+    def check_conditions(self, paths: list[str]) -> None:
+        """Report the conditions on what is not varied."""
+        for i in range(len(self.items("where"))):
+            condition: Condition | None = self.reader.part(("where", i))
             if condition is not None and condition.path not in paths:
                 message = f"'{condition.path}' is not varied"
                 self.reader.wrong(("where", i, "path"), message, suggestion(condition.path, paths))
-        return tuple(condition for condition in conditions if condition is not None)
 
     def refuse_repeated_paths(self, varied: Data, paired: Sequence[Data], sample: SampleSection | None) -> None:
         """Report a path that is varied in two ways, as the second would silently replace the first."""
@@ -360,17 +342,64 @@ class _StudyReader:
 
     def column(self, at: KeyPath, measure: object, cases: dict[str, Case]) -> Column | None:
         """Return the column of a measure, or None if the measure is wrong."""
+        contacts = dict.fromkeys(name for case in cases.values() for name in case.contacts)
         try:
             if isinstance(measure, str):
-                return column_by_name(measure, [case.registry for case in cases.values()])
-            section = self.reader.part(at)
-            if section is None:
+                made = column_by_name(measure, [case.registry for case in cases.values()])
+            elif (section := self.reader.part(at)) is not None:
+                for mistake in misfits(section, contacts):
+                    self.reader.report(mistake, at)
+                made = column(section, [name for case in cases.values() for name in case.bodies])
+            else:
                 return None
-            contacts = dict.fromkeys(name for case in cases.values() for name in case.contacts)
-            for mistake in misfits(section, contacts):
-                self.reader.report(mistake, at)
-            return column(section, [name for case in cases.values() for name in case.bodies])
+            made.check(contacts)
         except ValueError as error:  # raised without the place in the study, which the column does not know
             message, advice, *inside = error.args
             self.reader.wrong((*at, *inside), message, advice)
             return None
+        return made
+
+
+# --------------------------------------------------------------------------------- values before the first run
+
+
+def refuse_wrong_values(spec: StudySpec, read: Iterable[tuple[Task, InputError | None]]) -> None:
+    """Raise InputError for the values that are wrong in every run, at their places in the study.
+
+    A value that is right in some run fails as the other runs; so does one that was drawn.
+
+    Parameters
+    ----------
+    spec
+        The study.
+    read
+        Each task, with the error by which its case cannot be changed so.
+    """
+    places: dict[tuple[str, str], Places] = {}
+    for path, values in spec.vary.items():
+        listed = isinstance(spec.source.get(("vary", path)), tuple)
+        for i, value in enumerate(values):
+            places[path, repr(value)] = {path: ("vary", path, i) if listed else ("vary", path)}
+    for i, point in enumerate(spec.paired):
+        places |= {(path, repr(value)): {path: ("paired", i, path)} for path, value in point.items()}
+    for kind, family in FAMILIES.items():
+        for i, method in enumerate((spec.integrators if kind == "integrator" else spec.contacts).values()):
+            places[f"method.{kind}", repr(method)] = {f"method.{kind}": ("methods", family, i)}
+    right: set[tuple[str, str]] = set()
+    wrong: dict[tuple[str, str], InputError] = {}
+    errors = []
+    for task, error in read:
+        values_of_task = {(path, repr(value)) for path, value in task.changes.items()}
+        errors.append(error)
+        if error is None:
+            right |= values_of_task
+        else:
+            wrong |= {value: error for value in values_of_task & places.keys() if value not in wrong}
+    problems: dict[Problem, None] = {}
+    for value in (value for value in places if value in wrong and value not in right):
+        mistakes = (mistake_in_study(problem, places[value]) for problem in wrong[value].problems)
+        for mistake in filter(None, mistakes):
+            problems.setdefault(spec.source.problem(*mistake[:3], key=mistake.key))
+    refuse_if_any(problems)
+    if errors and all(errors):
+        raise next(filter(None, errors))

@@ -11,18 +11,18 @@ import json
 import os
 import sqlite3
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 from percuss.case.hints import file_advice
+from percuss.digest import content_digest
 from percuss.errors import InputError, UnwrittenError, nearest, wrong_input
 from percuss.files import is_file, is_folder, replacing
-from percuss.jsonable import Data, Entries
-from percuss.studies.job_package import Record, unpacked
-from percuss.studies.perform import LOST, WAITING
-from percuss.studies.study_files import StudyFile
+from percuss.jsonable import Data
+from percuss.studies.perform import LOST, Record
 
 FORMAT = 4  # the `user_version` of the file
 TABLES = """
@@ -36,6 +36,46 @@ STORED = ("reason", "said_by", "fragile", "seconds", "measures", "compiling", "c
 ANOTHER = "Use an undamaged copy, or make the study again: percuss study STUDY -o NEW.sqlite."
 # Errors of SQLite by which a file is none of its own, or damaged; all others come from the machine.
 OF_THE_FILE = {sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR}
+
+
+@dataclass(frozen=True)
+class StudyFile:
+    """A file that a study came from.
+
+    Attributes
+    ----------
+    path
+        Path of the file, from the folder where the study was started if it lies in it.
+    role
+        ``study``, ``case``, ``data`` or ``plug-in``.
+    sha256
+        SHA-256 digest of its bytes, hexadecimal.
+    size
+        Size in bytes.
+    text
+        The text.
+    """
+
+    path: str
+    role: str
+    sha256: str
+    size: int
+    text: str
+
+    @staticmethod
+    def of(path: Path, role: str, text: str) -> StudyFile:
+        """Return a file whose text was read; a mark at its beginning is no part of the text, but of its bytes."""
+        content = text.encode()
+        with contextlib.suppress(OSError):
+            on_disk = path.read_bytes()
+            content = on_disk if on_disk.removeprefix(b"\xef\xbb\xbf") == content else content
+        return StudyFile(from_here(path), role, content_digest(content), len(content), text)
+
+
+def from_here(path: Path) -> str:
+    """Return a path without detours such as ``studies/..``, from the current folder if it lies in it."""
+    here, path = Path.cwd(), path.resolve()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 class Store:
@@ -99,7 +139,7 @@ class Store:
             raise self._error(f"cannot be read: {error}", advice) from error
 
     @contextmanager
-    def _sound(self) -> Iterator[None]:
+    def sound(self) -> Iterator[None]:
         """Refuse rows inside this context that are not as they were written."""
         try:
             yield
@@ -109,9 +149,9 @@ class Store:
     # ------------------------------------------------------------------------------------------- writing
 
     def begin(
-        self, facts: Data, provenance: Data, plan: Iterable[tuple[str, Data]], files: Iterable[StudyFile] = ()
+        self, facts: Data, provenance: Data | None, plan: Iterable[tuple[str, Data]], files: Iterable[StudyFile] = ()
     ) -> None:
-        """Store facts, files and provenance of this session, and the plan: key and names of every row.
+        """Store facts, files, the plan (key and names of every row), and the provenance of a session that begins.
 
         Rows that are no longer in the plan are kept: a later plan may need them again.
         """
@@ -120,13 +160,13 @@ class Store:
         with self._open(write=True) as db:
             for table in ("facts", "files", "plan"):
                 db.execute(f"DELETE FROM {table}")  # noqa: S608
-            db.execute("INSERT INTO sessions (provenance) VALUES (?)", (json.dumps(provenance),))
+            if provenance is not None:
+                db.execute("INSERT INTO sessions (provenance) VALUES (?)", (json.dumps(provenance),))
             db.executemany(
                 "INSERT INTO facts VALUES (?, ?)", [(name, json.dumps(fact)) for name, fact in facts.items()]
             )
             db.executemany("INSERT INTO plan (key, row) VALUES (?, ?)", [(key, json.dumps(row)) for key, row in plan])
-            columns = [(file.path, file.role, file.sha256, file.size, file.text) for file in files]
-            db.executemany("INSERT INTO files VALUES (?, ?, ?, ?, ?)", columns)
+            db.executemany("INSERT INTO files VALUES (?, ?, ?, ?, ?)", map(astuple, files))
 
     def _make(self) -> None:
         """Make the file, of which nobody sees a part."""
@@ -160,59 +200,21 @@ class Store:
         with self._open() as db:
             return db.execute(query, values).fetchall()
 
-    def facts(self) -> Entries:
-        """Return the facts that `begin` stored."""
-        with self._sound():
-            return {name: json.loads(value) for name, value in self.select("SELECT name, value FROM facts")}
+    def json(self, query: str, values: Sequence[object] = ()) -> list[tuple[Any, ...]]:
+        """Return the rows that a query of SQL finds, whose last column is JSON, with its value there.
 
-    def sessions(self) -> list[Entries]:
-        """Return the provenance of each session, in order."""
-        with self._sound():
-            return [json.loads(row) for (row,) in self.select("SELECT provenance FROM sessions ORDER BY number")]
+        Raises
+        ------
+        InputError
+            If it is not as it was written.
+        """
+        with self.sound():
+            return [(*row, json.loads(text)) for *row, text in self.select(query, values)]
 
-    def files(self) -> list[StudyFile]:
-        """Return the files that the study came from."""
-        return [StudyFile(*file) for file in self.select("SELECT path, role, sha256, bytes, text FROM files")]
-
-    def runs(self) -> list[tuple[Entries, Record]]:
-        """Return names and run of each row of the plan, in order, without histories."""
-        query = "SELECT plan.row, plan.key, status, runs.row FROM plan LEFT JOIN runs USING (key) ORDER BY number"
-        with self._sound():
-            return [
-                (_names(names), Record(key, WAITING) if row is None else Record(key, status, **json.loads(row)))
-                for names, key, status, row in self.select(query)
-            ]
+    def fact(self, name: str) -> Any:
+        """Return one of the facts that `begin` stored, or None if there is none."""
+        return next((value for (value,) in self.json("SELECT value FROM facts WHERE name = ?", (name,))), None)
 
     def finished_keys(self, again: Sequence[str] = ()) -> set[str]:
         """Return the keys of the stored runs to be kept: all but the lost ones and those with a status in `again`."""
         return {key for key, status in self.select("SELECT key, status FROM runs") if status not in (LOST, *again)}
-
-    def planned(self) -> dict[str, Entries]:
-        """Return names and changes of each row of the plan, by key."""
-        with self._sound():
-            return {key: _names(row) for key, row in self.select("SELECT key, row FROM plan")}
-
-    def with_histories(self) -> set[str]:
-        """Return the keys of the runs whose histories are kept."""
-        return {key for (key,) in self.select("SELECT key FROM runs WHERE histories IS NOT NULL")}
-
-    def histories(self, key: str) -> Entries | None:
-        """Return the stored arrays of a run, or None if there are none."""
-        found = self.select("SELECT histories FROM runs WHERE key = ?", (key,))
-        with self._sound():
-            return unpacked(found[0][0]) if found and found[0][0] is not None else None
-
-
-def _names(row: str) -> Entries:
-    """Return what the plan has of a row."""
-    names: Entries = json.loads(row)
-    if not {"case", "integrator", "contact", "varied"} <= names.keys():
-        raise LookupError("a row has no names")
-    return names
-
-
-def as_json_data(value: Any) -> Any:
-    """Return plain data with lists and text keys, as in JSON."""
-    if isinstance(value, Mapping):
-        return {str(key): as_json_data(item) for key, item in value.items()}
-    return [as_json_data(item) for item in value] if isinstance(value, list | tuple) else value

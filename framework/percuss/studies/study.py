@@ -1,43 +1,51 @@
 """Studies: many runs, distributed to workers, resumed after any interruption, collected in one table.
 
-The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, `job_package` gives
-each a key, the file of rows is locked, `dispatch` gives the tasks that are left to workers (`pool`, `cluster`), where
-`job_package` reads their cases, `perform` makes the runs and `columns` measures them; `store` keeps the
-rows and the files that they came from (`study_files`), `study_table` shows them, and `rows` makes one of them again.
+The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, and `bench` gives each
+a key. A `Session` gives the tasks that are left to workers (`pool`, `cluster`), where `bench` reads their cases,
+`perform` makes the runs, `columns` measures them and `records` says what is kept. `store` keeps the rows, `study_table`
+shows them, and `rows` makes one of them again.
 """
 
 from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from functools import partial
 from pathlib import Path
 
 from percuss.case.arguments import expect_files
 from percuss.case.case import Case
-from percuss.digest import content_digest
 from percuss.errors import InputError, shortened, wrong_input
 from percuss.files import expect_no_input, expect_place, expect_writable
+from percuss.interrupt import interruptible
 from percuss.jsonable import Data, Entries, as_lists
-from percuss.locks import NotWritableError, locked
+from percuss.locks import locked
 from percuss.results.provenance import keys_of, machine, origins
-from percuss.studies.dispatch import Progress, make, number_of_workers, row_counter
-from percuss.studies.job_package import Bench, Job
-from percuss.studies.pool import Workers
-from percuss.studies.spec import StudySpec
-from percuss.studies.store import Store, as_json_data
-from percuss.studies.study_files import files_of
+from percuss.studies.bench import Bench, Job
+from percuss.studies.parameters import combinations
+from percuss.studies.perform import Record
+from percuss.studies.pool import Workers, number_of_workers
+from percuss.studies.spec import StudySpec, read_study, refuse_wrong_values
+from percuss.studies.store import Store, StudyFile, from_here
 from percuss.studies.study_table import Study
+from percuss.studies.tasks import tasks
 
 OWN = "percuss"  # distribution of the methods that come with it
 AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again on request
+SECONDS = 0.4  # between two batches of rows that are stored
+Progress = Callable[[int, int], None]
+Makers = Callable[[Bench, Sequence[Job], threading.Event], Generator[list[Record]]]
 
 
 def study(
     path: str | Path | Data,
     out: str | os.PathLike[str] | None = None,
-    workers: int | Workers | None = None,
+    workers: int | None = None,
     scheduler: str | None = None,
     progress: Progress | None = None,
     *,
@@ -54,12 +62,10 @@ def study(
     path
         Path of a study file, or its contents as a mapping.
     out
-        File of the rows; by default the name of the study with the ending ``.sqlite``, in the current folder, and with
-        some letters added if that file holds another study. Runs stored in it whose inputs have not changed are not
-        made again, except those that failed because of the machine.
+        File of the rows; by default the name of the study with the ending ``.sqlite``, in the current folder. Runs
+        stored in it whose inputs have not changed are not made again, except those that were lost.
     workers
-        Number of processes; by default one per core. With 1 the runs are made in this process. Or workers that serve
-        several studies.
+        Number of processes; by default one per core. With 1 the runs are made in this process.
     scheduler
         Address of a Dask scheduler whose workers make the runs instead.
     progress
@@ -88,194 +94,224 @@ def study(
     PluginError
         If one of `plugins` cannot be used.
     """
-    from percuss.studies.preflight import check_measures
-    from percuss.studies.spec import read_study
-
     expect_files("percuss.study", plugins)
-    if not isinstance(workers, Workers):
-        number_of_workers(workers)
+    number_of_workers(workers)
     unknown = [status for status in again if status not in AGAIN]
     if unknown:
         message = f"expected one of {', '.join(AGAIN)}, found '{unknown[0]}'"
         raise wrong_input("--again", message, "Lost runs are always made again.")
     spec = read_study(path, [Path(plugin) for plugin in plugins], changes)
-    if out is not None:
-        expect_no_input(out, spec.inputs)
+    file = Path(out or ("study.sqlite" if isinstance(path, Mapping) else f"{Path(path).stem}.sqlite"))
+    expect_no_input(file, spec.inputs)
     for output in outputs:
-        expect_writable(output, [*spec.inputs, *([("file of rows", Path(out))] if out is not None else [])])
+        expect_writable(output, [*spec.inputs, ("file of rows", file)])
     jobs, bench = planned(spec)
-    try:
-        with claimed(out, path, spec, {job.key for job in jobs}) as (file, identity):
-            store = Store(file, new=True)
-            finished = store.finished_keys(again)
-            missing = list({job.key: job for job in jobs if job.key not in finished}.values())
-            if workers == 1:  # the runs are made in this process, which has read the cases
-                bench.read.update(spec.cases)
-            if missing:
-                check_measures(spec, missing[0].task)
-            _begin(store, spec, jobs, bench, _command(path, plugins, changes), identity)
-            done = Study(store.path)
-            done.found = sum(job.key in finished for job in jobs)
-            count = row_counter(progress, jobs, finished)
-            if missing:
-                make(bench, missing, store, count, workers=workers, scheduler=scheduler, longest=longest)
-            store.finish()
-    except NotWritableError as error:
-        made = None if again else _finished_study(error.path, jobs)
-        if made is None:
-            raise
-        row_counter(progress, jobs, {job.key for job in jobs})
-        return made
-    return done
-
-
-def _finished_study(file: Path, jobs: Sequence[Job]) -> Study | None:
-    """Return the study in a file that cannot be written to if all its runs are made and planned there, else None."""
-    store = Store(file, new=True)
-    keys = {job.key for job in jobs}
-    if store.planned().keys() != keys or keys - store.finished_keys():
-        return None
-    done = Study(file)
-    done.found = len(jobs)
-    return done
+    of_file = None if isinstance(path, Mapping) else Path(path)
+    known = spec, bench, file, of_file, _command(of_file, plugins, changes)
+    with session(*known, workers=workers, scheduler=scheduler, longest=longest, most=len(jobs)) as running:
+        return running.make(jobs, progress, again)
 
 
 def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
-    """Return the jobs of all runs of a study, and the bench that workers need to make them."""
-    from percuss.studies.job_package import Job, Keys, packed
-    from percuss.studies.parameters import combinations
-    from percuss.studies.preflight import check_points
-    from percuss.studies.tasks import tasks
-
-    check_points(spec)
-    points = combinations(spec.vary, spec.paired, spec.sample)
-    keys = Keys(spec.rows)
-    jobs = []
-    for label, case in spec.cases.items():
-        for task in tasks(label, case, spec.integrators, spec.contacts, points, tied=spec.section.tied):
-            names = {"case": label, "integrator": task.integrator, "contact": task.contact, **task.varied}
-            if all(condition.holds(names) for condition in spec.where):
-                jobs.append(Job(keys.of(label, case, task), task))
+    """Return the jobs of all runs of a study, and the bench that makes them."""
+    points = combinations(spec.vary, spec.paired, spec.section.sample)
+    bench = Bench.of(spec.cases, spec.rows)
+    jobs, read = [], []
+    for task in tasks(spec.cases, spec.integrators, spec.contacts, points, tied=spec.section.tied):
+        names = {"case": task.case, "integrator": task.integrator, "contact": task.contact, **task.varied}
+        if all(condition.holds(names) for condition in spec.section.where):
+            jobs.append(bench.job(task))
+            read.append((task, bench.errors.get(jobs[-1].key)))
     if not jobs:
         raise InputError([spec.source.problem(("where",), "leaves no run to be made", "Loosen a condition.")])
-    return jobs, packed(spec.cases, spec.rows, keys)
+    refuse_wrong_values(spec, read)
+    return jobs, bench
 
 
-def _command(given: str | Path | Data, plugins: Sequence[str | Path], changes: Data | None) -> str | None:
+def _command(file: Path | None, plugins: Sequence[str | Path], changes: Data | None) -> str | None:
     """Return the command that makes a study again, or None if the study has no file."""
-    if isinstance(given, Mapping):
+    if file is None:
         return None
     options = [word for plugin in plugins for word in ("--plugin", str(plugin))]
     if changes:
         values = (f"{path.removeprefix('reference.')}={value}" for path, value in changes.items())
         options += ["--reference", ",".join(values)]
-    return shlex.join(["percuss", "study", str(given), *options])
+    return shlex.join(["percuss", "study", str(file), *options])
 
 
-def _begin(
-    store: Store, spec: StudySpec, jobs: Sequence[Job], bench: Bench, command: str | None, identity: Data
-) -> None:
-    """Store the facts, the files, the provenance and the plan of a study."""
-    plan = []
-    for key, task in jobs:
-        names = {"case": task.case, "integrator": task.integrator, "contact": task.contact, "twin": task.tied}
-        plan.append((key, {**names, "varied": as_json_data(task.varied), "changes": as_json_data(task.changes)}))
-    cases = {label: _inside(case, bench, label) for label, case in spec.cases.items()}
-    plugins = {name: origin for case in cases.values() for name, origin in case["plugins"].items()}
-    facts = {
-        "study": identity,
-        "spec": as_json_data(spec.data),
-        "columns": {column.name: column.what for column in spec.rows.columns},
-        "cases": cases,
-        "units": _common_units([case.data.get("units") or {} for case in spec.cases.values()]),
-    }
-    theirs = {name: origin for name, origin in plugins.items() if origin["distribution"] != OWN}
-    provenance = {**machine(), "cores": os.cpu_count(), "plugins": theirs, "command": command}
-    store.begin(facts, provenance, plan, files_of(spec, bench))
-
-
-def _inside(case: Case, bench: Bench, label: str) -> Entries:
-    """Return a case with all from which it is read again, as the provenance of a result has it."""
-    return {
-        "case": as_lists(case.data),
-        **origins(case, keys_of(bench.components[label])),
-        "data_files": dict(bench.cases[label].data_files),
-    }
-
-
-def _common_units(of_cases: Sequence[Mapping[str, str]]) -> dict[str, str]:
-    """Return the names of units that all cases give."""
-    return {kind: name for kind, name in of_cases[0].items() if all(units.get(kind) == name for units in of_cases)}
+# ------------------------------------------------------------------------------------------------- making rows
 
 
 @contextmanager
-def claimed(
-    out: str | os.PathLike[str] | None, given: str | Path | Data, spec: StudySpec, keys: set[str]
-) -> Iterator[tuple[Path, Entries]]:
-    """Lock the file of a study against all other processes, after a check that it holds no other study.
+def session(
+    spec: StudySpec,
+    bench: Bench,
+    file: Path,
+    of_file: Path | None,
+    command: str | None = None,
+    *,
+    workers: int | None,
+    scheduler: str | None = None,
+    longest: float | None = None,
+    most: int,
+) -> Iterator[Session]:
+    """Lock the file of a study against all other processes, and start workers with the first run.
+
+    Parameters
+    ----------
+    spec, bench
+        The study, and where its runs are made.
+    file
+        File of the rows.
+    of_file
+        Path of the study file, if it has one.
+    command
+        Command that makes the study again.
+    workers, scheduler, longest
+        As in `study`.
+    most
+        Largest number of runs at once.
 
     Raises
     ------
     InputError
-        If it holds another study, or another process writes to it.
+        If the file holds another study, or another process writes to it.
     """
-    refused: InputError | None = None
-    for file in [Path(out)] if out is not None else _default_files(given, spec.name):
-        identity = _identity(given, spec, file)
-        expect_place(file)
-        with locked(file):
-            refused = _other_study(file, identity, keys)
-            if refused is None:
-                yield file, identity
-                return
-    if refused is None:
-        raise AssertionError("a study has no file and nothing says why")
-    raise refused
+    expect_place(file)
+    with locked(file), ExitStack() as ends:
+        store, identity = Store(file, new=True), _identity(of_file, spec)
+        held = store.fact("study")
+        if held is not None and not _is_same(held, identity):
+            message = f"holds another study: {_described(held)}; this is {_described(identity)}"
+            raise wrong_input(str(file), message, "Name another file with -o, or remove this one.")
+        if scheduler is not None:
+            from percuss.studies.cluster import made_on_cluster
+
+            made: Makers = partial(made_on_cluster, scheduler)
+        elif workers == 1:
+            made = _made_here
+        else:
+            made = partial(ends.enter_context(Workers(min(number_of_workers(workers), most))).made, longest)
+        yield Session(spec, bench, store, made, identity, command)
+        store.finish()
 
 
-def _default_files(given: str | Path | Data, name: str) -> list[Path]:
-    """Return the default files for the rows of a study, of which the first that is free or its own is used.
+class Session:
+    """The rows of a study that are being made.
 
-    Studies of the same name in several folders have a file each: the name of the second also depends on its place.
+    Parameters
+    ----------
+    spec, bench
+        The study, and where its runs are made.
+    store
+        File of its rows.
+    made
+        Makes runs, and yields the records of those that have ended meanwhile.
+    identity, command
+        Of which study the file is, and the command that makes it again.
     """
-    if isinstance(given, Mapping):
-        return [Path(f"{name}.sqlite")]
-    place = content_digest(str(Path(given).resolve()).encode())[:6]
-    first, second = Path(f"{name}.sqlite"), Path(f"{name}-{place}.sqlite")
-    return [second] if second.exists() else [first, second]
+
+    def __init__(
+        self, spec: StudySpec, bench: Bench, store: Store, made: Makers, identity: Data, command: str | None
+    ) -> None:
+        self._spec, self._bench, self._store, self._made = spec, bench, store, made
+        self._identity, self._command, self._begun = identity, command, False
+
+    def make(self, jobs: Sequence[Job], progress: Progress | None = None, again: Sequence[str] = ()) -> Study:
+        """Make the runs of these jobs, which are all of the study so far, and store them as they end.
+
+        Runs that are stored already are not made again, but for lost ones and those with a status in `again`.
+        """
+        finished = self._store.finished_keys(again)
+        missing = list({job.key: job for job in jobs if job.key not in finished}.values())
+        self._begin(jobs)
+        study = Study(self._store.path)
+        study.found = done = sum(job.key in finished for job in jobs)
+        rows, report = Counter(job.key for job in jobs), progress or (lambda *_: None)
+        report(done, len(jobs))
+        with interruptible() as stop, ExitStack() as ends:
+            made = ends.enter_context(closing(self._made(self._bench, missing, stop))) if missing else ()
+            for records in filter(None, made):
+                self._store.add(records)
+                done += sum(rows[record.key] for record in records)
+                report(done, len(jobs))
+        return study
+
+    def _begin(self, jobs: Sequence[Job]) -> None:
+        """Store the facts, the files and the plan of the study, and once the provenance of this session."""
+        cases = {label: self._inside(label, case) for label, case in self._spec.cases.items()}
+        plugins = {name: origin for case in cases.values() for name, origin in case["plugins"].items()}
+        units = [case.data.get("units") or {} for case in self._spec.cases.values()]
+        facts = {
+            "study": self._identity,
+            "spec": self._spec.data,
+            "columns": {column.name: column.what for column in self._spec.rows.columns},
+            "cases": cases,
+            "units": {kind: name for kind, name in units[0].items() if all(one.get(kind) == name for one in units)},
+        }
+        theirs = {name: origin for name, origin in plugins.items() if origin["distribution"] != OWN}
+        provenance = {**machine(), "cores": os.cpu_count(), "plugins": theirs, "command": self._command}
+        plan = [(key, as_lists(vars(task))) for key, task in jobs]
+        self._store.begin(facts, None if self._begun else provenance, plan, self._files())
+        self._begun = True
+
+    def _inside(self, label: str, case: Case) -> Entries:
+        """Return a case with all from which it is read again, as the provenance of a result has it.
+
+        In place of the texts of its files are the places of these among the files of the study.
+        """
+        known = origins(case, keys_of(self._bench.components[label]))
+        known["single_files"] = {path: {"digest": file["digest"]} for path, file in known["single_files"].items()}
+        names = self._bench.sources[label].data_files
+        return {
+            "case": as_lists(case.data),
+            **known,
+            "data_files": {name: from_here(case.origin.folder / name) for name in names},
+        }
+
+    def _files(self) -> list[StudyFile]:
+        """Return the files of the study as they were read."""
+        spec, files = self._spec, []
+        if spec.source.text:
+            files.append(StudyFile.of(Path(spec.source.name), "study", spec.source.text))
+        for label, case in spec.cases.items():
+            files.append(StudyFile.of(Path(case.origin.name), "case", case.origin.text))
+            tables = self._bench.sources[label].data_files
+            files += [StudyFile.of(case.origin.folder / name, "data", text) for name, text in tables.items()]
+            plugins = case.registry.single_files
+            files += [StudyFile.of(file.path, "plug-in", file.content.decode("utf-8")) for file in plugins]
+        return list({file.path: file for file in files}.values())
 
 
-def _identity(given: str | Path | Data, spec: StudySpec, out: Path) -> Entries:
-    """Return the identity of a study: path of its file, absolute and relative to `out`, title and cases.
+def _made_here(bench: Bench, jobs: Sequence[Job], stop: threading.Event) -> Generator[list[Record]]:
+    """Make runs in this process, and yield the records of each `SECONDS`, until none is left or `stop` is set."""
+    records: list[Record] = []
+    since = time.monotonic()
+    for job in jobs:
+        made = None if stop.is_set() else bench.record(job)
+        if made is None:
+            break
+        records.append(made)
+        if time.monotonic() - since > SECONDS:
+            yield records
+            records, since = [], time.monotonic()
+    yield records
 
-    A study remains the same if its plan changes, and if it moves together with its rows.
-    """
-    description = {"title": str(spec.data.get("title", "")), "cases": as_json_data(spec.data.get("cases", ()))}
-    if isinstance(given, Mapping):
-        return {"file": None, "beside": None, **description}
-    file = Path(given).resolve()
-    try:
-        relative = os.path.relpath(file, out.resolve().parent)
-    except ValueError:  # a path on another drive has no relative form
-        relative = None
-    return {"file": str(file), "beside": relative, **description}
+
+# ------------------------------------------------------------------------------------------------- of which study
+
+
+def _identity(file: Path | None, spec: StudySpec) -> Entries:
+    """Return by what a study is known: the place of its file, or else name, title and cases."""
+    place = (str(file.resolve()), file.name) if file is not None else (None, None)
+    title, cases = str(spec.data.get("title", "")), spec.data.get("cases", [])
+    return {"file": place[0], "name": place[1], "title": title, "cases": cases}
 
 
 def _is_same(first: Data, second: Data) -> bool:
-    """Return whether two identities are of the same study."""
-    if first.get("file") is None or second.get("file") is None:
-        return all(first.get(name) == second.get(name) for name in ("file", "title", "cases"))
-    return any(first.get(name) is not None and first.get(name) == second.get(name) for name in ("file", "beside"))
-
-
-def _other_study(file: Path, identity: Data, keys: set[str]) -> InputError | None:
-    """Return the error of a file that holds another study, or None if it does not."""
-    store = Store(file, new=True)
-    held = store.facts().get("study")
-    if held is None or _is_same(held, identity) or store.planned().keys() == keys:
-        return None
-    message = f"holds another study: {_described(held)}; this is {_described(identity)}"
-    return wrong_input(str(file), message, "Name another file with -o, or remove this one.")
+    """Return whether two identities are of the same study, whose plan may have changed, and which may have moved."""
+    alike = all(first.get(name) == second.get(name) for name in ("name", "title", "cases"))
+    return alike or (first.get("file") is not None and first.get("file") == second.get("file"))
 
 
 def _described(identity: Data) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 from collections import Counter
@@ -12,10 +13,8 @@ from percuss.case.arguments import expect_suffix
 from percuss.errors import wrong_input
 from percuss.files import replacing
 from percuss.jsonable import Entries
-from percuss.studies.job_package import Record
-from percuss.studies.perform import LOST, WAITING
-from percuss.studies.store import Store
-from percuss.studies.study_files import StudyFile
+from percuss.studies.perform import LOST, WAITING, Record, unpacked
+from percuss.studies.store import Store, StudyFile
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,17 +43,17 @@ class Study:
     @property
     def spec(self) -> Entries:
         """The study file as plain data."""
-        return self._store.facts().get("spec") or {}
+        return self._store.fact("spec") or {}
 
     @property
     def columns(self) -> dict[str, str]:
         """Definition of each measured column in words: quantity, norm, averaging."""
-        return {**(self._store.facts().get("columns") or {}), "seconds": SECONDS}
+        return {**(self._store.fact("columns") or {}), "seconds": SECONDS}
 
     @property
     def units(self) -> dict[str, str]:
         """Names of the units by kind, as ``{"length": "m"}``, that all cases of the study give."""
-        return self._store.facts().get("units") or {}
+        return self._store.fact("units") or {}
 
     @property
     def provenance(self) -> Entries:
@@ -62,30 +61,48 @@ class Study:
 
         ``processors`` is the number of rows made on each model of processor.
         """
-        sessions = self._store.sessions()
-        processors = Counter(run.cpu for _, run in self._store.runs() if run.cpu)
+        sessions = [session for (session,) in self._store.json("SELECT provenance FROM sessions ORDER BY number")]
+        processors = Counter(run.cpu for run in self.runs.values() if run.cpu)
         return {**(sessions or [{}])[-1], "sessions": sessions, "processors": dict(sorted(processors.items()))}
 
     @property
     def files(self) -> list[StudyFile]:
         """The files that the study came from: path, role, SHA-256 digest, size and text of each."""
-        return self._store.files()
+        return [StudyFile(*file) for file in self._store.select("SELECT path, role, sha256, bytes, text FROM files")]
 
     @property
     def plan(self) -> dict[str, Entries]:
         """Names of methods, varied values and all changes of each row, by key."""
-        return self._store.planned()
+        return {run.key: names for names, run in self._rows()}
 
     @property
     def cases(self) -> dict[str, Entries]:
         """What a case is read again from, by label, as the provenance of a result has it."""
-        last, cases = (self._store.sessions() or [{}])[-1], self._store.facts().get("cases") or {}
-        return {label: {**last, **case} for label, case in cases.items()}
+        texts, provenance = {file.path: file.text for file in self.files}, self.provenance
+        return {
+            label: {
+                **provenance,
+                **case,
+                "data_files": {name: texts[path] for name, path in case["data_files"].items()},
+            }
+            for label, case in (self._store.fact("cases") or {}).items()
+        }
 
     @property
     def runs(self) -> dict[str, Record]:
         """The run of each row, without its histories, by key."""
-        return {run.key: run for _, run in self._store.runs()}
+        return {run.key: run for _, run in self._rows()}
+
+    def _rows(self) -> list[tuple[Entries, Record]]:
+        """Return the plan and the run of each row, in the order of the study."""
+        query = "SELECT plan.key, status, runs.row, plan.row FROM plan LEFT JOIN runs USING (key) ORDER BY number"
+        rows = []
+        for key, status, row, names in self._store.json(query):
+            with self._store.sound():
+                rows.append((names, Record(key, WAITING) if row is None else Record(key, status, **json.loads(row))))
+                if not {"case", "integrator", "contact", "varied"} <= names.keys():
+                    raise LookupError("a row has no names")
+        return rows
 
     def command(self, key: str) -> str | None:
         """Return the command that makes the run of a row alone, or None if no row has this key."""
@@ -117,7 +134,7 @@ class Study:
 
     def as_records(self) -> list[Entries]:
         """Return the rows of `table` as plain mappings, all with the same keys."""
-        rows, columns = self._store.runs(), [name for name in self.columns if name != "seconds"]
+        rows, columns = self._rows(), [name for name in self.columns if name != "seconds"]
         varied = dict.fromkeys(path for names, _ in rows for path in names["varied"])
         return [
             {
@@ -134,7 +151,7 @@ class Study:
     @property
     def counts(self) -> dict[str, int]:
         """Number of rows with each status."""
-        return dict(Counter(run.status for _, run in self._store.runs()))
+        return dict(Counter(run.status for _, run in self._rows()))
 
     @property
     def complete(self) -> bool:
@@ -144,7 +161,7 @@ class Study:
     @property
     def with_histories(self) -> set[str]:
         """Keys of the runs whose histories are kept."""
-        return self._store.with_histories()
+        return {key for (key,) in self._store.select("SELECT key FROM runs WHERE histories IS NOT NULL")}
 
     def histories(self, key: str) -> Entries | None:
         """Return the histories of a run that are kept (`keep`), or None if there are none.
@@ -154,7 +171,9 @@ class Study:
         dict
             ``time`` (T,), ``contact`` (names), ``contact_force`` and ``contact_force_exact`` (T, contacts).
         """
-        return self._store.histories(key)
+        found = self._store.select("SELECT histories FROM runs WHERE key = ? AND histories IS NOT NULL", (key,))
+        with self._store.sound():
+            return unpacked(found[0][0]) if found else None
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write the table as csv or parquet, by suffix, to a temporary file that is then renamed.
