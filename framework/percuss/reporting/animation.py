@@ -140,8 +140,7 @@ def _stress_lines(figure: Figure, result: Result, _: list[int]) -> tuple[Axes, C
     body_names(axes, strips)
     axes.set_ylim(-1.1 * largest, 1.1 * largest)
     figures.set_labels(axes, result.units, xlabel=(label, "length"), ylabel=figures.STRESS)
-    words = "compression is negative; ● contact with force"
-    axes.text(0.99, 0.03, words, transform=axes.transAxes, ha="right", size=9, color=SOFT)
+    axes.set_title("compression is negative; ● contact with force", loc="right", size=9, color=SOFT, y=1.1)
 
     def show(frame: int) -> None:
         for line, columns in lines:
