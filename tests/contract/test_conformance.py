@@ -46,8 +46,16 @@ def is_deep(label):
     )
 
 
+def marks_of(label):
+    """Return when a check is made: schemes with other laws each night; tests/truth/test_energy has them by day."""
+    check = EVERY[label]
+    if check.subject.family == "integrators" and check.partner not in {"", "penalty", "bipenalty", "lagrange"}:
+        return pytest.mark.nightly
+    return pytest.mark.deep if is_deep(label) else ()
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("label", [pytest.param(one, marks=pytest.mark.deep if is_deep(one) else ()) for one in EVERY])
+@pytest.mark.parametrize("label", [pytest.param(one, marks=marks_of(one)) for one in EVERY])
 def test_conformance(label):
     assert outcome(label).status != "failed", str(outcome(label))
 
