@@ -131,19 +131,6 @@ def test_a_report_does_not_take_the_place_of_its_study(bench):
         rows.unlink()
 
 
-def test_the_table_beside_a_page_does_not_take_the_place_of_its_study(bench, tmp_path, monkeypatch):
-    from percuss.reporting import page_rows
-    from percuss.reporting.study_page import study_report
-
-    monkeypatch.setattr(page_rows, "MOST_ROWS", 1)
-    rows = tmp_path / "rows.csv"
-    rows.write_bytes((bench / "rows.sqlite").read_bytes())
-    with pytest.raises(percuss.InputError, match=r"rows\.csv: expected a file to write, found the study"):
-        study_report(percuss.open_study(rows), tmp_path / "rows.html")
-    assert rows.read_bytes() == (bench / "rows.sqlite").read_bytes()
-    assert not (tmp_path / "rows.html").exists()
-
-
 @pytest.mark.parametrize("name", ["result", "result.nc.bak"])
 def test_the_ending_of_a_result_says_what_it_is(bench, name):
     told = refused(bench, f"run case.yaml -o {name}")

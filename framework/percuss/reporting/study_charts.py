@@ -112,10 +112,21 @@ def axis(column: pd.Series, label: str, field: str = "", *, is_measure: bool) ->
     is_measure
         Whether they were measured: a measure has a logarithmic axis wherever it can, and ticks of Vega's choice.
     """
+    label = re.sub(r'[\x00-\x1f"\\]+', " ", label)  # it stands in expressions of Vega too
     values = study_data.numbers(column)
     if values is None:
         words = study_data.in_order(study_data.texts(column))
-        return Axis(label, *3 * (field,), "nominal", "", {}, {"labelAngle": -25}, words, "tick", {"field": "pair"})
+        return Axis(
+            label,
+            *3 * (field,),
+            "nominal",
+            "",
+            {},
+            {"labelAngle": -25},
+            words,
+            "tick",
+            {"field": "pair", "type": "nominal"},
+        )
     # Each refinement halves the elements, so that the mesh is a logarithmic axis however few of its values there are.
     suits = is_measure or column.name == "refine" or study_data.is_log(values)
     kind = "log" if suits and study_data.may_be_log(values) else "linear"

@@ -139,12 +139,6 @@ def columns(study: Study) -> ColumnRoles:
     return ColumnRoles(tuple(varied), labels, tuple(name for name in COSTS if name in labels))
 
 
-def in_per_cent(table: pd.DataFrame, roles: ColumnRoles) -> pd.DataFrame:
-    """Return a table with its shares in per cent, as reports show them."""
-    shares = [name for name in roles.measures if of_column(name).is_fraction]
-    return table.assign(**{name: 100.0 * numbers(table[name]) for name in shares})
-
-
 def references(table: pd.DataFrame) -> list[str]:
     """Return the pairs of methods with mesh tying instead of a contact law.
 

@@ -14,7 +14,7 @@ from percuss.case.arguments import expect_suffix
 from percuss.errors import InputError, PercussError, Problem
 from percuss.files import is_file, replacing
 from percuss.jsonable import Entries
-from percuss.reporting import page_rows, study_charts, study_data
+from percuss.reporting import study_charts, study_data
 from percuss.reporting.figures import SUFFIXES, one_line
 from percuss.reporting.study_charts import Charts, filled, side_marks
 
@@ -73,10 +73,9 @@ def figures(study: Study, statistic: str = "best") -> Iterator[tuple[str, Chart]
     """
     study = study_charts.snapshot(study)
     roles = study_data.columns(study)
-    carried = page_rows.carried(study.table, roles)
-    charts = study_charts.study_charts(carried.table, roles)
-    rows = charts.rows | {"added": (~carried.drawn).tolist()}
-    data = {"rows": [dict(zip(rows, values, strict=True)) for values in zip(*rows.values(), strict=True)]}
+    charts = study_charts.study_charts(study.table, roles)
+    fields, columns = charts.rows.keys(), charts.rows.values()
+    data = {"rows": [dict(zip(fields, values, strict=True)) for values in zip(*columns, strict=True)]}
     if not charts.measures:
         return
     error = charts.measures[0]
@@ -103,8 +102,10 @@ def figures(study: Study, statistic: str = "best") -> Iterator[tuple[str, Chart]
 
 
 def work_and_precision(study: Study) -> Chart:
-    """Return the chart of the error of all runs over their cost."""
-    return next(chart for name, chart in figures(study) if name == "work-precision")
+    """Return the chart of the error of all runs over their cost, or one that says that there is none."""
+    words = {"type": "text", "text": "No run has a cost and an error.", "fontSize": 16}
+    none = Chart(title=one_line(study.title), data={"values": [{}]}, mark=words, width=WIDTH, height=HEIGHT)
+    return dict(figures(study)).get("work-precision", none)
 
 
 def _chart(study: Study, charts: Charts, name: str, data: Entries, marks: Entries, note: str = "") -> Chart:

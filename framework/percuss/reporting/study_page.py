@@ -18,7 +18,7 @@ import numpy as np
 from percuss.case.quantities import ranking
 from percuss.files import PACKAGE, expect_no_input, replacing
 from percuss.jsonable import Entries, plain
-from percuss.reporting import page_rows, study_charts, study_data
+from percuss.reporting import page_forces, study_charts, study_data
 from percuss.reporting.component import docs
 from percuss.reporting.figures import number, one_line
 from percuss.reporting.study_answer import answer
@@ -54,42 +54,31 @@ def study_report(study: Study, path: str | os.PathLike[str], statistic: str = "b
     Returns
     -------
     list of Path
-        The written files: the page, and a csv file of all rows where the study has more rows than a page can carry.
+        The page.
     """
-    inputs = [("study", study.path)]
-    study = study_charts.snapshot(study)
     target = Path(path)
-    beside = target.with_suffix(".csv") if len(study.table) > page_rows.MOST_ROWS else None
-    for output in filter(None, (beside, target)):
-        expect_no_input(output, inputs)
-    if beside is not None:
-        with replacing(beside, ".csv") as file:
-            study.table.to_csv(file, index=False)
+    expect_no_input(target, [("study", study.path)])
     with replacing(target, ".html") as file:
-        file.write_text(report_html(study, beside.name if beside else "", statistic), encoding="utf-8")
-    return [target] if beside is None else [target, beside]
+        file.write_text(report_html(study, statistic), encoding="utf-8")
+    return [target]
 
 
-def report_html(study: Study, beside: str = "", statistic: str = "best") -> str:
+def report_html(study: Study, statistic: str = "best") -> str:
     """Return the report of a study as HTML; the same study gives the same text.
 
     Parameters
     ----------
     study
         The study.
-    beside
-        Name of the file that has all rows, for a page that does not; empty otherwise.
     statistic
         What the page shows at first of several runs of a pair of methods: ``best`` or ``median``.
     """
     study = study_charts.snapshot(study)
     roles = study_data.columns(study)
-    carried = page_rows.carried(study.table, roles)
-    charts = study_charts.study_charts(carried.table, roles)
+    charts = study_charts.study_charts(study.table, roles)
     parts = {
         "title": escape(one_line(study.title or "Untitled study")),
         "question": _question_html(study, charts),
-        "sampled": _sampling_notice(study, carried, beside),
         "answer": _answer_html(answer(study.table, roles), charts),
         **{name: escape(text) for name, text in study_charts.description()["captions"].items()},
         "orders": escape(_orders_in_words(study.table, roles)),
@@ -100,7 +89,7 @@ def report_html(study: Study, beside: str = "", statistic: str = "best") -> str:
         "again": _command_and_file(study),
         "provenance": _provenance_html(plain(study.provenance)),
         "files": _files_html(study),
-        "data": _script_json(payload(study, roles, charts, carried) | {"statistic": statistic}),
+        "data": _script_json(payload(study, roles, charts) | {"statistic": statistic}),
         "licences": escape(_file("vendor", "LICENSES")),
         "css": _file("report.css"),
         "tabulator_css": _file("vendor", "tabulator", "tabulator_simple.min.css"),
@@ -117,15 +106,15 @@ def report_html(study: Study, beside: str = "", statistic: str = "best") -> str:
 # ----------------------------------------------------------------------------------------------------- data
 
 
-def payload(study: Study, roles: ColumnRoles, charts: Charts, carried: page_rows.Carried) -> Entries:
+def payload(study: Study, roles: ColumnRoles, charts: Charts) -> Entries:
     """Return what the page's script draws, in the types of JSON."""
-    table = carried.table
-    kept = page_rows.kept_histories(study, table, charts.ranked)
+    table = study.table
+    kept = page_forces.kept_histories(study, table, charts.ranked)
     left = int(table["key"].isin(study.with_histories).sum()) - len(kept)
-    of_first = [
-        row for row in kept if table["case"].iloc[row] == charts.cases[0] and table["status"].iloc[row] == "done"
-    ]
-    first = {charts.rows["pair"][row]: row for row in reversed(of_first)}
+    first: dict[str, int] = {}
+    for row in kept:
+        if table["case"].iloc[row] == charts.cases[0] and table["status"].iloc[row] == "done":
+            first.setdefault(charts.rows["pair"][row], row)
     shown = [name for name in table if name in study_data.ABOUT or name in roles.varied or name in roles.measures]
     order = [*study_charts.METHODS, *roles.varied, "status", *roles.measures, *study_data.ABOUT]
     values = {
@@ -134,7 +123,7 @@ def payload(study: Study, roles: ColumnRoles, charts: Charts, carried: page_rows
     varied = {name: charts.fields[name] for name in roles.varied}
     chosen = [name for name in ("case", *varied) if 1 < len(values[name]) <= MOST_CHOICES]
     return {
-        "rows": charts.rows | {"added": (~carried.drawn).tolist()},
+        "rows": charts.rows,
         "axes": {name: asdict(axis) for name, axis in charts.axes.items()},
         "pairs": charts.pairs,
         "charts": study_charts.description()["charts"],
@@ -225,21 +214,6 @@ def _question_html(study: Study, charts: Charts) -> str:
         count_of(len(charts.cases), "case"),
     ]
     return f"{question_html}<p>{'  ·  '.join(words)}  ·  <strong>{', '.join(status_counts)}</strong></p>"
-
-
-def _sampling_notice(study: Study, carried: page_rows.Carried, beside: str) -> str:
-    if carried.drawn.all():
-        return ""
-    where = f" The file <code>{escape(beside)}</code> beside this page has every row." if beside else ""
-    drawn = int(carried.drawn.sum())
-    return (
-        f'<p class="notice">This page carries {len(carried.table):,} of the {len(study.table):,} rows: a random sample '
-        f"of {drawn:,} (seed {page_rows.SEED}), and all {carried.best:,} best runs, of which the sample lacked "
-        f"{len(carried.table) - drawn:,}. No other run of its case and pair of methods has a smaller error than a best "
-        "run, or a smaller error at the same cost. The sentences above, the profile and the table of failed runs count "
-        "all rows. The other charts show the rows of this page; their medians, bands and counts leave out the best "
-        f"runs that were added.{where}</p>"
-    )
 
 
 def _varied_table(study: Study, roles: ColumnRoles) -> str:

@@ -35,26 +35,28 @@ async function draw(id, data, marks, panels = 1, least = 380) {
   const spec = { ...filled(page.charts[id], { ...look.marks, ...marks, ...size }), datasets: data, config: { ...look.config, legend } };
   views[id]?.finalize();
   const actions = { export: true, source: false, compiled: false, editor: false };
-  views[id] = await vegaEmbed($(id), spec, { ast: true, actions, downloadFileName: id, logLevel: 1 });
+  const renderer = rows.length > 2000 ? "canvas" : "svg"; // marks of many runs are drawn faster on a canvas
+  views[id] = await vegaEmbed($(id), spec, { ast: true, renderer, actions, downloadFileName: id, logLevel: 1 });
   views[id].view.addEventListener("click", (_, item) => Number.isInteger(item?.datum?.row) && pick(item.datum.row, true));
 }
 
 /** What each chart takes of the choices: its data, its marks, and its number of panels. */
 const charts = {
-  best: () => [{ rows: active }, { ...measured(), ...sideMarks("x", $("measure").value) }, countOf("case"), 500],
-  work: () => [{ rows: active }, { ...measured(), ...sideMarks("x", $("work_x").value) }, countOf("case")],
-  vary: () => [{ rows: active }, { ...measured(), ...sideMarks("x", $("vary_x").value) }, countOf("case")],
+  best: () => [shown(), { ...measured(), ...sideMarks("x", $("measure").value) }, countOf("case"), 500],
+  work: () => [shown(), { ...measured(), ...sideMarks("x", $("work_x").value) }, countOf("case")],
+  vary: () => [shown(), { ...measured(), ...sideMarks("x", $("vary_x").value) }, countOf("case")],
   profile: () => {
     const { lines, label } = profileNow();
     return [{ profile: lines }, { profile_label: label }];
   },
   force: () => forces(),
   map: () => {
-    const shown = $("map_v").value || $("measure").value;
+    const value = $("map_v").value || $("measure").value;
     const statistic = $("map_v").value ? "mean" : measured().statistic;
-    return [{ rows: active }, { ...sideMarks("v", shown), statistic, ...sideMarks("x", $("map_x").value), ...sideMarks("y", $("map_y").value) }, countOf("case") * countOf("pair"), 260];
+    return [shown(), { ...sideMarks("v", value), statistic, ...sideMarks("x", $("map_x").value), ...sideMarks("y", $("map_y").value) }, countOf("case") * countOf("pair"), 260];
   },
 };
+const shown = () => ({ rows: active.map((row) => ({ ...row })) }); // each chart computes fields of its own
 const countOf = (name) => new Set(active.map((row) => row[name])).size;
 
 const profileNow = () => page.profiles[`${$("measure").value}|${$("statistic").value}`];
@@ -82,7 +84,7 @@ function redraw(ids = Object.keys(charts)) {
   };
   for (const id of ids) {
     $(id).hidden = !there[id];
-    if (id !== "force") $(id).parentElement.hidden = $(id).hidden;
+    $(id).parentElement.hidden = $(id).hidden && !{ force: true, profile }[id]; // these two have a note
     near.unobserve($(id));
     if ($(id).hidden) continue;
     stale.add(id);
@@ -120,8 +122,9 @@ function forces() {
 
 /** Show a run: its force where one was kept, its row, and the command that makes it alone. */
 function pick(row, fromChart = false) {
-  const before = picked === page.first ? [] : picked;
-  picked = before.includes(row) ? before.filter((other) => other !== row) : [...before, row].slice(-page.most_forces);
+  const before = picked;
+  const chosen = before === page.first ? [] : before;
+  picked = chosen.includes(row) ? chosen.filter((other) => other !== row) : [...chosen, row].slice(-page.most_forces);
   for (const changed of new Set([...before, ...picked])) table.getRow(changed).reformat();
   $("chosen").textContent = `${nameOf(row)} (${rows[row].case}, ${rows[row].status})${page.histories[row] ? "" : ": this page has no force of it"}. This command makes the run alone:`;
   $("command").textContent = `${page.command} ${rows[row].key}`;
