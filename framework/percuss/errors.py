@@ -161,11 +161,10 @@ def shortened(text: str, most: int = LONGEST_SHOWN) -> str:
 
 
 def nearest(word: str, names: Iterable[str]) -> str | None:
-    """Return the name in `names` that is closest to `word`, has it as a part or begins it; None if none is similar."""
+    """Return the name in `names` that is closest to `word` or has it as a part; None if none is similar."""
     names = list(names)
-    parts = [name for name in names if word in name.split("-") or (len(name) > 3 and word.startswith(name))]
     close = (
-        difflib.get_close_matches(word, parts, n=1, cutoff=0.0)
+        difflib.get_close_matches(word, [name for name in names if word in name.split("-")], n=1, cutoff=0.0)
         or difflib.get_close_matches(word, names, n=1, cutoff=SIMILAR)
         or difflib.get_close_matches(word, [n for n in names if n[:1] == word[:1]], n=1, cutoff=WITH_ITS_LETTER)
     )

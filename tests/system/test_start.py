@@ -15,7 +15,8 @@ from places import CASES
 NOTHING = set()
 WORDS = {"typer"}
 INPUT = WORDS | {"annotated_types", "numpy", "pydantic", "yaml", "pluggy"}
-CERTIFY = INPUT | {"scipy"}
+DESCRIBE = INPUT | {"jinja2"}
+CERTIFY = DESCRIBE | {"scipy"}
 SOLVE = CERTIFY | {"llvmlite", "numba", "platformdirs"}
 # Each command, and the libraries that may be imported once it has been executed. The commands follow one another in one
 # process, so that each set contains the one before. The environment limits the threads of BLAS, without threadpoolctl.
@@ -23,9 +24,9 @@ MAY_IMPORT = {
     "": NOTHING,  # import percuss
     "--help": WORDS,
     "plugins --json": INPUT,
-    "plugins bipenalty": INPUT,
-    "schema": INPUT,
-    "schema --study": INPUT,
+    "plugins bipenalty": DESCRIBE,
+    "schema": DESCRIBE,
+    "schema --study": DESCRIBE,
     "check {case}": CERTIFY,
     "check {case} --json": CERTIFY,
     "run {case} --exact-only --json": CERTIFY | {"platformdirs"},
