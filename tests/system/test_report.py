@@ -611,6 +611,8 @@ def test_at_most_three_pairs_have_bands_and_words_are_joined_by_no_line(several)
     assert "band_marks" not in print_of(several, "against-refine", "median")
     words = print_of(odd(several), "against-method-contact-ratio", "median")
     assert "mark-line" not in words
+    marks = words[words.index(" chosen_runs_marks") :].split("</g>")[0]
+    assert len(set(re.findall(r"translate\(([\d.]+),", marks))) == 3 * 8  # pairs stand beside each other above a word
     table = odd(several).table.query("case == 'hunek' and contact == 'lagrange' and integrator == 'central-difference'")
     for text, own in table.groupby(study_data.texts(table["method.contact.ratio"])):
         found = [
