@@ -145,7 +145,6 @@ def ranking(names: Iterable[str]) -> list[str]:
 # Columns of the table of a comparison, columns of the table of the best runs of a study, and panels of its figures.
 COMPARISON_TABLE = (*TRUE_ERRORS, "peak_force", "penetration", "energy_kept", "energy_max", "steps")
 STUDY_TABLE = ("force_error_l2", "impulse_error", "displacement_error", "noise", "energy_growth", "steps")
-STUDY_PANELS = ("force_error_l1", "impulse_error", "noise", "penetration", "peak_force", "energy_max")
 # Histories by which the conformance kit compares two runs.
 COMPARED_BY_KIT = ("contact_force", "gap", "displacement")
 
