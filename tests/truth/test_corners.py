@@ -16,7 +16,6 @@ from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
 from percuss_methods.pairings.mortar import Mortar
 from percuss_methods.pairings.node_to_segment import NodeToSegment
-from places import CASES
 
 CORNER_FIRST, FACE_FIRST = ORDERS["corner"], ORDERS["face"]
 
@@ -257,17 +256,3 @@ def test_points_that_press_where_they_have_slid_are_told(pairing):
     case = sliding(1.0, time={"end": 0.7, "courant": 0.5}, **method)
     case["bodies"]["a"]["velocity"] = [-0.02, 1.0]  # it leaves the other one, and slides beside it
     assert notes_of(case) == []
-
-
-LARGE = ("ball-on-wall", "ball-on-wall-3d", "box-impact", "disk-on-wall", "two-spheres", "wolff-bucher")
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["strip-impact", "strip-unlike", "tilted-blocks", *(pytest.param(one, marks=pytest.mark.deep) for one in LARGE)],
-)
-def test_no_shipped_case_has_a_note_of_this_kind(name):
-    case = percuss.load(CASES / f"{name}.yaml", {"record.fields": 30})
-    kinds = ("lies", "presses", "will be", "will press")
-    told = [*percuss.run(case).summary["notes"], *explanation(model_of(case)).data["notes"]]
-    assert [note for note in told if any(f" {kind} " in note for kind in kinds)] == []

@@ -15,7 +15,6 @@ import dense
 import formulas
 import percuss
 import places
-from percuss.case.defaults import DEFAULTS
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.maps import stability
@@ -279,33 +278,8 @@ def test_undamped_predictions_of_the_alpha_method_are_those_of_central_differenc
 
 # --------------------------------------------------------------------------------------------------------- impacts
 
-# On the bars of cases/hunek.yaml: bounds of the L1 error of the force with the default law and with the penalty, and of
-# the energy at the end over that at the begin; with the default law some gain where the contact opens.
-IMPACTS = {
-    "velocity-verlet": (0.030, 0.081, 0.9999, 1.0014),
-    "explicit-newmark": (0.030, 0.081, 0.9999, 1.0014),
-    "tchamwa-wielgosz": (0.029, 0.035, 0.984, 0.986),
-    "chung-lee": (0.030, 0.036, 0.997, 0.999),
-    "hulbert-chung": (0.030, 0.033, 0.996, 0.998),
-    "explicit-hht": (0.030, 0.036, 0.997, 0.999),
-}
 
-
-@pytest.mark.deep
-@pytest.mark.parametrize("law", [DEFAULTS["contacts"], "penalty"])
-@pytest.mark.parametrize("name", IMPACTS)
-def test_the_impact_of_hunek(name, law):
-    result = run(hunek(100, 0.5, name, {"name": law}))
-    by_default, by_penalty, least, most = IMPACTS[name]
-    error = by_default if law == DEFAULTS["contacts"] else by_penalty
-    energy = (result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]) / result.summary["energy"]["initial"]
-    assert 0.9 * error < result.summary["exact"]["contacts"]["tip"]["force_error_l1"] < error
-    assert energy.max() < max(most, 1.0001) + 1e-4
-    assert least < energy[-1] < most
-    assert result.summary["certificate"]["stable"] == "yes"
-
-
-@pytest.mark.parametrize("name", IMPACTS)
+@pytest.mark.parametrize("name", [name for name in OPTIONS if name != "noh-bathe"])
 def test_lagrange_is_refused_where_its_promise_would_be_broken(name, monkeypatch):
     """Each refusal is for cause: without it the bodies overlap, or the reported force pulls."""
     case = hunek(5, courant=0.8, integrator=name, contact={"name": "lagrange"}, end=0.5)
