@@ -282,8 +282,8 @@ def test_sigkill(tmp_path):
         process = subprocess.Popen(
             [*command, "run", "case.yaml", *options], cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL
         )
-        before = {path: path.stat().st_mtime_ns for path in folder.rglob("*.state")}
-        while {path: path.stat().st_mtime_ns for path in folder.rglob("*.state")} == before:
+        before = {path: path.stat().st_mtime_ns for path in folder.rglob("[!.]*.state")}
+        while {path: path.stat().st_mtime_ns for path in folder.rglob("[!.]*.state")} == before:
             assert process.poll() is None
             time.sleep(0.02)
         process.send_signal(signal.SIGKILL)
@@ -291,4 +291,4 @@ def test_sigkill(tmp_path):
         options = ["--resume"]
     for words in (("run", "case.yaml", "--resume", "-o", "run.nc"), ("verify", "run.nc")):
         subprocess.run([*command, *words], cwd=tmp_path, env=environment, check=True, timeout=300)
-    assert list(folder.rglob("*.state")) == []
+    assert list(folder.rglob("[!.]*.state")) == []
