@@ -340,6 +340,43 @@ def _stored(name: str) -> list[Path]:
     return [] if folder is None else list(folder.glob(f"*/*.{name}-*"))
 
 
+_TYPES: dict[object, Any] = {}
+
+
+def type_of(data: object) -> Any:
+    """Return the numba type of data; numba is asked once for each structure, as it takes long for records.
+
+    Raises
+    ------
+    ValueError
+        If there is none, as for an array of objects.
+    """
+    import numba
+
+    try:
+        structure = _structure(data)
+    except TypeError:
+        return numba.typeof(data)
+    if structure not in _TYPES:
+        _TYPES[structure] = numba.typeof(data)
+    return _TYPES[structure]
+
+
+def _structure(data: object) -> object:
+    """Return what the numba type of arrays, numbers and tuples of them depends on; refuse other data by TypeError."""
+    if isinstance(data, tuple):
+        return type(data), *map(_structure, data)
+    if isinstance(data, np.ndarray):
+        flags = data.flags
+        layout = flags.c_contiguous, flags.f_contiguous, flags.aligned, flags.writeable
+        return type(data), data.dtype, data.ndim, *layout
+    if isinstance(data, float | bool | np.number | np.bool_):
+        return type(data)
+    if type(data) is int and data.bit_length() < 63:
+        return int
+    raise TypeError
+
+
 @dataclass(frozen=True)
 class Compiled:
     """A bound function, compiled for the types of its arguments when it is first called with them."""
@@ -350,7 +387,7 @@ class Compiled:
         """Return the function compiled for the types of these arguments."""
         import numba
 
-        return cast("Kernel", entry(self.bound, numba.njit, tuple(map(numba.typeof, arguments))))
+        return cast("Kernel", entry(self.bound, numba.njit, tuple(map(type_of, arguments))))
 
     def __call__(self, *arguments: object, **named: object) -> Any:
         """Call the function."""

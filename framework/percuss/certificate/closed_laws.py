@@ -105,9 +105,12 @@ def delassus(model: Model) -> Any:
     return model.rows_at(0.5 * model.dt).matrix()
 
 
-def why_unlike(model: Model) -> str:
-    """Return which contacts that share an end differ in eps_m / eps_s; empty if none do."""
-    unlike = closed_laws(model, model.dt).unlike(delassus(model), model.dt)
+def why_unlike(model: Model, laws: ClosedLaws | None = None) -> str:
+    """Return which contacts that share an end differ in eps_m / eps_s; empty if none do.
+
+    The closed contacts of its step, `laws`, are found unless they are given.
+    """
+    unlike = (laws or closed_laws(model, model.dt)).unlike(delassus(model), model.dt)
     return UNALIKE.format(quoted(model.contact_points.names, unlike)) if unlike else ""
 
 

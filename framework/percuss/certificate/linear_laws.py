@@ -63,7 +63,8 @@ def linear_laws(model: Model) -> LinearLaws:
 
 def doubts_of(model: Model) -> list[str]:
     """Return the reasons why the linear laws do not tell the stability of a model; none where they do."""
-    return [*filter(None, (*closed_laws(model, model.dt).doubts, why_unlike(model)))]
+    laws = closed_laws(model, model.dt)
+    return [*filter(None, (*laws.doubts, why_unlike(model, laws)))]
 
 
 @dataclass(eq=False)

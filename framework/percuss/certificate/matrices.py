@@ -49,11 +49,12 @@ def operator_of(model: Model) -> Operator:
     ties = rows[:, list(model.tied_points)] if model.tied_points and model.period == 1 else None
     if ties is not None:
         basis = basis @ _without(ties.T @ basis)
-    stiffness = csr_array(basis.T @ _stiffness(model) @ basis)
-    normals = csr_array(basis.T @ rows)
+    across = csr_array(basis.T)
+    stiffness, normals = across @ _stiffness(model) @ basis, csr_array(across @ rows)
     if not model.bodies.couples_nodes:
-        mass = csr_array(basis.T @ diags_array(model.bodies.mass_of_dofs) @ basis)
-        return Operator(stiffness, mass, normals, basis).banded()
+        weighted = across.copy()
+        weighted.data *= model.bodies.mass_of_dofs[across.indices]
+        return Operator(stiffness, weighted @ basis, normals, basis).banded()
     inverse = _inverse_mass(model, basis, ties)
     stiffness, normals = csr_array(inverse @ stiffness @ inverse), csr_array(inverse @ normals)
     return Operator(stiffness, inverse, normals, basis).banded()

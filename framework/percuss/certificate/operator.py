@@ -90,8 +90,10 @@ class Operator:
 
     def banded(self) -> Operator:
         """Return the operator with its motions in an order that leaves few diagonals, itself where there is none."""
+        if _reach(self.stiffness, self.mass) <= MOST_BANDS:
+            return self
         pattern = self._pattern
-        if _reach(pattern) <= MOST_BANDS or pattern.nnz > (2 * MOST_BANDS + 1) * self.size:
+        if pattern.nnz > (2 * MOST_BANDS + 1) * self.size:
             return self
         order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
         parts = submatrix(self.stiffness, order), submatrix(self.mass, order), self.rows[order]

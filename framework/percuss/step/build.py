@@ -9,7 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from percuss.jit import LOCK, Binder, Compiled, Filled, Kernel, compile_error, compiler, entry, jit_disabled, plain
+from percuss.jit import (
+    LOCK,
+    Binder,
+    Compiled,
+    Filled,
+    Kernel,
+    compile_error,
+    compiler,
+    entry,
+    jit_disabled,
+    plain,
+    type_of,
+)
 from percuss.mesh import cell_kernels
 from percuss.methods import slots
 from percuss.step import actions as plain_actions
@@ -62,7 +74,7 @@ class Entrance:
         from percuss.step.linked import SIGNATURE, CannotLink
 
         try:
-            kind = numba.typeof(data)
+            kind = type_of(data)
         except ValueError as error:  # as for an array of objects
             raise CannotLink(str(error)) from None
         with LOCK:
