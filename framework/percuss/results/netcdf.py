@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -134,6 +135,7 @@ def fields_dataset(field_arrays: Data, source: Source, units: Mapping[str, str])
 FORMAT = "percuss-result-4"  # format 3 had one checksum, at the end of the file
 READ = ("percuss-result-3", FORMAT)
 ADVICE = "Make the run again, or use an undamaged copy."
+MOST_COMPRESSED = 1000  # bytes of numbers to a byte of the file, as HDF5 may compress them
 
 
 def write(path: str | os.PathLike[str], histories: xr.Dataset, fields: xr.Dataset | None) -> None:
@@ -193,6 +195,7 @@ def read(path: str | os.PathLike[str]) -> tuple[Entries, dict[str, list[str]], E
     try:
         with netCDF4.Dataset(path) as file:
             _expect_format(path, str(getattr(file, "format", "no format")))
+            _expect_numbers(path, file)
             histories = xr.open_dataset(NetCDF4DataStore(file)).load()
             group = file.groups.get("fields")
             fields = xr.open_dataset(NetCDF4DataStore(group)).load() if group is not None else None
@@ -219,3 +222,11 @@ def read(path: str | os.PathLike[str]) -> tuple[Entries, dict[str, list[str]], E
 def _expect_format(path: str | os.PathLike[str], found: str) -> None:
     if found not in READ:
         raise wrong_input(str(path), f"expected a percuss result ({FORMAT}), found {found}", ADVICE)
+
+
+def _expect_numbers(path: str | os.PathLike[str], file: Any) -> None:
+    """Refuse a file that declares far more numbers than it can hold, for which HDF5 would fill all memory."""
+    variables = [one for group in (file, *file.groups.values()) for one in group.variables.values()]
+    declared = sum(math.prod(one.shape) * np.dtype(one.dtype).itemsize for one in variables if one.dtype is not str)
+    if declared > MOST_COMPRESSED * Path(path).stat().st_size:
+        raise ValueError(f"it declares {declared:.3g} bytes of numbers")
