@@ -23,9 +23,9 @@ from percuss.methods.interfaces import Exact, Floats
 from percuss.results import ledger, true_error
 from percuss.results.doubtful_solids import (
     turned_by,
+    why_in_pieces,
     why_inside_out,
     why_it_must_not_turn,
-    why_not_joined,
     why_too_stiff,
 )
 from percuss.results.encounters import encounters
@@ -145,7 +145,7 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of a body may grow with time, with no bound")
     bodies = march.model.bodies.values()
-    warnings += [words for body in bodies for words in why_not_joined(body)]
+    warnings += filter(None, map(why_in_pieces, bodies))
     if outcome.status != "unstable":
         warnings += filter(None, (_inside_out(body, march, outcome) for body in bodies))
     warnings += filter(None, map(why_too_stiff, bodies))
