@@ -713,6 +713,8 @@ def test_page_table_and_print_have_the_same_numbers_and_follow_the_filters(brows
         assert set(opened.cells("method.contact.beta_s")) == {"0.3", ""}
         page.click("#clear")
         page.wait_for_function('() => document.getElementById("count").textContent.startsWith("240 of")')
+        page.select_option("#vary_x", "case")
+        assert opened.svg("vary").count(">hunek<") == 1  # a place on the axis of one panel, and no panel of its own
         page.select_option("#filters select >> nth=0", label="hunek")
         page.wait_for_function('() => document.getElementById("count").textContent.startsWith("60 of")')
         assert set(best_rows(opened.svg("best"))) == {"hunek"}

@@ -79,6 +79,8 @@ class Axis:
         The words of an axis of words, in order; None for one of numbers.
     joined, aside
         The mark of the chosen runs at each place, and how pairs stand beside each other: no line joins words.
+    panel
+        The field by which the panels of a chart over it differ.
     ranked, unit
         Whether a smaller number is better, as Vega writes it, and the sign of the unit behind a number.
     """
@@ -94,6 +96,7 @@ class Axis:
     sort: list[str] | None
     joined: str = "line"
     aside: Entries | None = None
+    panel: str = "case"
     ranked: str = "false"
     unit: str = ""
 
@@ -126,6 +129,7 @@ def axis(column: pd.Series, label: str, field: str = "", *, is_measure: bool) ->
             words,
             "tick",
             {"field": "pair", "type": "nominal"},
+            "all" if field == "case" else "case",
         )
     # Each refinement halves the elements, so that the mesh is a logarithmic axis however few of its values there are.
     suits = is_measure or column.name == "refine" or study_data.is_log(values)

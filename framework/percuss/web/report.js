@@ -44,7 +44,7 @@ async function draw(id, data, marks, panels = 1, least = 380) {
 const charts = {
   best: () => [shown(), { ...measured(), ...sideMarks("x", $("measure").value) }, countOf("case"), 500],
   work: () => [shown(), { ...measured(), ...sideMarks("x", $("work_x").value) }, countOf("case")],
-  vary: () => [shown(), { ...measured(), ...sideMarks("x", $("vary_x").value) }, countOf("case")],
+  vary: () => [shown(), { ...measured(), ...sideMarks("x", $("vary_x").value) }, $("vary_x").value === "case" ? 1 : countOf("case")],
   profile: () => {
     const { lines, label } = profileNow();
     return [{ profile: lines }, { profile_label: label }];
@@ -168,8 +168,7 @@ table.on("rowClick", (_, row) => pick(row.getData().row));
 table.on("dataFiltered", (filters, kept) => {
   if (kept.length === rows.length && active.length === rows.length) return;
   active = kept.map((row) => rows[row.getData().row]);
-  $("force_note").textContent = page.force_note;
-$("count").textContent = `${active.length} of ${rows.length} rows`;
+  $("count").textContent = `${active.length} of ${rows.length} rows`;
   for (const chosen of document.querySelectorAll("#filters select")) chosen.value = filters.find(({ field }) => field === chosen.name)?.value ?? "";
   redraw();
 });
