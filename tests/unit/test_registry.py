@@ -18,7 +18,6 @@ from percuss.methods import admission
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.provenance import Broken, Provenance, display_path
 from percuss.methods.registry import Registry
-from percuss.reporting.component import component_text, registry_data
 
 IMPORTS = """\
 from dataclasses import dataclass
@@ -122,31 +121,16 @@ def test_built_in_methods_come_by_the_common_door_and_say_where_they_are_from():
         registry.components["contacts", "mine"] = object
 
 
-def test_the_registry_is_light_and_plugins_come_in_only_with_load():
-    code = (
-        "import sys, percuss.methods.registry\n"
-        "heavy = ['numba', 'pydantic', 'xarray', 'matplotlib', 'scipy', 'percuss_methods']\n"
-        "print([name for name in heavy if name in sys.modules])\n"
-        "percuss.methods.registry.Registry.load()\n"
-        "print('percuss_methods' in sys.modules)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines() == ["[]", "True"]
-
-
-@pytest.mark.parametrize("point", ["fake_laws", "fake_laws:hooks"])
-def test_an_installed_distribution_is_found(install, point):
-    """An entry point names a module, or an object with hooks."""
-    hooks = "class H:\n    @hookimpl\n    def percuss_contacts(self):\n        yield MyLaw\nhooks = H()\n"
-    text = LAWS if point == "fake_laws" else IMPORTS + law() + hooks
-    site = install("fake-laws", text, version="2.3", points=f"laws = {point}")
+def test_an_installed_distribution_is_found(install):
+    first = Registry.load()
+    assert Registry.load() is first
+    site = install("fake-laws", LAWS, version="2.3")
     registry = Registry.load()
     assert registry.broken == ()
     assert registry.get("contacts", "my-law").__name__ == "MyLaw"
     source = registry.sources["contacts", "my-law"]
     assert source == Provenance("fake-laws", "2.3", "fake_laws", str(site / "fake_laws.py"))
     assert str(source) == "fake-laws 2.3 (fake_laws)"
-    assert registry.names("contacts") == sorted({"penalty", "my-law", *registry.names("contacts")})
 
 
 def test_a_package_without_hooks_registers_what_its_modules_define(install):
@@ -161,29 +145,6 @@ def test_a_package_without_hooks_registers_what_its_modules_define(install):
     assert registry.get("contacts", "my-law").__module__ == "fake_pack.laws.mine"
     place = f"{site / 'fake_pack' / 'laws' / 'bad.py'}:2"
     assert registry.broken == (Broken("fake-pack 1.0", "module fake_pack.laws.bad: RuntimeError: no licence", place),)
-
-
-def test_repeated_loads_are_the_same_object_until_something_is_installed(install, monkeypatch):
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # a new __pycache__ looks like something installed
-    first = Registry.load()
-    assert Registry.load() is first
-    install("fake-laws", LAWS)
-    second = Registry.load()
-    assert second is not first
-    assert second.get("contacts", "penalty") is first.get("contacts", "penalty")
-
-
-def test_the_order_of_the_path_does_not_matter(install, monkeypatch):
-    for name in ("b", "a"):
-        install(f"fake-{name}", IMPORTS + law("Law", f"{name}-law") + hook("return [Law]"))
-    install("fake-c", "import fake_nothing\n")
-    first = Registry.load()
-    monkeypatch.setattr(sys, "path", [*sys.path[:3][::-1], *sys.path[3:]])
-    second = Registry.load()
-    assert second is not first
-    assert list(first.components) == list(second.components) == sorted(first.components)
-    assert dict(first.sources) == dict(second.sources)
-    assert first.broken == second.broken
 
 
 # ------------------------------------------------------------------------------------------- what is broken, and where
@@ -201,9 +162,6 @@ WRONG = {
         "ModuleNotFoundError: percuss {version} has no module 'percuss.laws'; "
         "a plug-in imports only from percuss and percuss.testing", "import percuss.laws",
     ),
-    "raises": (
-        hook("raise OSError('no licence')", "percuss_loads"), "percuss_loads: OSError: no licence", "raise OSError",
-    ),
     "wrong family": (
         hook("return [MyLaw]", "percuss_loads"),
         "percuss_loads: MyLaw is one of contacts; return it from percuss_contacts", "@dataclass",
@@ -211,10 +169,6 @@ WRONG = {
     "abstract": (
         ABSTRACT.format(base="Shape") + hook("return [Bad]", "percuss_shapes"),
         "percuss_shapes: Bad is still abstract; it lacks `dimension`, `mesh`", "@dataclass(frozen=True)\nclass Bad",
-    ),
-    "not frozen": (
-        LOAD.replace("(frozen=True)", "") + hook("return [Bad]", "percuss_loads"),
-        "percuss_loads: Bad is not a frozen dataclass; put @dataclass(frozen=True) above it", "@dataclass\nclass Bad",
     ),
     "unknown hook": (
         "@hookimpl\ndef percuss_load():\n    return []\n",
@@ -247,16 +201,6 @@ def test_a_mistake_in_a_distribution_costs_only_itself_and_in_a_file_is_raised(i
     assert refusal(write(text.replace("my-law", "of-a-file"))) == f"my_law.py:{line}: {said}"
 
 
-def test_a_missing_object_and_a_missing_module_are_named_and_a_plug_in_named_twice_is_used_once(install):
-    install("fake-laws", LAWS, points="a = fake_laws:hooks\nb = fake_law\nc = fake_laws\nd = fake_laws")
-    registry = Registry.load()
-    assert [one.error.partition(": ")[2].partition(":")[0] for one in registry.broken] == [
-        "AttributeError", "ModuleNotFoundError", "ValueError",
-    ]  # fmt: skip
-    assert [one.error.partition("'")[2][0] for one in registry.broken] == ["a", "b", "d"]
-    assert "my-law" in registry.names("contacts")
-
-
 def test_a_distribution_or_file_that_registers_nothing_is_named(install, write):
     install("fake-laws", IMPORTS)
     (broken,) = Registry.load().broken
@@ -265,32 +209,11 @@ def test_a_distribution_or_file_that_registers_nothing_is_named(install, write):
     assert refusal(write("from percuss_methods.contacts.penalty import Penalty\n")) == f"my_law.py: {said}"
 
 
-def test_ctrl_c_is_not_swallowed(install):
-    press = "import os, signal\nsignal.signal(2, signal.default_int_handler)\nos.kill(os.getpid(), 2)\n"
-    install("fake-laws", f"{press}while True: pass\n")
-    with pytest.raises(KeyboardInterrupt):
-        Registry.load()
-    assert "fake_laws" not in sys.modules
-
-
-def test_every_mistake_of_a_file_is_said_at_once(write):
-    text = IMPORTS + law() + hook("return [MyLaw, 3]") + "\n@hookimpl\ndef percuss_load():\n    return []\n"
-    first, second = refusal(write(text)).splitlines()
-    assert first.endswith(": percuss_load: no such hook; did you mean percuss_loads?")
-    assert second.endswith(": percuss_contacts: 3 is not a class; return the class itself")
-
-
-@pytest.mark.parametrize("stated", [None, 1, 5])
-def test_a_contract_that_is_kept_is_fine(install, capsys, stated):
-    """A contract before the first release is taken as the first, with one note."""
+def test_a_contract_before_the_first_release_is_taken_as_the_first_with_one_note(install, capsys):
     admission._note_on_unreleased_contracts.cache_clear()
-    install("fake-laws", LAWS.replace('"my-law"\n', f'"my-law"\n    contract_version = {stated}\n'))
-    registry = Registry.load()
-    assert registry.broken == ()
-    told = next(one for one in registry_data(registry)["components"] if one["name"] == "my-law")
-    assert told["contract_version"] == (1 if stated else None)
-    assert ("written for contract 1" in component_text(registry, "contacts", "my-law")) == bool(stated)
-    assert capsys.readouterr().err.count("are taken as contract 1") == (stated == 5)
+    install("fake-laws", LAWS.replace('"my-law"\n', '"my-law"\n    contract_version = 5\n'))
+    assert Registry.load().broken == ()
+    assert capsys.readouterr().err.count("are taken as contract 1") == 1
 
 
 # -------------------------------------------------------------------------------------------------------- duplicates
@@ -299,7 +222,6 @@ def test_a_contract_that_is_kept_is_fine(install, capsys, stated):
 def test_a_name_that_two_distributions_register_is_not_used(install, write):
     install("fake-a", IMPORTS + law() + law("Other", "other") + hook("return [MyLaw, Other]"))
     site = install("fake-b", LAWS, version="2.0")
-    install("fake-c", IMPORTS + law(name="penalty") + hook())
     registry = Registry.load()
     message = (
         "contacts 'my-law' is registered by fake-a 1.0 (fake_a) and by fake-b 2.0 (fake_b); "
@@ -307,26 +229,19 @@ def test_a_name_that_two_distributions_register_is_not_used(install, write):
     )
     assert Broken("fake-a 1.0 and fake-b 2.0", message, str(site / "fake_b.py")) in registry.broken
     assert {"other", "bipenalty"} <= set(registry.names("contacts"))
-    assert not {"my-law", "penalty"} & set(registry.names("contacts"))
+    assert "my-law" not in registry.names("contacts")
     with pytest.raises(PluginError, match=re.escape(message)):
         registry.get("contacts", "my-law")
-    with pytest.raises(PluginError, match=r"by fake-c 1\.0 \(fake_c\) and by percuss .*contacts\.penalty"):
-        registry.get("contacts", "penalty")
     assert "is registered by fake-a 1.0 (fake_a) and by fake-b 2.0 (fake_b) already" in refusal(write(IMPORTS + law()))
 
 
 def test_a_file_that_takes_a_name_of_another_is_refused(write):
     text = IMPORTS + law(name="penalty")
-    start = f"my_law.py:{line_of(text, '@data')}: contacts 'penalty' is registered by percuss "
     said = refusal(write(text))
-    assert said.startswith(start)
+    assert said.startswith(f"my_law.py:{line_of(text, '@data')}: contacts 'penalty' is registered by percuss ")
     assert said.endswith("(percuss_methods.contacts.penalty) already: give this one another `name`")
     one, two = write(IMPORTS + law(), "one.py"), write(IMPORTS + law(), "two.py")
     assert re.match(r"two\.py:5: contacts 'my-law' is registered by .*one\.py \(\w{12}\) already", refusal(one, two))
-    twice = write(IMPORTS + law() + hook("return [MyLaw, MyLaw]"))
-    assert re.match(r"my_law\.py:5: contacts 'my-law' is registered by .*my_law\.py", refusal(twice))
-    other_family = IMPORTS + LOAD.replace('"bad"', '"penalty"', 1)
-    assert "penalty" in Registry.load([write(other_family)]).names("loads")
 
 
 # ------------------------------------------------------------------------------------------------------ single files
@@ -348,13 +263,10 @@ def test_a_file_registers_what_it_defines_or_what_its_hooks_return(write, tmp_pa
     assert re.fullmatch(r"percuss_file_my_law_[0-9a-f]{12}", source.module)
     assert source.file == str(tmp_path / "my_law.py")
     assert str(source) == f"{display_path(source.file)} ({source.version})"
-    hooked = Registry.load([write(IMPORTS + law() + law("Unfinished", "unfinished") + hook())])
-    assert "my-law" in hooked.names("contacts")
-    assert "unfinished" not in hooked.names("contacts")
 
 
-@pytest.mark.parametrize("name", ["my_law.py", "my-law 2.py", "1.py"])
-def test_a_class_of_a_file_has_its_source_its_pickle_and_its_lines(write, tmp_path, name):
+def test_a_class_of_a_file_has_its_source_its_pickle_and_its_lines(write, tmp_path):
+    name = "my-law 2.py"
     text = IMPORTS + law().replace("return Linear", "raise RuntimeError; return Linear")
     registry = Registry.load([write(text, name)])
     cls = registry.get("contacts", "my-law")
@@ -389,45 +301,27 @@ def test_an_edited_file_is_seen_anew(write, tmp_path):
     write(text)
     assert Registry.load([file]).get("contacts", "my-law") is first.get("contacts", "my-law")
     assert not (tmp_path / "__pycache__").exists()
-    write("import fake_nothing\n")
-    assert "fake_nothing" in refusal(file)
-    write(text)
-    assert "my-law" in Registry.load([file]).names("contacts")
 
 
 def test_files_are_found_by_their_paths_alone(write, tmp_path):
-    """A file given twice counts once, two of one stem are two, and none finds another beside it."""
+    """A file given twice counts once, and none finds another beside it."""
     (tmp_path / "sub").mkdir()
     file = write(IMPORTS + law())
     registry = Registry.load([file, tmp_path / file, tmp_path / "sub" / ".." / file])
     assert len(registry.single_files) == 1
     assert Registry.load([tmp_path / file]) is registry
-    both = Registry.load([file, write(IMPORTS + law(name="other"), "sub/my_law.py")])
-    assert {"my-law", "other"} <= set(both.names("contacts"))
-    assert both.get("contacts", "my-law") is registry.get("contacts", "my-law")
     write("C = 1.0\n", "fake_beside.py")
     assert refusal(write("import fake_beside\n" + IMPORTS + law())) == (
         "my_law.py:1: ModuleNotFoundError: No module named 'fake_beside'"
     )
 
 
-def test_a_file_cannot_invent_a_family(write):
-    text = IMPORTS + "from percuss.methods.interfaces import Component\n"
-    text += 'class Contact(Component, contract="contact"):\n    """Contract."""\n'
-    text += LOAD.replace("(Load)", "(Contact)")
-    said = f"my_law.py:{line_of(text, '@data')}: there is no family 'contact'. Did you mean 'contacts'?"
-    assert refusal(write(text)) == said
-
-
 def test_what_is_no_python_file_is_named_with_the_nearest(write, tmp_path):
     write(IMPORTS + law())
     (tmp_path / "folder.py").mkdir()
     os.mkfifo(tmp_path / "pipe.py")  # which would be waited for
-    folder = display_path(str(tmp_path))
     for given, message in {
-        "my_lw.py": f"there is no such file in {folder}. Did you mean 'my_law.py'?",
-        "zzz.py": f"there is no such file in {folder}",
-        "no/zzz.py": f"there is no such file in {display_path(str(tmp_path / 'no'))}",
+        "my_lw.py": f"there is no such file in {display_path(str(tmp_path))}. Did you mean 'my_law.py'?",
         write("x", "law.txt"): "this is not a Python file, expected a name that ends in .py",
         "folder.py": "expected a Python file, found a folder",
         "pipe.py": "expected a Python file, found a pipe or a device",
@@ -446,14 +340,3 @@ def test_an_unknown_name_is_answered_with_the_nearest(install):
         registry.get("contacts", "penlty")
     with pytest.raises(KeyError, match=r"there is no family 'contact'\. Did you mean 'contacts'\?"):
         registry.get("contact", "penalty")
-    with pytest.raises(KeyError):
-        registry.names("frictions")
-    assert not hasattr(percuss, "Rowz")
-
-
-def test_a_path_below_home_is_shown_short(monkeypatch, tmp_path):
-    monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setenv("USERPROFILE", str(tmp_path))
-    assert display_path(str(tmp_path / "law.py")) == f"~{os.sep}law.py"
-    assert display_path(f"{tmp_path}er{os.sep}law.py") == f"{tmp_path}er{os.sep}law.py"
-    assert str(Broken("a 1", "b", f"{tmp_path / 'law.py'}:3")) == f"a 1: b [~{os.sep}law.py:3]"
