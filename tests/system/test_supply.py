@@ -6,10 +6,11 @@ from importlib import metadata
 
 from packaging.requirements import Requirement
 
-import dependencies
 import lowest
+import pages
 import places
 
+EXTRAS = ("plot", "study", "kit")  # those for users
 # Licences that ask for no more than their text: of Mozilla's the files themselves stay free, and percuss changes none.
 ALLOWED = {
     "0BSD", "Apache-2.0", "BSD", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "ISC", "LLVM-exception", "MIT", "MIT-CMU",
@@ -52,32 +53,24 @@ def stands_on(name, extras, found):
 
 def test_the_licence_of_all_that_percuss_stands_on_is_a_permissive_one():
     found = {}
-    stands_on("percuss", dependencies.EXTRAS, found)
+    stands_on("percuss", EXTRAS, found)
     assert {"numpy", "numba", "llvmlite", "pandas", "matplotlib", "dask"} <= set(found)
     # Pebble may be used by programs of any licence, as long as its own source stays open: percuss imports it as it is.
     refused = {name: licences(metadata.metadata(name)) - ALLOWED for name in found if name != "pebble"}
     assert not {name: names for name, names in refused.items() if names}
 
 
-def test_every_dependency_is_justified_with_its_cost():
-    """`python tests/support/dependencies.py` measures the costs and writes the table."""
-    written = {name: reason for name, reason, _ in dependencies.written()}
-    assert written == {name: dependencies.REASONS[name][1] for name in dependencies.names()}
-    costs = {name: float(cost) for name, _, cost in dependencies.written()}
-    assert costs["numpy"] == 1.0
-    assert max(costs.values()) < 20.0
+PROJECT = tomllib.loads((places.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+DECLARED = [*lowest.declared(PROJECT), *(name for extra in EXTRAS for name in lowest.declared(PROJECT, extra))]
 
 
-def test_what_is_imported_directly_is_declared():
-    """Nothing is used only because something else happens to need it."""
-    watched = {module.partition(".")[0]: name for name, (module, _) in dependencies.REASONS.items()}
-    declared = set(dependencies.names())
-    assert {watched[module] for module in ("llvmlite", "numba", "numpy", "scipy", "yaml", "pluggy")} <= declared
+def test_every_dependency_is_justified():
+    rows = re.findall(r"^\| `([\w-]+)` \| (.+) \| [\d.]+ \|$", pages.section("## Dependencies"), re.MULTILINE)
+    assert [name for name, _ in rows] == DECLARED
 
 
 def test_every_dependency_has_a_lowest_version():
-    project = tomllib.loads((places.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    bounds = lowest.declared(project) | lowest.declared(project, "test")
+    bounds = lowest.declared(PROJECT) | lowest.declared(PROJECT, "test")
     assert len(bounds) > 18
     assert None not in bounds.values()
-    assert f"numba=={bounds['numba']}" in lowest.constraints(project)
+    assert f"numba=={bounds['numba']}" in lowest.constraints(PROJECT)
