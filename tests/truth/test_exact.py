@@ -94,40 +94,10 @@ def test_hunek_grazes_between_two_plateaus():
     assert (np.abs(tip.gap(np.linspace(0, 0.6, 601))) <= 1e-15).all()
     near(tip.gap(0.6 + inside), 0.1 * inside)
     assert solution.fronts <= 12
-    x = np.linspace(0.0, 10.0, 11)
     near(solution.velocity("short", 10.0, np.array([0.1, 0.3, 0.5, 0.7])), [0.05, 0.0, -0.05, -0.1])
-    near(solution.velocity("short", 0.0, np.array([0.05, 0.15, 0.25, 0.35, 0.55, 0.7])), [0.1, 0, 0, 0, -0.1, -0.1])
-    assert (np.abs(solution.velocity("short", x, 0.3)) <= 1e-16).all()
-    assert (np.abs(solution.stress("short", x, 0.3)) <= 1e-15).all()
-    near(solution.velocity("short", x, 0.75), -0.1)
-    for probe in (solution.velocity, solution.stress):
-        assert (np.abs(probe("long", 2 * x, 0.7)) <= 1e-14).all()
-    near(solution.stress("long", 4.0, np.array([0.1, 0.3, 0.5])), [-0.05, 0.0, -0.05])
     near(solution.stress("long", np.array([9.0, 11.0, 19.0]), 0.3), [0.0, -0.1, -0.1])
-    near(solution.displacement("short", x, 0.7), -0.01)
+    near(solution.displacement("short", np.linspace(0.0, 10.0, 11), 0.7), -0.01)
     near(np.array([solution.energy(t) for t in (0.0, 0.3, 0.7)]), [[5e-4, 0.0], [0.0, 5e-4], [5e-4, 0.0]])
-
-
-def test_unlike():
-    first, stiff = math.sqrt(49 * 0.01), math.sqrt(100 * 0.01)
-    opens = 20 / math.sqrt(49 / 0.01)
-    plateau = 0.1 * first * stiff / (first + stiff)
-    drop = plateau - 2 * plateau * first / (first + stiff)  # the stiff bar's front comes back after .2, as tension
-    solution = solve("unlike")
-    tip = solution.contacts["tip"]
-    intervals(tip, [(0.0, opens)])
-    near(tip.force(np.array([0.001, 0.1, 0.199])), plateau)
-    near(tip.force(np.array([0.201, 0.25, 0.285])), drop, 1e-11)
-    assert round(plateau, 7) == 0.0411765
-    assert round(drop, 8) == 0.00726644
-    total = plateau * 0.2 + drop * (opens - 0.2)
-    near(tip.impulse(np.array([0.5])), total)
-    near(solution.momentum(0.5), 0.1 * 0.1)
-    x = (np.arange(40000) + 0.5) / 4000  # the velocities are piecewise constant
-    for body, mean in (("soft", 0.1 - total / 0.1), ("stiff", total / 0.1)):
-        near(solution.velocity(body, x, 0.5).mean(), mean, 1e-4)
-    assert round(0.1 - total / 0.1, 7) == 0.0114187
-    assert round(total / 0.1, 7) == 0.0885813
 
 
 def test_doyen_bounces_a_hundred_times_without_drift():
@@ -154,21 +124,6 @@ def test_doyen_bounces_a_hundred_times_without_drift():
     assert solution.fronts < 40 * 100  # those of the contacts, not doubled from one to the next
 
 
-def test_cradle_hands_the_momentum_on():
-    solution = solve("cradle")
-    for k, name in enumerate(("first-second", "second-third", "third-fourth", "fourth-last")):
-        contact = solution.contacts[name]
-        intervals(contact, [(k, k + 2)] if k else [(0.0, 2.0)])
-        near(contact.force(np.linspace(k + 0.01, k + 1.99, 50)), 0.5)
-        near(contact.impulse(np.array([7.0])), 1.0)
-    x = np.linspace(0.0, 1.0, 11)
-    for name, speed in zip(("first", "second", "third", "fourth", "last"), (0, 0, 0, 0, 1), strict=True):
-        assert (np.abs(solution.velocity(name, x, 6.5) - speed) <= 1e-14).all()
-        assert (np.abs(solution.stress(name, x, 6.5)) <= 1e-14).all()
-        near(solution.displacement(name, x, 6.5), 1.0 if not speed else 6.5 - 4.0)
-    near(solution.contacts["fourth-last"].gap(np.array([5.5, 7.0])), [0.5, 2.0])
-
-
 def pulse(time):
     return np.where((time > 0) & (time < 0.5), 0.5 - 0.5 * np.cos(4 * np.pi * time), 0.0)
 
@@ -186,22 +141,6 @@ def test_a_smooth_pulse_arrives_a_transit_later():
     assert np.abs(solution.velocity("far", x, 1.6) - pulse(0.6 - x)).max() < 1e-11
     assert np.shape(joint.closed) == (1, 2)
     assert np.abs(np.array(joint.closed) - [1.0, 1.5]).max() < 1e-3  # the pulse rises from nothing
-
-
-def test_a_preloaded_row_rests_after_the_ramp():
-    solution = solve("preloaded")
-    t = np.linspace(12.0 + 1e-9, 60.0, 401)
-    for contact in solution.contacts.values():
-        late = t[t > 13.0]
-        near(contact.force(late), 0.01)
-        assert np.abs(contact.gap(np.linspace(0.0, 60.0, 601))).max() < 1e-14
-        assert len(contact.closed) == 1
-    x = np.linspace(0.0, 1.0, 6)
-    for name, place in (("outer", 0.0), ("middle", 1.0), ("inner", 2.0)):
-        for time in (12.5, 30.0, 59.9):
-            assert np.abs(solution.velocity(name, x, time)).max() < 1e-15
-            near(solution.stress(name, x, time), -0.01)
-            near(solution.displacement(name, x, time), 0.01 * (3.0 - place - x))
 
 
 # ------------------------------------------------------------------------------------------------ bars on a grid
@@ -266,26 +205,26 @@ class GridRow:
             "time": {"end": self.steps * STEP, "step": STEP},
         }  # fmt: skip
 
-    def reference(self, finer=1):
-        """Return the contact's names and the march on the grid, each step cut into `finer`."""
+    def reference(self):
+        """Return the contact's names and the march on the grid."""
         bars = []
         for b, bar in enumerate(self.bars):
-            one = characteristics.Bar(bar.cells * finer, bar.impedance, bar.start)
+            one = characteristics.Bar(bar.cells, bar.impedance, bar.start)
             for end in (0, 1):
-                force = np.zeros(self.steps * finer)
+                force = np.zeros(self.steps)
                 for at, side, first, stop, value in self.pushed:
                     if (at, side) == (b, end):
-                        force[first * finer : stop * finer] += value
+                        force[first:stop] += value
                 one.force[end] = force
                 if (b, end) in self.held:
-                    one.velocity[end] = np.full(self.steps * finer, self.held[b, end])
+                    one.velocity[end] = np.full(self.steps, self.held[b, end])
             bars.append(one)
         last = len(bars)
         contact_pairs = [
             (k - 1 if k else None, k if k < last else None, gap) for k, gap in enumerate(self.gaps) if gap is not None
         ]
         names = [f"c{k}" for k, gap in enumerate(self.gaps) if gap is not None]
-        return names, characteristics.march(bars, contact_pairs, STEP / finer, self.steps * finer)
+        return names, characteristics.march(bars, contact_pairs, STEP, self.steps)
 
     @property
     def speed(self):
@@ -356,43 +295,6 @@ def test_agrees_with_the_march_on_a_grid_until_a_contact_closes_off_it(row):
         for end, x in enumerate((0.0, bar.length)):
             found = solution.displacement(f"b{b}", x, times)
             assert np.abs(found - grid.displacement[b, end, : n + 1]).max() <= 1e-12 * length
-
-
-@pytest.mark.slow
-def test_the_march_on_a_grid_converges_to_it_where_contacts_close_off_the_grid():
-    errors = []
-
-    @MORE
-    @given(grid_rows())
-    def compare(row):
-        names, grid = row.reference()
-        assume(names and grid.exact < row.steps)
-        solution = solve(row.mapping(), row.steps * STEP)
-        times = np.arange(row.steps + 1) * STEP
-        hardest = max(bar.impedance for bar in row.bars)
-        found = []
-        for finer in (1, 4, 16, 64):
-            grid = row.reference(finer)[1]
-            worst = 0.0
-            for k, name in enumerate(names):
-                impulse = np.append(0.0, np.cumsum(grid.force[k])) * STEP / finer
-                off = np.abs(solution.contacts[name].impulse(times) - impulse[::finer]).max()
-                worst = max(worst, off / (hardest * row.speed * STEP))
-            for b, bar in enumerate(row.bars):
-                for end, x in enumerate((0.0, bar.length)):
-                    exact = solution.displacement(f"b{b}", x, times)
-                    off = np.abs(exact - grid.displacement[b, end, ::finer]).max()
-                    worst = max(worst, off / (row.speed * STEP))
-            # one step's worth of force or motion, a few times over: each closing is late by less than a step
-            assert worst * finer < 60.0
-            found.append(worst)
-        errors.append(found)
-
-    compare()
-    mean = np.mean(errors, axis=0)
-    assert len(errors) >= settings.default.max_examples
-    assert mean[3] < mean[2] / 2.5 < mean[1] / 5.0 < mean[0] / 10.0
-    assert mean[3] < mean[0] / 20.0
 
 
 # ------------------------------------------------------------------------------------------------ drawn rows
@@ -645,10 +547,19 @@ def balanced(row, solution, shares):
 SHARES = st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4)
 
 
+SMOOTH = (
+    {"half-sine": {"peak": 1.0, "duration": 0.7}},
+    {"harmonic": {"value": 0.4, "frequency": 0.8}},
+    {"harmonic": {"value": -0.3, "mean": 0.2, "frequency": 1.7, "phase": 0.4}},
+)
+
+
 @pytest.mark.slow
 @MORE
-@given(exact_rows(), manners(), SHARES)
-def test_energy_and_momentum_are_conserved(row, manner, shares):
+@given(exact_rows(), manners(), SHARES, st.sampled_from([None, None, *SMOOTH]))
+def test_energy_and_momentum_are_conserved(row, manner, shares, smooth):
+    if smooth:  # in rows of three bars: waves of a smooth load are many pieces
+        row = Row(row.bars[:3], row.gaps[:2], {"loads": [smooth]}, row.right, (), row.gravity, {}, min(row.end, 4.0))
     balanced(row, solved(row, **manner), shares)
 
 
@@ -741,26 +652,6 @@ def test_long_after_the_last_front_work_and_impulse_are_those_of_statics(drawn, 
     assert abs(solution.impulse(end)) <= 1e-13 * (length * abs(speed) + push * end)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("speed", [0.0, 0.5])
-@pytest.mark.parametrize("end", [16.5, 30.0, 41.7])
-def test_the_accounts_of_an_exact_solution_close_at_rest_too(speed, end):
-    case = two_bars()
-    case["bodies"]["a"] |= {"bar": {"length": 3.0}, "velocity": speed}
-    case["bodies"]["b"] |= {"at": [3.0], "velocity": speed}
-    case["loads"] = {
-        "push": {"ramp": {"value": -1.0, "duration": 16.0}, "on": "b.right"},
-        "drive": {"prescribed-velocity": speed, "on": "a.left"},
-    }
-    case["time"] = {"end": end}
-    solution = solve(with_mesh(case), end)
-    assert solution.work(end) == pytest.approx(2.0, rel=1e-13)
-    for t in np.linspace(0.0, end, 61):
-        assert sum(solution.energy(t)) - sum(solution.energy(0.0)) == pytest.approx(solution.work(t), abs=4e-13)
-        assert solution.momentum(t) - solution.momentum(0.0) == pytest.approx(solution.impulse(t), abs=4e-12)
-    assert abs(solution.impulse(end)) < 1e-12
-
-
 # ------------------------------------------------------------------------------------------------ largest values
 
 
@@ -782,18 +673,6 @@ def test_the_largest_force_is_that_of_the_straight_lines_between_events(row, man
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [1.0, 0.04, 1e-3, 1e-6, 1e-9])
-def test_a_pulse_is_the_peak_however_short_it_is(width):
-    case = changed("loads.push", {"constant": 1.0, "on": "a.left", "from": 0.01, "until": 0.01 + width})
-    for body, speed in (("a", 0.1), ("b", -0.1)):
-        case["bodies"][body] |= {"velocity": speed, "at": [10.0 * (body == "b")]}
-        case["bodies"][body]["bar"] = {"length": 10.0}
-    case["time"] = {"end": 19.0}
-    tip = run_exact(percuss.load(with_mesh(case))).summary["contacts"]["ab"]
-    assert tip["peak_force"] == pytest.approx(1.1, rel=1e-12)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("load", "peak"), [
     ({"half-sine": {"peak": 0.7, "duration": 0.3}}, 0.7),
     ({"harmonic": {"value": 0.4, "mean": 0.5, "frequency": 3.0}}, 0.9),
@@ -802,28 +681,6 @@ def test_the_peak_of_a_smooth_load_is_its_own(load, peak):
     assert run_exact(percuss.load(with_mesh(pushed(load, 2.9)))).summary["contacts"]["ab"][
         "peak_force"
     ] == pytest.approx(peak, rel=1e-11)
-
-
-@pytest.mark.parametrize("share", [1.0, 2.0, 2.1, 3.0, 17.3])
-def test_a_bar_let_go_on_the_ground_presses_with_twice_its_weight_at_most(share):
-    """It swings about the static state: the force is m g t / T up to 2 T, the energy that of twice the static fall."""
-    length, young, density, area, gravity = 2.0, 3.0, 0.5, 0.7, 1.3
-    transit = length * math.sqrt(density / young)
-    weight = density * area * length * gravity
-    case = {
-        "percuss": 1,
-        "bodies": {"bar": {"bar": {"length": length}, "area": area, "material": {"young": young, "density": density}}},
-        "contacts": {"foot": {"body": "bar.left", "wall": 0.0}},
-        "loads": {"weight": {"gravity": -gravity}},
-        "time": {"end": share * transit},
-    }
-    solution = solve(with_mesh(case), share * transit)
-    assert solution.contacts["foot"].largest_force(0.0, solution.reached) == pytest.approx(
-        weight * min(share, 2.0), rel=1e-12
-    )
-    if share >= 2.0:
-        stored = 2.0 * weight * density * gravity * length**2 / (3.0 * young)
-        assert solution.largest_energy() == pytest.approx(stored, rel=1e-12)
 
 
 @pytest.mark.slow
@@ -1005,27 +862,6 @@ def test_nothing_depends_on_the_units(row, units):
         assert len(a.closed) == len(b.closed)
 
 
-@pytest.mark.slow
-@MORE
-@given(
-    st.sampled_from([
-        {"half-sine": {"peak": 1.0, "duration": 0.7}},
-        {"harmonic": {"value": 0.4, "frequency": 0.8}},
-        {"harmonic": {"value": -0.3, "mean": 0.2, "frequency": 1.7, "phase": 0.4}},
-    ]),
-    exact_rows(),
-    SHARES,
-)  # fmt: skip
-def test_smooth_loads_conserve_energy_too(load, row, shares):
-    row = Row(row.bars[:3], row.gaps[:2], {"loads": [load]}, row.right, (), row.gravity, {}, min(row.end, 4.0))
-    solution = solved(row)
-    balanced(row, solution, shares)
-    t = np.linspace(0.0, row.end, 3001)
-    for contact in solution.contacts.values():
-        assert contact.force(t).min() >= -1e-11 * row.hardest * row.speed
-        assert contact.gap(t).min() >= -1e-11 * max(row.speed * row.end, 1.0)
-
-
 # ------------------------------------------------------------------------------------------------ what is not covered
 
 
@@ -1130,37 +966,6 @@ def test_no_period_of_a_load_is_overlooked_and_grazing_does_not_stop_it(frequenc
     assert np.abs(joint.gap(after)).max() < 1e-10
 
 
-@st.composite
-def records(draw):
-    """Straight lines through points whose distances differ by many orders of ten, on and off any time."""
-    gaps = draw(st.lists(st.sampled_from([1e-9, 1e-7, 1e-5, 1e-3, 0.1, 0.37]), min_size=1, max_size=8))
-    time = draw(st.sampled_from([0.0, 0.5, 0.3])) + np.cumsum(gaps)
-    values = draw(st.lists(st.sampled_from([0.0, 0.0, 1.0, 0.25, 1e-3]), min_size=time.size, max_size=time.size))
-    return time.tolist(), values
-
-
-@MORE
-@given(records(), st.sampled_from([0.0, -0.2, 0.4]), st.sampled_from([1.0, 1e3, 1e-6]))
-def test_straight_lines_are_exact_whatever_their_slope(record, start, unit):
-    """The force between two bars is the load a transit later, and its impulse the area below the lines."""
-    time, values = record
-    load = {"table": {"time": [t * unit for t in time], "value": values}, "from": start * unit}
-    case = pushed(load, 2.9 * unit)
-    for body in case["bodies"].values():
-        body["material"] = {"young": 1.0 / unit, "density": unit}
-    solution = solve(case, 2.9 * unit)
-    joint = solution.contacts["ab"]
-    t = np.linspace(0.0, 2.9, 1777)
-    clock = t - 1.0 - start
-    impulse = np.where(t > 1.0 + max(start, 0.0), area_below(time, values, np.maximum(clock, -start)), 0.0)
-    first = area_below(time, values, np.maximum(np.array([0.0]), -start))[0]
-    impulse = np.where(t > 1.0 + max(start, 0.0), impulse - first, 0.0)
-    assert np.abs(joint.impulse(t * unit) / unit - impulse).max() <= 1e-14
-    clear = (np.abs(clock[:, None] - np.array([0.0, -start, *time])) > 1e-4).all(axis=1)
-    force = np.where((clock > 0.0) & (t > 1.0), np.interp(clock, time, values), 0.0)
-    assert np.abs(joint.force(t * unit) - force)[clear].max() <= 1e-12
-
-
 def area_below(time, values, stop):
     """Return the area below straight lines through points, from the first point's time (held before and after)."""
     knots = np.concatenate([[-10.0], time, [10.0]])
@@ -1257,10 +1062,9 @@ class Bump(Load):
 '''
 
 
-@pytest.mark.parametrize("smooth", [False, True])
-@pytest.mark.parametrize("ratio", [1.0, 1e4, 1e8, 1e10, 1e12, 1e15])
-@pytest.mark.parametrize("loaded", [False, True])
-def test_no_impedance_hides_when_a_contact_is_closed(ratio, loaded, smooth):
+@pytest.mark.parametrize("ratio", [1.0, 1e8, 1e15])
+@pytest.mark.parametrize("push", [{"half-sine": {"peak": 1.0, "duration": 0.5}}, {"constant": 1.0, "until": 0.5}])
+def test_no_impedance_hides_when_a_contact_is_closed(ratio, push):
     """Two heavy bars touch, and a third one, light by `ratio`, beside them: it takes nothing from their closing."""
     heavy = {"young": 1.0, "density": 1.0}
     light = {"young": 1.0 / ratio, "density": 1.0 / ratio}
@@ -1273,25 +1077,13 @@ def test_no_impedance_hides_when_a_contact_is_closed(ratio, loaded, smooth):
     case = {
         "percuss": 1, "bodies": bodies, "time": {"end": 6.0, "step": 0.5},
         "contacts": {"la": {"between": ["light.right", "one.left"]}, "ab": {"between": ["one.right", "other.left"]}},
+        "loads": {"push": {**push, "on": "one.left"}},
     }  # fmt: skip
-    if loaded:  # on the heavy bar; it is gone before it could come back
-        push = {"half-sine": {"peak": 1.0, "duration": 0.5}} if smooth else {"constant": 1.0, "until": 0.5}
-        case["loads"] = {"push": {**push, "on": "one.left"}}
-        expected = [1.0, 1.5]
-    else:  # by the light one, which flies at it: until its own wave is back from its free end
-        light_push = {"half-sine": {"peak": 1e-3 / ratio, "duration": 0.5}}
-        case["loads"] = {"push": {**light_push, "on": "other.right"}} if smooth else {}
-        bodies["light"]["velocity"] = 1.0
-        expected = [1.0, None]
-    solution = solve(case, 6.0)
-    closed = solution.contacts["ab"].closed
-    assert closed
-    assert closed[0][0] == pytest.approx(expected[0], abs=1e-3 if smooth else 1e-11)
-    if expected[1] is not None:
-        assert closed[0][1] == pytest.approx(expected[1], abs=1e-3 if smooth else 1e-11)
-        assert solution.contacts["ab"].impulse(np.array(3.0)) == pytest.approx(
-            (1.0 / math.pi if smooth else 0.5) * 1.0, rel=1e-9 + 2.0 / ratio
-        )
+    heavy_pair = solve(case, 6.0).contacts["ab"]
+    smooth = "half-sine" in push
+    assert heavy_pair.closed[0] == pytest.approx((1.0, 1.5), abs=1e-3 if smooth else 1e-11)
+    whole = 1.0 / math.pi if smooth else 0.5
+    assert heavy_pair.impulse(np.array(3.0)) == pytest.approx(whole, rel=1e-9 + 2.0 / ratio)
 
 
 @pytest.mark.parametrize("most", [1, 1000, 5000])
