@@ -47,12 +47,10 @@ class FakeStudy:
             "versions": {"python": "3.11.2", "numpy": "2.3.1", "numba": "0.62.0"},
             "machine": {"system": "Linux", "processor": "x86_64", "cores": 2},
             "plugins": [{"file": "damped.py", "sha256": "0f" * 32}],
-            "command": ["percuss", "study", "two bars.yaml", "-o", "two-bars.db"],
         }
         self.table, self.units = table, given.get("units", {})
         self.kept = kept or {}
         self.path = Path("fake.sqlite")
-        self.files = []
         about = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key", *self.spec["vary"]}
         self.columns = {str(name): f"what {name} is" for name in table.columns if name not in about}
 

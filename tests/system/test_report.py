@@ -25,7 +25,6 @@ from percuss.reporting.study_answer import answer
 from percuss.reporting.study_figures import figures, study_figures
 from percuss.reporting.study_page import report_html, study_report
 from percuss.studies.columns import metric
-from percuss.studies.store import StudyFile
 
 pytestmark = pytest.mark.slow
 
@@ -65,10 +64,9 @@ def hostile():
         "vary": {"method.contact.beta_s": [], f"time.{EVIL}": []},
         EVIL: [EVIL, {EVIL: EVIL}],
     }
-    study.provenance |= {EVIL: {EVIL: [EVIL]}, "command": [EVIL]}
+    study.provenance |= {EVIL: {EVIL: [EVIL]}}
     line = {"time": np.linspace(0, 1, 9), "contact_force": np.arange(9.0), "contact_force_exact": np.arange(9.0)}
     study.kept = dict.fromkeys(table["key"], line)
-    study.files = [StudyFile(EVIL, EVIL, EVIL, 1, EVIL)]
     study.path = Path(EVIL)
     return study
 
@@ -146,7 +144,7 @@ def test_the_vendored_files_are_those_that_are_named():
 def test_the_page_says_what_was_asked_run_and_lost(small):
     words = " ".join(" ".join(Tags(report_html(small)).words).split())
     assert small.spec["question"] in words
-    assert "percuss study 'two bars.yaml' -o two-bars.db" in words
+    assert "percuss study study.yaml" in words
     assert "0f" * 32 in words
     assert "lambda / eps_s = -g - (eps_m / eps_s) g''" in words
     assert "doi 10.1002/nme.5712" in words

@@ -1,6 +1,5 @@
 """Following a row: its command makes the same run alone, and whether its bits are the same is verified."""
 
-import hashlib
 import json
 import math
 import shlex
@@ -17,7 +16,6 @@ import places
 from command_line import percuss_command
 from opened_page import Opened
 from percuss.case.quantities import METRICS
-from percuss.reporting import study_page
 from percuss.studies.columns import metric
 
 pytestmark = pytest.mark.slow
@@ -186,24 +184,6 @@ def test_a_study_may_set_a_plug_in_and_vary_numbers_and_words(tmp_path, monkeypa
     expect_same_runs(percuss.study(plan, workers=1), tmp_path)
 
 
-def test_the_files_of_a_study_are_kept_once_with_their_digests(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    plan = bench(tmp_path, methods={"contacts": ["mine"]}, vary={"time.courant": [0.5]})
-    table, case = Path("it's here", "pulse.csv"), Path("it's here", "my case.yaml")
-    case.write_bytes(b"\xef\xbb\xbf" + case.read_bytes())  # a mark that belongs to the file and not to its text
-    table.write_text("0, 0\n0.1, 0.01\n" + "\n" * study_page.LONGEST_TEXT)
-    files = {file.path: file for file in percuss.study(plan, workers=1, plugins=["mine.py"]).files}
-    roles = {"plans/study.yaml": "study", str(case): "case", str(table): "data", "mine.py": "plug-in"}
-    assert {path: file.role for path, file in files.items()} == roles
-    for path, file in files.items():
-        content = Path(path).read_bytes()
-        assert (file.sha256, file.size) == (hashlib.sha256(content).hexdigest(), len(content))
-        assert file.text == content.decode("utf-8-sig")
-    assert Path("study.sqlite").read_bytes().count(b"\n" * 1000) < 2 * table.stat().st_size / 1000  # texts stand once
-    assert percuss_command("report", "study.sqlite").returncode == 0
-    assert "Its text is in the study" in Path("study.html").read_text(encoding="utf-8")
-
-
 # ---------------------------------------------------------------------------------------------- in the page
 
 
@@ -232,15 +212,3 @@ def test_names_stay_in_sight(browser, page_of_rows):
         after = [opened.page.evaluate(place, name) for name in names]
         assert after == [*before[:3], before[3] - 250]
         assert opened.complaints == []
-
-
-@pytest.mark.deep
-def test_the_files_are_folded_into_the_page(browser, page_of_rows, whole):
-    with Opened(browser, page_of_rows) as opened:
-        files = opened.page.locator("#files details")
-        assert files.count() == len(whole.study.files)
-        for place, file in enumerate(whole.study.files):
-            assert not files.nth(place).locator("pre").is_visible()
-            files.nth(place).locator("summary").click()
-            assert files.nth(place).locator("pre").text_content() == file.text
-            assert file.sha256 in files.nth(place).inner_text()

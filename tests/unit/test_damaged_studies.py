@@ -9,7 +9,6 @@ import re
 import sqlite3
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ import percuss
 from command_line import percuss_command
 from percuss.errors import InputError
 from percuss.studies.perform import Record
-from percuss.studies.store import Store, StudyFile
+from percuss.studies.store import Store
 
 KEYS = [f"{n:02d}{'0123456789abcdef' * 2}"[:32] for n in range(6)]
 NAMES = {"case": "case", "integrator": "central-difference", "contact": "penalty", "tied": False}
@@ -32,7 +31,7 @@ def stored(path):
     plan = [(key, {**NAMES, "varied": one, "changes": one}) for key, one in zip(KEYS, varied, strict=True)]
     facts = {"study": {"title": "Drawn"}, "spec": {"title": "Drawn"}, "columns": {"impulse": "sum", "noise": "of it"}}
     store = Store(path, new=True)
-    store.begin(facts, {"command": "percuss study drawn.yaml"}, plan, [StudyFile.of(Path("case.yaml"), "case", "1")])
+    store.begin(facts, {"cores": 2}, plan)
     measures = {"impulse": 0.3, "noise": float("nan")}
     store.add([Record(KEYS[0], "done", seconds=0.1, measures=measures, histories=arrays.getvalue(), cpu="one")])
     store.add([Record(key, "done", seconds=0.1, measures=measures, cpu="one") for key in KEYS[1:-2]])
@@ -44,7 +43,7 @@ def contents(path):
     """Return all that a study says, as one text."""
     study = percuss.open_study(path)
     arrays = {name: array.tolist() for name, array in (study.histories(KEYS[0]) or {}).items()}
-    about = study.provenance, study.spec, study.columns, study.files, study.plan, study.counts, study.with_histories
+    about = study.provenance, study.spec, study.columns, study.plan, study.counts, study.with_histories
     return repr((study.as_records(), about, arrays, study.histories(KEYS[1])))
 
 
@@ -73,8 +72,8 @@ def test_another_file_is_refused(tmp_path, content, command):
 
 
 def test_a_file_of_an_earlier_version_is_refused(file):
-    change(file, "PRAGMA user_version = 3")
-    said = r"of format 4, found one of an earlier version\n  Make the study again: percuss study STUDY -o NEW\.sqlite"
+    change(file, "PRAGMA user_version = 4")
+    said = r"of format 5, found one of an earlier version\n  Make the study again: percuss study STUDY -o NEW\.sqlite"
     with pytest.raises(InputError, match=said):
         contents(file)
     change(file, "DROP TABLE plan")
@@ -99,7 +98,7 @@ def test_a_row_that_is_not_as_it_was_written_is_one_error(file, table, text):
 
 def test_a_run_that_is_made_again_replaces_its_row(file):
     store = Store(file, new=True)
-    store.begin({"columns": {}}, {"command": None}, [(KEYS[0], {**NAMES, "varied": {}})])
+    store.begin({"columns": {}}, {"cores": 2}, [(KEYS[0], {**NAMES, "varied": {}})])
     store.add([Record(KEYS[0], "failed", "another"), Record(KEYS[0], "failed", "the last"), Record("new", "refused")])
     study = percuss.open_study(file)
     assert [(row["status"], row["reason"]) for row in study.as_records()] == [("failed", "the last")]
@@ -148,7 +147,7 @@ from percuss.studies.store import Store
 
 def make(path):
     names = dict.fromkeys(("case", "integrator", "contact", "varied"))
-    Store(path, new=True).begin({}, {"command": None}, [("k", names)])
+    Store(path, new=True).begin({}, {"cores": 2}, [("k", names)])
 
 make(Path(sys.argv[1]) / "warm.sqlite")
 watched = ("open", "os.", "sqlite3.", "tempfile.", "shutil.")

@@ -40,7 +40,7 @@ EVERY_COLOUR, EVERY_DASH = (*COLOURS, *MORE_COLOURS), (*DASHES, *MORE_DASHES)
 
 def snapshot(study: Study) -> Study:
     """Return a study with everything read once that a report asks for: a study reads its file at each access."""
-    names = ("title", "spec", "units", "provenance", "columns", "histories", "files", "path", "with_histories")
+    names = ("title", "spec", "units", "provenance", "columns", "histories", "path", "with_histories")
     read = {name: getattr(study, name) for name in names}
     return cast("Study", SimpleNamespace(**read, table=_with_lists_as_texts(study.table)))
 

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from percuss.studies.study_table import Study
 
 AGAIN = "study.yaml"
-LONGEST_TEXT = 200_000  # bytes of a file whose text stands in the page
 MOST_REASONS = 100
 MOST_CHOICES = 16  # A value with more choices is filtered in the table alone.
 MOST_VALUES = 12  # Of a varied path with more values only the range is shown.
@@ -86,9 +85,8 @@ def report_html(study: Study, statistic: str = "best") -> str:
         "measured": _measures_table(study, roles),
         "lost": _losses_html(study.table),
         "methods": _methods_html(study),
-        "again": _command_and_file(study),
+        "again": _study_html(study),
         "provenance": _provenance_html(plain(study.provenance)),
-        "files": _files_html(study),
         "data": _script_json(payload(study, roles, charts) | {"statistic": statistic}),
         "licences": escape(_file("vendor", "LICENSES")),
         "css": _file("report.css"),
@@ -324,35 +322,15 @@ def _reference_html(reference: str) -> str:
     return f'{escape(before)} <a rel="noreferrer" href="https://doi.org/{doi}">doi {doi}</a>{after}'
 
 
-def _command_and_file(study: Study) -> str:
-    command = study.provenance.get("command")
-    words = command if isinstance(command, str) else shlex.join(map(str, command or ("percuss", "study", AGAIN)))
-    saved = f"<p>With the file below saved as <code>{AGAIN}</code> where its cases are found from:</p>"
-    run = f'{"" if command else saved}<pre class="command">{escape(words)}</pre>'
-    if any(file.role == "study" for file in study.files):
-        return f'{run}<p>The study file and the files that it names stand <a href="#files">below</a>.</p>'
-    return f"{run}<p>The study file, as it was read:</p><pre>{escape(_yaml(study.spec))}</pre>"
-
-
-def _files_html(study: Study) -> str:
-    """Return the files that the study came from, each with its digest and its text, folded in."""
-    files = study.files
-    if not files:
-        return "<p>No files were kept with this study.</p>"
-    note = '<p class="soft">The files as the study read them last. Of a large file the page has only its digest.</p>'
-    return note + "".join(
-        f'<details class="file"><summary><code>{escape(one_line(file.path))}</code> '
-        f'<span class="soft">{escape(file.role)}, {count_of(file.size, "byte")}</span></summary>'
-        f'<p class="soft">SHA-256 <code>{escape(file.sha256)}</code></p>'
-        + (f"<pre>{escape(file.text)}</pre>" if file.size <= LONGEST_TEXT else "<p>Its text is in the study.</p>")
-        + "</details>"
-        for file in files
-    )
+def _study_html(study: Study) -> str:
+    """Return how the study is made again, and the study as it was read."""
+    where = f"With this file saved as <code>{AGAIN}</code> where its cases are found from:"
+    return f'<p>{where}</p><pre class="command">percuss study {AGAIN}</pre><pre>{escape(_yaml(study.spec))}</pre>'
 
 
 def _provenance_html(provenance: Entries) -> str:
-    """Return the provenance as HTML without the command, which is shown elsewhere, and without a single session."""
-    left_out = {"command", "sessions"} if len(provenance.get("sessions") or []) < 2 else {"command"}
+    """Return the provenance as HTML, without a single session."""
+    left_out = {"sessions"} if len(provenance.get("sessions") or []) < 2 else set()
     return f"<pre>{escape(_yaml({key: value for key, value in provenance.items() if key not in left_out}))}</pre>"
 
 

@@ -13,22 +13,19 @@ import sqlite3
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 from percuss.case.hints import file_advice
-from percuss.digest import content_digest
 from percuss.errors import InputError, UnwrittenError, nearest, wrong_input
 from percuss.files import is_file, is_folder, replacing
 from percuss.jsonable import Data
 from percuss.studies.perform import LOST, Record
 
-FORMAT = 4  # the `user_version` of the file
+FORMAT = 5  # the `user_version` of the file
 TABLES = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT);
 CREATE TABLE sessions (number INTEGER PRIMARY KEY, provenance TEXT);
-CREATE TABLE files (path TEXT, role TEXT, sha256 TEXT, bytes INTEGER, text TEXT);
 CREATE TABLE plan (number INTEGER PRIMARY KEY, key TEXT, row TEXT);
 CREATE TABLE runs (key TEXT PRIMARY KEY, status TEXT, row TEXT, histories BLOB);
 """
@@ -36,46 +33,6 @@ STORED = ("reason", "said_by", "fragile", "seconds", "measures", "compiling", "c
 ANOTHER = "Use an undamaged copy, or make the study again: percuss study STUDY -o NEW.sqlite."
 # Errors of SQLite by which a file is none of its own, or damaged; all others come from the machine.
 OF_THE_FILE = {sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR}
-
-
-@dataclass(frozen=True)
-class StudyFile:
-    """A file that a study came from.
-
-    Attributes
-    ----------
-    path
-        Path of the file, from the folder where the study was started if it lies in it.
-    role
-        ``study``, ``case``, ``data`` or ``plug-in``.
-    sha256
-        SHA-256 digest of its bytes, hexadecimal.
-    size
-        Size in bytes.
-    text
-        The text.
-    """
-
-    path: str
-    role: str
-    sha256: str
-    size: int
-    text: str
-
-    @staticmethod
-    def of(path: Path, role: str, text: str) -> StudyFile:
-        """Return a file whose text was read; a mark at its beginning is no part of the text, but of its bytes."""
-        content = text.encode()
-        with contextlib.suppress(OSError):
-            on_disk = path.read_bytes()
-            content = on_disk if on_disk.removeprefix(b"\xef\xbb\xbf") == content else content
-        return StudyFile(from_here(path), role, content_digest(content), len(content), text)
-
-
-def from_here(path: Path) -> str:
-    """Return a path without detours such as ``studies/..``, from the current folder if it lies in it."""
-    here, path = Path.cwd(), path.resolve()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 class Store:
@@ -148,17 +105,15 @@ class Store:
 
     # ------------------------------------------------------------------------------------------- writing
 
-    def begin(
-        self, facts: Data, provenance: Data | None, plan: Iterable[tuple[str, Data]], files: Iterable[StudyFile] = ()
-    ) -> None:
-        """Store facts, files, the plan (key and names of every row), and the provenance of a session that begins.
+    def begin(self, facts: Data, provenance: Data | None, plan: Iterable[tuple[str, Data]]) -> None:
+        """Store facts, the plan (key and names of every row), and the provenance of a session that begins.
 
         Rows that are no longer in the plan are kept: a later plan may need them again.
         """
         if not self._there:
             self._make()
         with self._open(write=True) as db:
-            for table in ("facts", "files", "plan"):
+            for table in ("facts", "plan"):
                 db.execute(f"DELETE FROM {table}")  # noqa: S608
             if provenance is not None:
                 db.execute("INSERT INTO sessions (provenance) VALUES (?)", (json.dumps(provenance),))
@@ -166,7 +121,6 @@ class Store:
                 "INSERT INTO facts VALUES (?, ?)", [(name, json.dumps(fact)) for name, fact in facts.items()]
             )
             db.executemany("INSERT INTO plan (key, row) VALUES (?, ?)", [(key, json.dumps(row)) for key, row in plan])
-            db.executemany("INSERT INTO files VALUES (?, ?, ?, ?, ?)", map(astuple, files))
 
     def _make(self) -> None:
         """Make the file, of which nobody sees a part."""

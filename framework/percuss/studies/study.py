@@ -9,7 +9,6 @@ shows them, and `rows` makes one of them again.
 from __future__ import annotations
 
 import os
-import shlex
 import threading
 import time
 from collections import Counter
@@ -19,7 +18,6 @@ from functools import partial
 from pathlib import Path
 
 from percuss.case.arguments import expect_files
-from percuss.case.case import Case
 from percuss.errors import InputError, shortened, wrong_input
 from percuss.files import expect_no_input, expect_place, expect_writable
 from percuss.interrupt import interruptible
@@ -31,7 +29,7 @@ from percuss.studies.parameters import combinations
 from percuss.studies.perform import Record
 from percuss.studies.pool import Workers, number_of_workers
 from percuss.studies.spec import StudySpec, read_study, refuse_wrong_values
-from percuss.studies.store import Store, StudyFile, from_here
+from percuss.studies.store import Store
 from percuss.studies.study_table import Study
 from percuss.studies.tasks import tasks
 
@@ -107,8 +105,9 @@ def study(
         expect_writable(output, [*spec.inputs, ("file of rows", file)])
     jobs, bench = planned(spec)
     of_file = None if isinstance(path, Mapping) else Path(path)
-    known = spec, bench, file, of_file, _command(of_file, plugins, changes)
-    with session(*known, workers=workers, scheduler=scheduler, longest=longest, most=len(jobs)) as running:
+    with session(
+        spec, bench, file, of_file, workers=workers, scheduler=scheduler, longest=longest, most=len(jobs)
+    ) as running:
         return running.make(jobs, progress, again)
 
 
@@ -128,17 +127,6 @@ def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
     return jobs, bench
 
 
-def _command(file: Path | None, plugins: Sequence[str | Path], changes: Data | None) -> str | None:
-    """Return the command that makes a study again, or None if the study has no file."""
-    if file is None:
-        return None
-    options = [word for plugin in plugins for word in ("--plugin", str(plugin))]
-    if changes:
-        values = (f"{path.removeprefix('reference.')}={value}" for path, value in changes.items())
-        options += ["--reference", ",".join(values)]
-    return shlex.join(["percuss", "study", str(file), *options])
-
-
 # ------------------------------------------------------------------------------------------------- making rows
 
 
@@ -148,7 +136,6 @@ def session(
     bench: Bench,
     file: Path,
     of_file: Path | None,
-    command: str | None = None,
     *,
     workers: int | None,
     scheduler: str | None = None,
@@ -165,8 +152,6 @@ def session(
         File of the rows.
     of_file
         Path of the study file, if it has one.
-    command
-        Command that makes the study again.
     workers, scheduler, longest
         As in `study`.
     most
@@ -192,7 +177,7 @@ def session(
             made = _made_here
         else:
             made = partial(ends.enter_context(Workers(min(number_of_workers(workers), most))).made, longest)
-        yield Session(spec, bench, store, made, identity, command)
+        yield Session(spec, bench, store, made, identity)
         store.finish()
 
 
@@ -207,15 +192,13 @@ class Session:
         File of its rows.
     made
         Makes runs, and yields the records of those that have ended meanwhile.
-    identity, command
-        Of which study the file is, and the command that makes it again.
+    identity
+        Of which study the file is.
     """
 
-    def __init__(
-        self, spec: StudySpec, bench: Bench, store: Store, made: Makers, identity: Data, command: str | None
-    ) -> None:
+    def __init__(self, spec: StudySpec, bench: Bench, store: Store, made: Makers, identity: Data) -> None:
         self._spec, self._bench, self._store, self._made = spec, bench, store, made
-        self._identity, self._command, self._begun = identity, command, False
+        self._identity, self._begun = identity, False
 
     def make(self, jobs: Sequence[Job], progress: Progress | None = None, again: Sequence[str] = ()) -> Study:
         """Make the runs of these jobs, which are all of the study so far, and store them as they end.
@@ -238,8 +221,15 @@ class Session:
         return study
 
     def _begin(self, jobs: Sequence[Job]) -> None:
-        """Store the facts, the files and the plan of the study, and once the provenance of this session."""
-        cases = {label: self._inside(label, case) for label, case in self._spec.cases.items()}
+        """Store the facts and the plan of the study, and once the provenance of this session."""
+        cases = {
+            label: {
+                "case": as_lists(case.data),
+                **origins(case, keys_of(self._bench.components[label])),
+                "data_files": self._bench.sources[label].data_files,
+            }
+            for label, case in self._spec.cases.items()
+        }
         plugins = {name: origin for case in cases.values() for name, origin in case["plugins"].items()}
         units = [case.data.get("units") or {} for case in self._spec.cases.values()]
         facts = {
@@ -250,37 +240,10 @@ class Session:
             "units": {kind: name for kind, name in units[0].items() if all(one.get(kind) == name for one in units)},
         }
         theirs = {name: origin for name, origin in plugins.items() if origin["distribution"] != OWN}
-        provenance = {**machine(), "cores": os.cpu_count(), "plugins": theirs, "command": self._command}
+        provenance = {**machine(), "cores": os.cpu_count(), "plugins": theirs}
         plan = [(key, as_lists(vars(task))) for key, task in jobs]
-        self._store.begin(facts, None if self._begun else provenance, plan, self._files())
+        self._store.begin(facts, None if self._begun else provenance, plan)
         self._begun = True
-
-    def _inside(self, label: str, case: Case) -> Entries:
-        """Return a case with all from which it is read again, as the provenance of a result has it.
-
-        In place of the texts of its files are the places of these among the files of the study.
-        """
-        known = origins(case, keys_of(self._bench.components[label]))
-        known["single_files"] = {path: {"digest": file["digest"]} for path, file in known["single_files"].items()}
-        names = self._bench.sources[label].data_files
-        return {
-            "case": as_lists(case.data),
-            **known,
-            "data_files": {name: from_here(case.origin.folder / name) for name in names},
-        }
-
-    def _files(self) -> list[StudyFile]:
-        """Return the files of the study as they were read."""
-        spec, files = self._spec, []
-        if spec.source.text:
-            files.append(StudyFile.of(Path(spec.source.name), "study", spec.source.text))
-        for label, case in spec.cases.items():
-            files.append(StudyFile.of(Path(case.origin.name), "case", case.origin.text))
-            tables = self._bench.sources[label].data_files
-            files += [StudyFile.of(case.origin.folder / name, "data", text) for name, text in tables.items()]
-            plugins = case.registry.single_files
-            files += [StudyFile.of(file.path, "plug-in", file.content.decode("utf-8")) for file in plugins]
-        return list({file.path: file for file in files}.values())
 
 
 def _made_here(bench: Bench, jobs: Sequence[Job], stop: threading.Event) -> Generator[list[Record]]:

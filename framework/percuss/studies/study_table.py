@@ -14,7 +14,7 @@ from percuss.errors import wrong_input
 from percuss.files import replacing
 from percuss.jsonable import Entries
 from percuss.studies.perform import LOST, WAITING, Record, unpacked
-from percuss.studies.store import Store, StudyFile
+from percuss.studies.store import Store
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,11 +66,6 @@ class Study:
         return {**(sessions or [{}])[-1], "sessions": sessions, "processors": dict(sorted(processors.items()))}
 
     @property
-    def files(self) -> list[StudyFile]:
-        """The files that the study came from: path, role, SHA-256 digest, size and text of each."""
-        return [StudyFile(*file) for file in self._store.select("SELECT path, role, sha256, bytes, text FROM files")]
-
-    @property
     def plan(self) -> dict[str, Entries]:
         """Names of methods, varied values and all changes of each row, by key."""
         return {run.key: names for names, run in self._rows()}
@@ -78,15 +73,8 @@ class Study:
     @property
     def cases(self) -> dict[str, Entries]:
         """What a case is read again from, by label, as the provenance of a result has it."""
-        texts, provenance = {file.path: file.text for file in self.files}, self.provenance
-        return {
-            label: {
-                **provenance,
-                **case,
-                "data_files": {name: texts[path] for name, path in case["data_files"].items()},
-            }
-            for label, case in (self._store.fact("cases") or {}).items()
-        }
+        provenance = self.provenance
+        return {label: {**provenance, **case} for label, case in (self._store.fact("cases") or {}).items()}
 
     @property
     def runs(self) -> dict[str, Record]:
