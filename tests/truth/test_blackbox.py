@@ -1,6 +1,5 @@
 """The black box against the linear laws, closed forms and one another; and that a wrong one would be seen."""
 
-import dataclasses
 import math
 import textwrap
 from dataclasses import dataclass
@@ -13,13 +12,10 @@ from test_stability import beside_another, wall
 
 import long_bars
 import percuss
-from percuss.certificate import black_box
-from percuss.certificate import linear_laws as of_linear_laws
-from percuss.certificate.black_box import MOST_ALONE, BlackBox, ClosedStepStability, combinations, examine
+from percuss.certificate.black_box import BlackBox, ClosedStepStability, combinations, examine
 from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.certificate.linear_laws import linear_laws
-from percuss.certificate.operator import Operator
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import Trial
@@ -102,43 +98,6 @@ def test_unlike_bars_have_a_closed_form_too(integrator):
     found = linear_laws(made(case)).critical_step
     expected = long_bars.critical_step(sides, stiffness, inertia, predicted=integrator == WU)
     assert found == pytest.approx(expected, rel=1e-6)
-
-
-def three_bars(integrator, direction):
-    """Three unlike bars in a row against a wall, along `direction`; 3-4-5 so that ends meet to the last digit."""
-    unit = np.array(direction) / 5.0
-    bodies = {}
-    for k, name in enumerate("abc"):
-        material = {"young": 10.0 * (k + 1), "density": 0.5 + k}
-        at = (5.0 * k * unit).tolist()
-        bodies[name] = bar(5.0, 3 + k, at, 0.0, material, 1.0 + 0.5 * k, direction=direction)
-    contacts = {"ab": {"between": ["a.right", "b.left"]}, "bc": {"between": ["b.right", "c.left"]}}
-    contacts["wall"] = {"body": "a.left", "wall": [0.0] * len(direction)}
-    law = {"name": "bipenalty", "beta_s": 3.0, "ratio": 2.0}
-    case = case_of(bodies, contacts, {"steps": 1, "courant": 0.6})
-    return {**case, "method": {"integrator": integrator, "contact": law}}
-
-
-@pytest.mark.parametrize("direction", [[5.0], [3.0, 4.0], [0.0, -3.0, 4.0]])
-def test_theta_of_several_contacts_is_that_of_the_determinant(direction):
-    model = made(three_bars(WU, direction))
-    motions = Motions(model)
-    closed_step, free = (ClosedStep(motions, model.dt, c) for c in ([0, 1, 2], []))
-    said = closed_laws(model, model.dt)
-    s = model.rows_at(0.5 * model.dt).matrix().toarray()
-    thetas = model.dt**2 * np.linalg.eigvals(np.linalg.solve(np.eye(3) + s * said.inertia, s * said.stiffness))
-    assert np.linalg.det(closed_step.matrix()) == pytest.approx(np.prod(1 - thetas).real, abs=1e-10)
-    assert np.linalg.det(free.matrix()) == pytest.approx(1, abs=1e-10)
-    leapfrog = made(three_bars(CD, direction))  # it keeps the volume, whatever is closed
-    for contacts in combinations(3):
-        step = ClosedStep(Motions(leapfrog), leapfrog.dt, contacts)
-        assert np.linalg.det(step.matrix()) == pytest.approx(1, abs=1e-10)
-        assert examine(step.motions, leapfrog.dt, contacts).theta is None
-    assert examine(motions, model.dt, [0, 1, 2]).theta == pytest.approx(max(thetas.real), abs=1e-10)
-    for p in range(3):
-        one = np.linalg.det(ClosedStep(motions, model.dt, [p]).matrix())
-        theta = model.dt**2 * said.stiffness[p] * s[p, p] / (1 + said.inertia[p] * s[p, p])
-        assert one == pytest.approx(1 - theta, abs=1e-10)
 
 
 # ----------------------------------------------------------------------------------------------- the limit is tight
@@ -224,35 +183,6 @@ def test_a_large_model_is_judged_by_a_krylov_iteration():
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)  # what was not found may be there
 
 
-@pytest.mark.deep
-def test_a_krylov_iteration_gives_the_same_number_again():
-    """SciPy draws vectors of its own; without a seed the sixth digit of the critical step is left to chance."""
-    model = made(hunek(n=100, integrator=CD, contact={"name": "walton-braun", "beta_s": 30.0}))
-    first, again = (BlackBox(model).critical_step for _ in range(2))
-    assert first == again
-
-
-def test_of_many_contacts_none_and_all_are_closed(monkeypatch):
-    """The time would grow with the square of their number and more, if each one were closed alone."""
-    examined = []
-
-    def noted(motions, dt, closed, **options):
-        examined.append(closed)
-        return examine(motions, dt, closed, **options)
-
-    monkeypatch.setattr(black_box, "examine", noted)
-    count = MOST_ALONE + 1
-    bars = {f"b{k}": bar(1.0, 2, float(k)) for k in range(count + 1)}
-    contacts = {f"c{k}": {"between": [f"b{k}.right", f"b{k + 1}.left"]} for k in range(count)}
-    case = case_of(bars, contacts, {"courant": 0.5, "steps": 2})
-    case["method"] = {"integrator": "noh-bathe", "contact": "lagrange"}
-    found = certificate(made(case))
-    assert found["stable"] == "unknown"
-    assert "growth with no contact and all of its contacts closed was looked for" in found["why"]
-    assert set(examined) == {tuple(range(count))}  # without contact the scheme is judged by its kernel
-    assert combinations(MOST_ALONE)[1:-1] == [(p,) for p in range(MOST_ALONE)]
-
-
 # ------------------------------------------------------------------------------------------------- what it cannot say
 
 
@@ -317,55 +247,6 @@ def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step(time, t
     found = certificate(model_of(case))
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)
     assert "mine changes with time" in found["why"]
-
-
-# --------------------------------------------------------------------------------------------------- planted defects
-
-
-def limit_of(case, judge_class=linear_laws):
-    return check_the_limit_is_tight(made(case), judge_class)
-
-
-def unlike_pair(integrator):
-    case = beside_another(wall(40.0, 5.0, integrator))
-    for name, count in (("b", 10), ("c", 12)):
-        case["bodies"][name]["bar"]["elements"] = count
-    return case
-
-
-@pytest.mark.parametrize("integrator", [WU, CD])
-def test_nothing_planted_nothing_found(integrator):
-    limit_of(unlike_pair(integrator))
-
-
-@pytest.mark.parametrize("integrator", [WU, CD])
-def test_a_penalty_left_out_of_the_step_estimate_is_seen(integrator, monkeypatch):
-    def forgets(model, dt):
-        said = closed_laws(model, dt)
-        return dataclasses.replace(said, stiffness=0.0 * said.stiffness)
-
-    monkeypatch.setattr(of_linear_laws, "closed_laws", forgets)
-    with pytest.raises((AssertionError, IndexError)):
-        limit_of(unlike_pair(integrator))
-
-
-def test_a_lumped_mass_penalty_is_seen(monkeypatch):
-    def lumped(self, dt, stiffness, inertia):
-        """Each contact takes its share by itself, with its mass on each node by itself."""
-        bulk, mass, normals = (matrix.toarray() for matrix in (self.stiffness, self.mass, self.rows))
-        matrix = 4 / dt**2 * mass - bulk
-        if not (np.linalg.eigvalsh(matrix) > 0).all():
-            return None
-        for p, n in enumerate(normals.T):
-            matrix += 4 / dt**2 * inertia[p] * np.diag(np.abs(n))
-        softening = (
-            np.diag(np.sqrt(stiffness)) @ normals.T @ np.linalg.solve(matrix, normals) @ np.diag(np.sqrt(stiffness))
-        )
-        return np.arange(stiffness.size), softening
-
-    monkeypatch.setattr(Operator, "softening", lumped)
-    with pytest.raises(AssertionError):
-        limit_of(unlike_pair(CD))
 
 
 # ---------------------------------------------------------------------------------------------------- courant 1

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, event, given
-from test_blackbox import CD, ROW_PAIRS, WU, wall
+from test_blackbox import CD, WU, wall
 from test_stability import beside_another
 
 import long_bars
@@ -18,7 +17,7 @@ from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate, set
 from percuss.certificate.waves import waves
 from percuss.march.model_of_case import model_of
 from percuss.reporting.stability_figure import stability_figure
-from strategies import CORE_PAIRS, INVISCID, hunek, pair_id, rows, with_pair
+from strategies import CORE_PAIRS, INVISCID, hunek
 
 CASES = sorted(places.CASES.glob("*.yaml"))
 SDNV, HUNEK = (str(places.CASES / f"{name}.yaml") for name in ("sdnv100", "hunek"))
@@ -67,17 +66,6 @@ def test_what_cannot_be_judged_is_a_row_with_its_reason():
     )  # fmt: skip
     assert [row["courant_critical"] is None for row in found] == [True, False]
     assert "lagrange" in found[0]["reason"]
-
-
-def test_a_value_that_is_wrong_is_a_row_unless_all_are():
-    case = percuss.load(HUNEK)
-    found = percuss.stability(case, {"method.contact.beta_s": [-1, 1]})
-    assert [row["courant_critical"] is None for row in found] == [True, False]
-    assert "greater than 0" in found[0]["reason"]
-    with pytest.raises(percuss.InputError, match="greater than 0"):
-        percuss.stability(case, {"method.contact.beta_s": [-1, -2]})
-    with pytest.raises(percuss.InputError, match="Did you mean 'linear-laws'"):
-        percuss.stability(case, {}, {}, ["linear-law"])
 
 
 @pytest.mark.slow
@@ -194,13 +182,6 @@ def test_a_wave_packet_gets_through_as_the_interface_says():
     assert math.sqrt(energy) == pytest.approx(expected, rel=5e-3)
 
 
-def test_a_wall_throws_everything_back():
-    found = waves(model_of(percuss.load(wall(1.0, 2.0))))
-    assert np.abs(np.abs(found.reflected) - 1).max() < 1e-9
-    assert np.abs(found.transmitted).max() == 0
-    assert "identical bars" in found.reason
-
-
 @pytest.mark.parametrize("integrator", INVISCID)
 @pytest.mark.parametrize("law", ["lagrange", "tied"])
 def test_bars_kept_together_are_one_bar(integrator, law):
@@ -262,27 +243,6 @@ def test_the_chosen_step_is_certified_on_every_case(case, integrator, law):
             return
     assert found["stable"] == "yes"
     assert found["margin"] == pytest.approx(SHARE_OF_CRITICAL_STEP, rel=1e-6)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("pair", ROW_PAIRS, ids=pair_id)
-@given(case=rows())
-def test_the_chosen_step_is_certified(pair, case):
-    case = with_pair(case, pair)
-    case["time"]["courant"] = "auto"
-    try:
-        model, criterion = settled(percuss.load(case))
-    except (percuss.InputError, percuss.RefusedPair) as error:
-        event(str(error)[:60])
-        assume(False)
-    found = certificate(model, criterion)
-    if found["by"] == "black-box" and found["stable"] == "unknown":
-        assert "other combinations" in found["why"]
-        return
-    assert found["stable"] == "yes"
-    assert found["margin"] <= SHARE_OF_CRITICAL_STEP * (1 + 1e-5)
-    lets_go = any("until" in load or "from" in load for load in case["loads"].values())
-    assert lets_go or found["margin"] == pytest.approx(SHARE_OF_CRITICAL_STEP, rel=1e-5)
 
 
 def test_a_step_left_open_is_chosen_for_every_point():

@@ -17,10 +17,8 @@ import percuss
 import places
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.linear_laws import linear_laws
-from percuss.certificate.maps import stability
 from percuss.certificate.oscillator import amplification
-from percuss.certificate.verdict import certificate, settled
-from percuss.certificate.waves import waves
+from percuss.certificate.verdict import certificate
 from percuss.jit import plain
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
@@ -150,18 +148,6 @@ def test_what_the_docstrings_say_of_the_alpha_methods():
     assert abs(period_error(0.3665)) < 1e-3 * abs(period_error(0.8))
 
 
-def test_low_frequencies_would_grow_with_the_old_prediction():
-    """What the docstring of `explicit-hht` says of the form with u*_n instead of u_n."""
-    alpha, x = -0.1, 0.25
-    beta, gamma = (1 - alpha) ** 2 / 4, 0.5 - alpha
-    # state (u, dt v, dt^2 a, dt^2 f); f_{n+1} = -omega^2 u*_{n+1}
-    predicted = np.array([1, 1, 0.5 - beta, 0])
-    a = -(1 + alpha) * x * predicted - alpha * np.eye(4)[3]
-    step = np.array([predicted + beta * a, np.array([0, 1, 1 - gamma, 0]) + gamma * a, a, -x * predicted])
-    assert np.abs(np.linalg.eigvals(step)).max() > 1 + 1e-4
-    assert radius("explicit-hht", {}, math.sqrt(x)) < 1 - 1e-4
-
-
 def end_of_march(integrator, dt, end=6.0):
     """March u'' + u = sin(2 t + .4) from u = .3 and v = 1 with the kernel in plain Python; return the largest error."""
     stages, time = integrator.bind(dt), [0.0]
@@ -212,26 +198,6 @@ def test_the_scheme_of_the_page_is_of_fourth_order_up_to_the_root_of_twelve(regi
 # ------------------------------------------------------------------------------------------------------ identities
 
 
-def same_case(integrator, gap):
-    case = hunek(5, courant=0.7, integrator=integrator, contact=PENALTY, end=0.5)
-    case["bodies"]["long"]["at"] = 10.0 + gap
-    case["loads"] = {"push": {"half-sine": {"peak": 0.02, "duration": 0.3}, "on": "long.left"}}
-    return case
-
-
-@pytest.mark.parametrize("gap", [0.004, 10.0], ids=["contact", "free"])
-def test_undamped_members_have_the_displacements_of_central_difference(gap):
-    """To round-off, where no contact force acts at t = 0, which the leap-frog start leaves out."""
-    identical = ["velocity-verlet", "explicit-newmark", {"name": "chung-lee", "beta": 1.0},
-                 {"name": "hulbert-chung", "rho_b": 1.0}, {"name": "explicit-newmark", "gamma": 0.55}]  # fmt: skip
-    expected, *found = (
-        run(same_case(one, gap), compiled=False).arrays["displacement"] for one in ("central-difference", *identical)
-    )
-    for integrator, one in zip(identical[:-1], found, strict=False):
-        assert np.abs(one - expected).max() < 1e-11 * np.abs(expected).max(), integrator
-    assert np.abs(found[-1] - expected).max() > 1e-3 * np.abs(expected).max()
-
-
 @pytest.mark.parametrize("apart", [0.0, 0.004])
 @pytest.mark.parametrize("law", [PENALTY, BIPENALTY, "lagrange", "tied"], ids=str)
 def test_velocity_verlet_is_central_difference(law, apart):
@@ -257,23 +223,6 @@ def test_velocity_verlet_is_central_difference(law, apart):
     assert np.abs(one.arrays["contact_force"][:-1] - mean).max() < 1e-10 * np.abs(force).max()
     critical = [certificate(model_of(percuss.load(which)))["dt_critical"] for which in (case, leapfrog)]
     assert critical[0] == pytest.approx(critical[1], rel=1e-6)
-
-
-def test_undamped_predictions_of_the_alpha_method_are_those_of_central_difference():
-    integrator, dt, omega = made("explicit-hht", {"alpha": 0.0}), 0.1, 3.0
-    predictions = []
-
-    def accelerations(system, stage, u, v, a):
-        predictions.append(u[0])
-        a[:] = -(omega**2) * u
-
-    step = plain(type(integrator).step, {slots.accelerations: accelerations})
-    u, v, kept = np.array([0.3]), np.array([1.0]), np.array([[-(omega**2) * 0.3]])
-    for _ in range(50):
-        step(integrator.bind(dt).numbers, None, u, v, kept, dt)
-    steps = np.array(predictions)
-    second = steps[2:] - 2 * steps[1:-1] + steps[:-2]
-    np.testing.assert_allclose(second, -((omega * dt) ** 2) * steps[1:-1], atol=1e-13)
 
 
 # --------------------------------------------------------------------------------------------------------- impacts
@@ -333,61 +282,6 @@ def test_the_black_box_has_the_limit_of_the_linear_laws(name, law):
     """Growth seen in the step, what is kept between steps included, against oscillators and the linear laws."""
     model = model_of(percuss.load(on_a_wall(name, law)))
     assert BlackBox(model).critical_step == pytest.approx(linear_laws(model).critical_step, rel=5e-6)
-
-
-@pytest.mark.parametrize("courant", [1.8, 1.9])
-def test_noh_bathe_runs_below_its_limit_and_not_above(courant):
-    case = on_a_wall("noh-bathe", {"name": "lagrange"}, velocity=-1.0)
-    case["time"] = {"steps": 2000, "courant": courant, "on_unstable": "warn"}
-    if courant < 3.745 / 2:
-        result = run(case)
-        assert result.summary["certificate"]["stable"] == "yes"
-        assert (result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]).max() < 0.6
-        return
-    with pytest.raises(percuss.RunError) as stopped:
-        run(case)
-    stop = stopped.value.result.summary["stop"]
-    assert 0 < stop["step"] < 2000
-    assert stop["time"] == pytest.approx(stop["step"] * stopped.value.result.summary["dt"])
-    assert (stop["body"], "above" in stop["cause"]) == ("b", True)
-
-
-def test_a_scheme_of_which_no_step_is_stable_is_told(tmp_path):
-    (tmp_path / "heun.py").write_text('''
-from dataclasses import dataclass
-import numpy as np
-from percuss import Integrator, Stages, accelerations
-
-
-@dataclass(frozen=True)
-class Heun(Integrator):
-    """Heun's scheme, which amplifies every frequency."""
-    name = "heun"
-    summary = "Heun"
-    order = 2
-    def bind(self, dt):
-        return Stages((0.0, 1.0))
-    @staticmethod
-    def step(numbers, system, u, v, kept, dt):
-        a, b = np.empty_like(u), np.empty_like(u)
-        accelerations(system, 0, u, v, a)
-        accelerations(system, 1, u + dt * v, v + dt * a, b)
-        u += dt * v + 0.5 * dt * dt * a
-        v += 0.5 * dt * (a + b)
-''')
-    files, case = [tmp_path / "heun.py"], hunek(4, integrator="heun", contact={"name": "penalty"})
-    assert certificate(model_of(percuss.load(case, plugins=files)))["stable"] == "no"
-    with pytest.raises(percuss.InputError, match="some step is known to be stable"):
-        settled(percuss.load({**case, "time": {"end": 0.1, "courant": "auto"}}, plugins=files))
-
-
-def test_waves_are_refused_and_both_ways_of_stability_agree():
-    case = percuss.load(hunek(6, integrator="noh-bathe", contact={"name": "penalty"}))
-    with pytest.raises(percuss.PercussError, match="noh-bathe is no leap-frog scheme"):
-        waves(model_of(case))
-    told = {row["by"]: row for row in stability(case, by=("linear-laws", "black-box"))}
-    critical = [told[way]["dt_critical"] for way in ("linear-laws", "black-box")]
-    assert critical[0] == pytest.approx(critical[1], rel=1e-5)
 
 
 # ------------------------------------------------------------------------------------------------------ accounts
@@ -553,23 +447,6 @@ def test_internal_forces_are_those_of_dense_matrices(compiled, tmp_path):
     # minus the reaction that would hold the end, as the forces on it are minus f_int
     assert others[0] == pytest.approx(-force[support], rel=1e-11)
     assert not any(others[1:])
-
-
-def test_materials_remember_nothing_of_internal_forces(tmp_path):
-    """A scheme that asks for the internal forces of ten times the strain makes the steps of velocity Verlet."""
-    case = hunek(5, courant=0.5, integrator="velocity-verlet", contact=PENALTY, end=0.6)
-    for body in case["bodies"].values():
-        body["material"] = {
-            **body["material"], "name": "bilinear-plastic", "yield_stress": 0.02, "tangent": 0.1,
-        }  # fmt: skip
-    one = run(case)
-    assert one.summary["energy"]["dissipated"] > 0.0
-    case["method"]["integrator"] = "mine"
-    files = mine(tmp_path, 2, "end=((dt, dt**2, dt),)", "internal(system, 0, 10.0 * u, kept[1])")
-    for compiled in (True, False):
-        other = percuss.run(percuss.load(case, plugins=files), compiled=compiled)
-        for name in ("displacement", "contact_force", "dissipated_energy"):
-            np.testing.assert_array_equal(one.arrays[name], other.arrays[name])
 
 
 @pytest.mark.parametrize("compiled", [False, True], ids=["plain", "compiled"])
