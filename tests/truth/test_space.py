@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import percuss
-from blocks import bar, block, impact
+from blocks import block, impact
 from hertz import WHOLE, over_hertz
 from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
@@ -77,26 +77,6 @@ def test_a_box_that_stands_out_over_another_keeps_its_accounts_with_mortar():
         assert found.summary["energy"]["max"] <= found.summary["energy"]["initial"] * (1.0 + 1e-12)
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
-def test_the_error_of_tetrahedra_is_of_the_first_order(pairing):
-    """The nodes of the edges of the end faces have other masses than a bar has there."""
-    errors = []
-    for count in (10, 20):
-        left, right = (
-            block(at, speed, [count, count // 5, count // 5], cells="tet4", size=(1.0, 0.2, 0.2))
-            for at, speed in ((0.0, 0.5), (1.0, -0.5))
-        )
-        bars = {name: bar(at, speed, count, 0.04) for name, at, speed in (("left", 0.0, 0.5), ("right", 1.0, -0.5))}
-        found, expected = (
-            impact(bodies, WU, "regularised-lagrange", 0.2 / count, of).arrays["contact_force"]
-            for bodies, of in (({"left": left, "right": right}, pairing), (bars, None))
-        )
-        errors.append(np.abs(found - expected).max() / 0.02)
-    assert errors[0] < 0.15
-    assert errors[1] / errors[0] == pytest.approx(0.5, abs=0.05)
-
-
 @pytest.mark.parametrize("cells", ["hex8", "tet4"])
 def test_a_body_turns_about_its_axis(cells):
     """Spin about an oblique axis: kinetic energy and momentum of a body that turns about its centre of mass."""
@@ -108,19 +88,6 @@ def test_a_body_turns_about_its_axis(cells):
     assert velocity == pytest.approx(np.cross(spin, arm), abs=1e-15)
     assert np.abs(a.mass @ velocity).max() < 1e-15
     assert a.mass @ a.mesh.nodes / a.mass.sum() == pytest.approx(size / 2, abs=1e-12)
-
-
-def test_a_box_is_turned_about_an_axis():
-    """Turned by 120 degrees about the diagonal, x becomes y, y becomes z and z becomes x."""
-    size = (1.0, 0.2, 0.3)
-    body = block(0.0, 0.0, [2, 1, 1], size=size, angle=120.0, axis=[1, 1, 1])
-    mesh = (
-        model_of(percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}}))
-        .bodies["a"]
-        .mesh
-    )
-    assert np.ptp(mesh.nodes, axis=0) == pytest.approx([0.3, 1.0, 0.2], abs=1e-14)
-    assert mesh.regions["right"].outward == pytest.approx([0.0, 1.0, 0.0], abs=1e-14)
 
 
 # ---------------------------------------------------------------------------------------------- balls
