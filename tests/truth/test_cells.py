@@ -11,20 +11,13 @@ from percuss.certificate.black_box import BlackBox
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.matrices import operator_of
 from percuss.certificate.verdict import certificate
-from percuss.certificate.waves import waves
 from percuss.contact.laws import points_of_law
-from percuss.errors import PercussError
 from percuss.march.model_of_case import model_of
 from percuss.mesh.stresses import stress_field
 from strategies import CORE, CORE_LAWS, FIRST, LEAPFROG, hunek, is_refused, largest, pair_id, run
 
 SPECTRAL = [{"name": "spectral-bar", "order": order} for order in (1, 2, 3, 4)]
 ELEMENTS = ["quadratic-bar", *SPECTRAL[1:]]
-
-
-def with_deep(quick, *deep):
-    """Return elements as parameters of a test, of which some are deep: their kernels are compiled for seconds."""
-    return [*quick, *(pytest.param(element, marks=pytest.mark.deep) for element in deep)]
 
 
 STEEL = {"young": 100.0, "density": 0.01}  # waves run at 100
@@ -147,22 +140,6 @@ def test_courant_number_one_is_the_critical_step_of_the_exact_matrices(element):
         assert 100.0 * model.dt / (2.0 / 6.0) == pytest.approx(1.0 / np.sqrt(6.0), rel=1e-12)
 
 
-@pytest.mark.parametrize("element", with_deep(["quadratic-bar"], *SPECTRAL[1:4]), ids=element_id)
-def test_a_run_stays_bounded_at_the_critical_step_and_grows_beyond_it(element):
-    case = bar(element, 3)  # free, as a support takes the mode of the highest frequency away
-    case["loads"] = {"push": {"constant": 1.0, "on": "a.right"}}
-    for courant, stable in ((0.999, True), (1.01, False)):
-        changed = {**case, "time": {"steps": 3000, "courant": courant}}
-        verdict = certificate(made(changed))
-        assert verdict["stable"] == ("yes" if stable else "no")
-        try:
-            energy = run(changed).arrays["elastic_energy"]
-            grows = bool(largest(energy) > 10.0 * largest(energy[:100]))
-        except percuss.RunError:
-            grows = True
-        assert grows is not stable
-
-
 @pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)
 def test_the_error_of_a_frequency_is_of_twice_the_order(element):
     order = order_of(element)
@@ -176,30 +153,6 @@ def test_the_error_of_a_frequency_is_of_twice_the_order(element):
 
 
 # ------------------------------------------------------------------------------------------------------ runs
-
-
-@pytest.mark.deep
-def test_a_smooth_wave_converges_faster_with_a_higher_order():
-    """One period of a raised cosine, whose displacement has a jump in its third derivative, at equal numbers of nodes.
-
-    The order of every element is at most that of the jump, about 3; the step is so short that its error is far less.
-    """
-    errors = {}
-    for element in ("bar", "quadratic-bar", SPECTRAL[3]):
-        order = 1 if element == "bar" else order_of(element)
-        for nodes in (24, 96):
-            case = bar(element, nodes // order)
-            pulse = {"value": 0.5, "frequency": 1.0 / 0.012, "phase": -0.5 * np.pi, "mean": 0.5}
-            case["loads"] = {"pulse": {"harmonic": pulse, "on": "a.left", "until": 0.012}}
-            case["time"] = {"step": 0.018 / 4000, "steps": 4000}
-            case["record"]["every"] = 4000
-            errors[order, nodes] = run(case).summary["exact"]["displacement_error"]
-    observed = {order: np.log2(errors[order, 24] / errors[order, 96]) / 2 for order in (1, 2, 4)}
-    assert observed[1] == pytest.approx(2.0, abs=0.05)
-    assert observed[2] == pytest.approx(3.0, abs=0.3)
-    assert observed[4] > 2.8
-    assert errors[2, 96] < 0.05 * errors[1, 96]
-    assert errors[4, 96] < 0.5 * errors[2, 96]
 
 
 @pytest.mark.parametrize("integrator", ["central-difference", "velocity-verlet"])
@@ -226,27 +179,6 @@ def test_a_run_is_that_of_dense_matrices(element, integrator):
         v = half + 0.5 * model.dt * acceleration(u)
     found = result.arrays["displacement"][:, 0, 0]
     np.testing.assert_allclose(found, history[: found.size], rtol=0, atol=1e-8 * largest(np.array(history)))
-
-
-@pytest.mark.parametrize("element", with_deep(["quadratic-bar"], SPECTRAL[2]), ids=element_id)
-def test_a_viscous_run_is_that_of_dense_matrices(element):
-    case = bar(element, 4, velocity=0.3)
-    case["loads"] = {"push": {"constant": 1.5, "on": "a.right"}}
-    case["method"]["integrator"] = {"name": "viscous-central-difference", "viscosity": 0.3}
-    case["time"] = {"steps": 50, "courant": 0.7}
-    model, result = made(case), run(case)
-    stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
-    force = np.zeros(mass.size)
-    force[-1] = 1.5
-    u, v, history = np.zeros(mass.size), 0.3 - 0.5 * model.dt * force / (0.01 * mass), []
-    for _ in range(51):
-        history.append(u[0])
-        v = v + model.dt * (force - 100.0 * stiffness @ (u + 0.3 * model.dt * v)) / (0.01 * mass)
-        u = u + model.dt * v
-    found = result.arrays["displacement"][:, 0, 0]
-    np.testing.assert_allclose(found, history[: found.size], rtol=0, atol=1e-8 * largest(np.array(history)))
-    assert result.summary["energy"]["ledger_error"] < 1e-11
-    assert certificate(model)["stable"] == "yes"
 
 
 @pytest.mark.parametrize("direction", [(1.0,), (3.0, 4.0), (1.0, -2.0, 2.0)], ids=lambda v: f"{len(v)}d")
@@ -313,15 +245,6 @@ def test_impacts_keep_momentum_and_close_the_ledger(element, pair):
         assert result.summary["contacts"]["tip"]["impulse"] == pytest.approx(0.02, rel=0.3)
 
 
-def test_the_impulse_converges_to_the_exact_one():
-    for element in ("quadratic-bar", SPECTRAL[3]):
-        errors = [
-            run(impact(element, {"name": "lagrange"}, n=n)).summary["exact"]["contacts"]["tip"]["impulse_error"]
-            for n in (5, 20)
-        ]
-        assert errors[1] < 0.5 * errors[0], element
-
-
 @pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector"])
 @pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[2]], ids=element_id)
 @pytest.mark.parametrize(
@@ -366,19 +289,6 @@ def test_the_stiffest_contact_that_a_step_allows_is_that_of_exact_matrices(eleme
 # ------------------------------------------------------------------------------------------ stress, state variables
 
 
-@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[3]], ids=element_id)
-def test_stress_of_a_stretched_bar_is_uniform(element):
-    case = bar(element, 3, fixed=["left"])
-    case["bodies"]["a"]["bar"]["grading"] = 2.0
-    # pulled so slowly that waves have run many times: stress is E times the mean strain
-    case["loads"] = {"pull": {"prescribed-velocity": 1e-4, "on": "a.right"}}
-    case["time"] = {"end": 4.0, "courant": 0.9}
-    case["record"]["fields"] = 10
-    result = run(case)
-    stress, time = result.field_arrays["stress"][-1], result.field_arrays["time"][-1]
-    np.testing.assert_allclose(stress, 100.0 * 1e-4 * time / 2.0, rtol=0.03)
-
-
 @pytest.mark.parametrize("element", ELEMENTS, ids=element_id)
 def test_the_stress_of_an_element_is_the_mean_over_its_length(element):
     # which is E times the mean strain, the difference of the ends over the length, whatever happens between them
@@ -421,11 +331,6 @@ def test_materials_remember_at_every_quadrature_point(element):
 
 
 # -------------------------------------------------------------------------------------------------- refusals
-
-
-def test_waves_at_an_interface_are_refused():
-    with pytest.raises(PercussError, match="body 'short' are of the kind line3: harmonics at an interface"):
-        waves(made(impact("quadratic-bar", {"name": "penalty"})))
 
 
 @pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[3]], ids=element_id)
