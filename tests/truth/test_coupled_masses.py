@@ -92,26 +92,6 @@ def test_waves_have_the_frequencies_of_the_dispersion_relation(consistency):
         assert inverse @ stiffness @ wave == pytest.approx((2.0 * z + (s - 1.0) * z**2) * wave, abs=1e-12)
 
 
-def test_the_highest_frequencies_are_those_that_the_docstring_tells():
-    count = 50
-    for consistency, squared in ((1.0, 12.0), (0.375, 16.0 / 3.0), (0.0, 4.0), (-1.5, 2.0)):
-        inverse, stiffness, _ = uniform(count, consistency)
-        highest = np.linalg.eigvals(inverse @ stiffness).real.max()
-        assert highest == pytest.approx(squared, rel=1e-12)
-        case = hunek(7, integrator="central-difference", contact={"name": "lagrange"})
-        case["method"]["mass"] = {"name": "reciprocal", "consistency": consistency}
-        courant = 2.0 / math.sqrt(squared)
-        critical = percuss.stability(percuss.load(case))[0]["courant_critical"]
-        assert critical == pytest.approx(courant, rel=1e-9)
-    # Consistent mass itself has the same highest frequency, sqrt(12) c / h.
-    bars = assemble({"bodies": {"a": {"bar": {"length": 9.0, "elements": 9}, "area": 1.0,
-                                      "material": {"young": 1.0, "density": 1.0}}}})  # fmt: skip
-    consistent = np.zeros((10, 10))
-    for e in range(9):
-        consistent[e : e + 2, e : e + 2] += np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
-    assert eigh(bars.K, consistent, eigvals_only=True)[-1] == pytest.approx(12.0, rel=1e-12)
-
-
 # -------------------------------------------------------------------------------------------- against dense matrices
 
 
@@ -253,41 +233,6 @@ def test_the_critical_step_is_that_of_dense_matrices(consistency, law, integrato
     assert grows(1.001 * critical)
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("integrator", LEAP_FROG)
-def test_a_chosen_step_is_stable_and_just_above_the_critical_one_is_not(law, integrator):
-    case = hunek(9, integrator=integrator, contact=dict(law), courant="auto", end=0.5)
-    case["time"]["on_unstable"] = "warn"  # central difference has no bound on what bipenalty gains at each opening
-    case["method"]["mass"] = {"name": "reciprocal", "consistency": -1.5}
-    summary = ran(case).summary
-    assert summary["certificate"]["stable"] == "yes"
-    assert summary["certificate"]["margin"] == pytest.approx(0.9, rel=1e-6)
-    above = copy.deepcopy(case)
-    above["time"] = {"end": 0.1, "step": 1.001 * summary["certificate"]["dt_critical"], "on_unstable": "warn"}
-    assert ran(above).summary["certificate"]["stable"] == "no"
-
-
-def test_contacts_that_share_an_end_and_differ_are_unknown():
-    """Three bars at one point under bipenalty laws of unlike eps_m / eps_s: theta alone does not decide there."""
-    bar = {"bar": {"length": 1.0, "elements": 4}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
-    case = {
-        "percuss": 1,
-        "bodies": {"a": bar | {"velocity": 0.1}, "b": bar | {"at": 1.0}, "c": bar | {"at": 1.0, "area": 0.6}},
-        "contacts": {"ab": {"between": ["a.right", "b.left"]}, "ac": {"between": ["a.right", "c.left"]}},
-        "method": {
-            "integrator": "wu-predictor-corrector",
-            "contact": "lagrange",
-            "mass": {"name": "reciprocal", "consistency": 0.8},
-        },
-        "time": {"steps": 5, "courant": 0.4, "on_unstable": "warn"},
-    }  # fmt: skip
-    for name, stiffness, inertia in (("ab", 9.0, 0.3), ("ac", 5.0, 1e-9)):
-        case["contacts"][name]["method"] = {"name": "bipenalty", "epsilon_s": stiffness, "epsilon_m": inertia}
-    certificate = ran(case).summary["certificate"]
-    assert certificate["stable"] == "unknown"
-    assert "contacts 'ab', 'ac' share an end and differ in eps_m / eps_s" in certificate["why"]
-
-
 # -------------------------------------------------------------------------------------------------------- identities
 
 
@@ -318,24 +263,6 @@ def test_a_row_that_is_turned_in_the_plane_moves_as_on_the_line(contact):
     assert plane.summary["energy"]["ledger_error"] < 1e-12
 
 
-@pytest.mark.parametrize("consistency", CONSISTENCIES)
-def test_a_body_that_moves_or_falls_as_a_whole_stays_unstrained(consistency):
-    bar = {"length": 2.0, "elements": 9, "grading": 0.3}
-    body = {"bar": bar, "material": {"young": 100.0, "density": 0.01}, "area": 1.0, "velocity": 0.2}
-    case = {
-        "percuss": 1,
-        "bodies": {"a": body},
-        "contacts": {"floor": {"body": "a.left", "wall": -5.0}},
-        "loads": {"weight": {"gravity": -3.0}},
-        "method": {"mass": {"name": "reciprocal", "consistency": consistency}},
-        "time": {"step": 2e-4, "steps": 300},
-    }
-    result = ran(case)
-    assert result.arrays["elastic_energy"].max() < 1e-20
-    time = result.arrays["time"]
-    assert np.abs(result.arrays["displacement"][:, 0, 0] - (0.2 * time - 1.5 * time**2)).max() < 1e-12
-
-
 @pytest.mark.deep
 def test_other_methods_balance_with_it():
     """Viscosity, bodies that are not linear, loads that follow the motion, laws with a kernel."""
@@ -359,21 +286,6 @@ def test_other_methods_balance_with_it():
 
 
 # ---------------------------------------------------------------------------------------------------------- accuracy
-
-
-@pytest.mark.parametrize("integrator", [LEAP_FROG[0], pytest.param(LEAP_FROG[1], marks=pytest.mark.deep)])
-def test_a_smooth_pulse_converges_with_second_order(integrator):
-    errors = []
-    for refine in (1, 2):
-        result = percuss.run(
-            percuss.load("cases/smooth-pulse.yaml"),
-            {
-                "refine": refine, "time.courant": 0.5, "method.contact": "lagrange", "method.integrator": integrator,
-                "method.mass": {"name": "reciprocal"},
-            },
-        )  # fmt: skip
-        errors.append(result.summary["exact"]["displacement_error"])
-    assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
 def test_the_consistency_that_the_docstring_gives_for_a_step_cancels_its_error():
@@ -521,24 +433,6 @@ def test_an_inverse_of_five_diagonals_moves_bars_as_dense_matrices_do(tmp_path):
 
 
 # --------------------------------------------------------------------------------- matrices of held and tied ends
-
-
-@pytest.mark.parametrize("contact", ["lagrange", "tied"])
-@pytest.mark.parametrize("fixed", [[], ["right"]])
-def test_the_inverse_mass_of_held_and_tied_bodies_is_that_of_full_matrices(fixed, contact):
-    from percuss.certificate.matrices import operator_of
-    from percuss.march.model_of_case import model_of
-
-    case = hunek(5, contact=contact)
-    case["bodies"]["long"]["fixed"] = fixed
-    case["method"]["mass"] = {"name": "reciprocal", "consistency": -1.5}
-    operator, bars = operator_of(model_of(percuss.load(case))), assemble(case)
-    motions = operator.motions.toarray()
-    mass = np.linalg.inv(reciprocal_inverse(bars, -1.5))
-    inverse = np.linalg.inv(motions.T @ mass @ motions)
-    assert operator.mass.toarray() == pytest.approx(inverse, rel=1e-9, abs=1e-9)
-    product = inverse @ motions.T @ bars.K @ motions @ inverse
-    assert operator.stiffness.toarray() == pytest.approx(product, rel=1e-9, abs=1e-7)
 
 
 @pytest.mark.parametrize(("consistency", "courant"), [(-1.5, 1.3), (-1.5, 0.4), (1.0, 0.5), (1.0, 0.9)])

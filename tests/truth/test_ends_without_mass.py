@@ -230,24 +230,6 @@ def test_moved_mass_keeps_the_moments_that_it_promises(element_mass, ends, to_ne
         assert moments == 3
 
 
-def test_uniform_bars_of_some_elements_keep_all_three_moments():
-    """The counts that the docstring tells."""
-    for ends, fewest in (((True, False), 5), ((True, True), 7)):
-        kept = []
-        for count in range(2, 30):
-            line = Lumping.of_line(count)
-            mass, lumped = (
-                Redistributed().nodal_in_contact(
-                    np.ones(count), line, np.array([ends[0], *[False] * (count - 1), ends[1]])
-                ),
-                Redistributed().nodal(np.ones(count), line),
-            )
-            position = np.arange(count + 1.0) - count / 2
-            kept.append(np.abs((mass - lumped) @ position[:, None] ** np.arange(3)).max() < 1e-10)
-        assert kept.index(True) + 2 == fewest
-        assert all(kept[fewest - 2 :])
-
-
 # ------------------------------------------------------------------------------------------------------ stability
 
 
@@ -280,52 +262,10 @@ def test_the_critical_step_is_that_of_dense_matrices(to, law):
     assert certificate["by"] == "linear-laws"
 
 
-@pytest.mark.deep
-@settings(max_examples=40, deadline=None, derandomize=True)
-@given(rows(), st.sampled_from([*LAWS, {"name": "tied"}]))
-def test_mass_moved_to_the_neighbour_never_lowers_the_step(case, law):
-    """Ends without mass are as good as held, by interlacing, and mass that is added slows the motion."""
-    assume(not case["loads"])
-    assume(all(body["bar"]["elements"] > 1 for body in case["bodies"].values()))
-    case["method"] |= {"contact": dict(law), "mass": TO_NEIGHBOUR}
-    case["time"] = {"steps": 1, "courant": 0.5}
-    moved = ran(case).summary["certificate"]
-    case["method"]["mass"] = "lumped"
-    lumped = ran(case, {"method.contact": "lagrange"}).summary["certificate"]
-    assert moved["dt_critical"] >= lumped["dt_critical_free"] * (1.0 - 1e-9)
-
-
 def test_the_critical_step_of_a_hundred_elements():
     """The share that the docstring tells."""
     certificate = shipped("doyen-impact", mass="redistributed", contact="lagrange").summary["certificate"]
     assert round(certificate["courant_critical"], 4) == 0.9963
-
-
-@pytest.mark.parametrize("share", [0.999, 1.001])
-def test_a_bar_shakes_itself_apart_above_the_critical_step_alone(share):
-    """Tied to the wall, as a contact that opens ends its growth; the closed contact is what limits the step."""
-    case = {
-        "percuss": 1,
-        "bodies": {
-            "bar": {
-                "bar": {"length": 1.0, "elements": 6, "grading": 0.05},
-                "material": {"young": 1.0, "density": 1.0},
-                "area": 1.0,
-                "velocity": 0.1,
-            }
-        },
-        "contacts": {"wall": {"body": "bar.right", "wall": 1.0}},
-        "method": {"integrator": "central-difference", "contact": "tied", "mass": "redistributed"},
-        "time": {"steps": 1, "step": 1e-6},
-    }
-    critical = ran(case).summary["certificate"]
-    assert critical["dt_critical"] < 0.9 * critical["dt_critical_free"]
-    assert critical["worst"] == ["wall"]
-    case["time"] = {"steps": 2000, "step": share * critical["dt_critical"], "on_unstable": "warn"}
-    result = percuss.run(percuss.load(case))
-    assert result.summary["certificate"]["stable"] == ("yes" if share < 1.0 else "no")
-    kinetic = result.arrays["kinetic_energy"].max()
-    assert (kinetic > 1e6) if share > 1.0 else (kinetic < 0.5)
 
 
 def test_a_law_that_the_certificate_cannot_condense_is_unknown(tmp_path):
@@ -413,25 +353,6 @@ def test_ten_bounces_keep_as_much_energy_as_published_figures_say(mass):
         assert result.summary["contacts"]["foot"]["impulse"] == pytest.approx(1000.0 * 16 / 3, rel=0.01)
 
 
-def test_the_force_of_an_impact_does_not_oscillate():
-    """A force of 300 for 2/3: the penalty at an end with mass rings throughout, what an end without mass keeps is a
-    wave of dispersion behind the front."""
-    noise, late = {}, {}
-    for mass in ("redistributed", "lumped"):
-        law = {"name": "lagrange"} if mass == "redistributed" else {"name": "penalty", "beta_s": 2.0}
-        result = shipped("doyen-impact", mass=mass, integrator="central-difference", contact=law)
-        force, time = result.arrays["contact_force"][:, 0], result.arrays["time"]
-        noise[mass] = np.abs(np.diff(force)).sum() / 600.0  # up to 300 and down again
-        late[mass] = np.abs(force[(time > 0.2) & (time < 0.6)] - 300.0).max() / 300.0
-        if mass == "redistributed":
-            assert result.summary["exact"]["contacts"]["foot"]["force_error_l1"] < 0.016
-            assert result.summary["contacts"]["foot"]["impulse"] == pytest.approx(200.0, rel=0.005)
-    assert noise["redistributed"] < 1.3
-    assert late["redistributed"] < 0.01
-    assert noise["lumped"] > 5.0
-    assert late["lumped"] > 10.0 * late["redistributed"]
-
-
 def test_the_force_converges_with_the_mesh():
     errors = []
     for refine in (1, 2, 4, 8):
@@ -441,34 +362,6 @@ def test_the_force_converges_with_the_mesh():
         )
         errors.append(result.summary["exact"]["contacts"]["foot"]["force_error_l1"])
     assert all(np.array(errors[1:]) < 0.65 * np.array(errors[:-1]))
-
-
-def test_nothing_overlaps_and_nothing_pulls():
-    case = hunek(12, integrator="central-difference", contact="lagrange")
-    case["method"]["mass"] = "redistributed"
-    arrays = ran(case).arrays
-    force, gap = arrays["contact_force"][:, 0], arrays["gap"][:, 0]
-    assert force.max() > 0.04
-    assert (force >= 0.0).all()
-    assert gap.min() > -1e-15
-    assert np.abs(force * gap).max() < 1e-16
-
-
-@pytest.mark.parametrize("at", ["explicit", "end"])
-def test_a_spring_that_pulls_from_the_start_conserves_all_energy(tmp_path, at):
-    """Its force at t = 0 is that of the initial gap, and the end element is stretched by it from the start."""
-    (tmp_path / "laws.py").write_text(PLUGIN)
-    case = hunek(6, integrator="central-difference", contact={"name": "spring", "at": at}, end=0.5)
-    case["plugins"] = [str(tmp_path / "laws.py")]
-    case["bodies"]["long"]["at"] = 10.5
-    case["method"]["mass"] = "redistributed"
-    result = ran(case)
-    stiffness = 100.0 / (10.0 / 6)  # of the elements, and of the spring twice their compliance
-    assert result.arrays["contact_force"][0, 0] == pytest.approx(-0.5 * stiffness / 4.0, rel=1e-12)
-    assert result.arrays["gap"][0, 0] == pytest.approx(0.25, rel=1e-12)
-    assert result.summary["energy"]["ledger_error"] < 1e-13
-    total = sum(result.arrays[name] for name in ("kinetic_energy", "elastic_energy", "contact_energy"))
-    assert np.ptp(total) < 1e-12 * np.abs(total).max()
 
 
 def test_a_turned_row_has_the_same_forces():

@@ -1,6 +1,5 @@
 """Leap-frog schemes in which each body has a step of its own, against dense matrices, central difference and theory."""
 
-import copy
 import math
 
 import numpy as np
@@ -77,21 +76,6 @@ def test_motion_forces_and_energies_are_those_of_full_matrices(contact):
     assert np.abs(stress[: len(u)] - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.deep
-def test_in_two_dimensions_and_with_cells_the_same_impact_gives_the_same_force():
-    case = two_bars(steps=400)
-    force = run(case).arrays["contact_force"]
-    turned, cells = copy.deepcopy(case), copy.deepcopy(case)
-    for body in turned["bodies"].values():
-        body["bar"]["direction"] = [0.6, 0.8]
-        body["at"] = [0.6 * body["at"], 0.8 * body["at"]]
-        body["velocity"] = [0.6 * body["velocity"], 0.8 * body["velocity"]]
-    for body in cells["bodies"].values():
-        body["element"] = {"name": "spectral-bar", "order": 1}
-    for other in (turned, cells):
-        assert np.abs(run(other).arrays["contact_force"] - force).max() < 1e-9 * force.max()
-
-
 def test_bodies_alike_make_central_difference_to_the_last_bit():
     case = two_bars(steps=300)
     case["bodies"]["stiff"]["material"] = SOFT
@@ -104,20 +88,6 @@ def test_bodies_alike_make_central_difference_to_the_last_bit():
     assert ours.summary["certificate"] == theirs.summary["certificate"]
 
 
-def test_without_contact_the_energy_between_two_kicks_is_constant():
-    """Lew et al. (2003): each subsystem is a symplectic leap-frog of its own step, without drift over long runs."""
-    case = two_bars(courant=0.95, steps=20000)
-    del case["contacts"]
-    for body in case["bodies"].values():
-        body |= {"fixed": ["right"], "velocity": 0.1}
-    case["bodies"]["soft"]["at"] = 3.0
-    result = run(case)
-    energy = energy_of(result)
-    assert np.abs(energy / energy[0] - 1.0).max() < 1e-11
-    assert result.summary["certificate"]["stable"] == "yes"
-    assert np.abs(result.arrays["internal_work"] - result.arrays["elastic_energy"]).max() < 1e-11 * energy[0]
-
-
 @pytest.mark.parametrize("element", ["bar", pytest.param("green-bar", marks=pytest.mark.deep)])
 def test_the_ledger_closes_whatever_the_contact_does(element):
     case = three_bars("lagrange", on_unstable="warn", steps=4000)
@@ -126,13 +96,6 @@ def test_the_ledger_closes_whatever_the_contact_does(element):
     result = run(case)
     assert result.summary["energy"]["ledger_error"] < 1e-11
     assert result.summary["certificate"]["energy"] == "not guaranteed"
-
-
-def test_energy_errors_vanish_with_the_step():
-    """The error of an asynchronous step in stored energy falls with the step, and contact makes it of first order."""
-    errors = [run(two_bars(courant=c, end=0.05)).summary["energy"]["bodies_error"] for c in (0.4, 0.2, 0.1)]
-    assert errors[1] < 0.6 * errors[0]
-    assert errors[2] < 0.6 * errors[1]
 
 
 def period_matrix(case, stiffness):
@@ -198,32 +161,6 @@ def test_one_mass_between_two_springs_has_the_resonance_of_the_text():
     assert 0.7 < unstable.min() < math.pi / 4 < unstable.max() + 0.05 < 0.85
 
 
-@pytest.mark.parametrize("courant", [0.5, 0.7])
-def test_resonance_of_tied_bars_is_found_and_real(courant):
-    """Steps of unlike length resonate below the limit of each body; r-RESPA and AVI are known for it."""
-    case = two_bars("tied", courant=courant, end=1.0, on_unstable="warn")
-    found = judged(case)
-    assert found["stable"] == "no"
-    assert "resonate" in found["cure"]
-    result = run(case)
-    assert energy_of(result).max() > 1e3 * energy_of(result)[0]
-    assert result.summary["energy"]["ledger_error"] < 1e-9  # the growth is in the accounts
-    case["method"]["integrator"] = "central-difference"
-    energy = energy_of(run(case))
-    assert energy.max() < 1.1 * energy[0]
-
-
-@pytest.mark.parametrize("contact", ["penalty", "lagrange", "tied"])
-@pytest.mark.parametrize("courant", [0.1, 0.5, 0.9, *(pytest.param(c, marks=pytest.mark.deep) for c in (0.3, 0.7))])
-def test_a_step_that_is_called_stable_does_not_grow(contact, courant):
-    result = run(two_bars(contact, courant=courant, end=1.0, on_unstable="warn"))
-    energy = energy_of(result)
-    if result.summary["certificate"]["stable"] == "yes":
-        assert energy.max() < 1.3 * energy[0]
-    assert result.summary["certificate"]["stable"] in {"yes", "no"}
-    assert result.summary["certificate"]["dt_critical"] is None
-
-
 def test_what_the_certificate_cannot_know_is_unknown_with_the_reason():
     follows, odd = two_bars(), two_bars()
     follows["loads"] = {"bed": {"spring-dashpot": {"stiffness": 5.0}, "on": "soft.right"}}
@@ -249,19 +186,3 @@ def test_massless_ends_are_refused():
     case["method"]["mass"] = "redistributed"
     with pytest.raises(percuss.RefusedPair, match="asynchronous gives no internal forces that act in every step"):
         model_of(percuss.load(case))
-
-
-def test_internal_forces_of_a_body_that_is_not_due_are_not_evaluated():
-    """Its elements are made to give nan between two kicks: nothing shows until the next one."""
-    march = March(model_of(percuss.load(two_bars(steps=40))))
-    march.compile()
-    march.advance(march.stepper.amplitudes(0, 11), 0, 11)
-    ((block, _, _),) = march.arrays.blocks
-    values = block.element[0]
-    values.flags.writeable = True
-    values[10:] = np.nan
-    march.advance(march.stepper.amplitudes(11, 9), 11, 9)
-    assert np.isfinite(march.v).all()
-    march.advance(march.stepper.amplitudes(20, 1), 20, 1)
-    assert np.isfinite(march.v[:10]).all()
-    assert np.isnan(march.v[11:]).all()
