@@ -57,17 +57,6 @@ def test_at_courant_number_one_an_absorbing_end_reflects_nothing():
     assert result.summary["momentum"]["error"] < 1e-14
 
 
-def test_the_end_of_a_bar_moves_as_a_point_within_a_longer_one():
-    """The reference is another run: of the bar with an absorbing end, and of one that goes on, before waves return."""
-    short = run(bar({"push": PUSH, "end": ABSORBING}, courant=0.5, end=0.25))
-    long = bar({"push": PUSH}, elements=150, length=30.0, courant=0.5, end=0.25)
-    apart = np.abs(short.arrays["velocity"][:, 0] - run(long).arrays["velocity"][:, 0]).max()
-    assert apart < 5e-3  # of the velocity 1: what the elements reflect, of the order of (kappa h)^2 / 16
-    finer = run(bar({"push": PUSH, "end": ABSORBING}, elements=100, courant=0.5, end=0.25))
-    long["bodies"]["bar"]["bar"]["elements"] = 300
-    assert np.abs(finer.arrays["velocity"][:, 0] - run(long).arrays["velocity"][:, 0]).max() < apart / 3.0
-
-
 @each_integrator(INTEGRATORS)
 def test_a_bar_on_a_mount_is_the_damped_oscillator_of_its_nodes(integrator):
     """One element with both nodes free, one of them on a spring and a dashpot: by the exponential of its matrix."""

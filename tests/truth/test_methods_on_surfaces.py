@@ -136,29 +136,6 @@ def test_a_region_in_two_contacts_presses_both_as_one_bar(pairing):
     assert found.summary["energy"]["ledger_closed"]
 
 
-@pytest.mark.parametrize("pairing", [NODES, GAUSS, MORTAR])
-def test_a_region_that_carries_the_points_of_two_contacts_keeps_its_accounts(pairing):
-    """A strip hits one block and slides past a wall above; its corner is in both contacts."""
-    bodies = {
-        "a": block((0, 0), (0.05, 0.02), (8, 4), angle=2.0), "b": block((1.02, -0.1), (0, 0), (8, 5)),
-        "c": block((1.02, 0.31), (0, 0), (8, 3), (1.0, 0.2)),
-    }  # fmt: skip
-    contacts = {
-        "low": {"between": ["a.right", "b.left"]}, "high": {"between": ["a.right", "c.left"]},
-        "lid": {"body": "a.top", "wall": {"point": [0.0, 0.43], "normal": [0.0, -1.0]}},
-    }  # fmt: skip
-    for integrator in (WU, CENTRAL):
-        law = {"name": "regularised-lagrange" if integrator == WU else "penalty"}
-        summary = percuss.run(case(bodies, contacts, integrator, law, pairing)).summary
-        assert all(contact["impulse"] > 0.0 for contact in summary["contacts"].values())
-        assert summary["energy"]["ledger_error"] < 1e-13
-        assert summary["momentum"]["balanced"]
-        assert summary["angular_momentum"]["balanced"]
-        if integrator == WU:
-            assert summary["certificate"]["energy"] == "never grows"
-            assert summary["energy"]["max"] <= summary["energy"]["initial"] * (1.0 + 1e-12)
-
-
 # --------------------------------------------------------------------------------------------------------- ties
 
 
@@ -232,26 +209,6 @@ def test_a_node_at_the_end_of_the_other_face_has_the_area_that_lies_over_it(pair
     bodies = {"a": block([0.0, 0.0], [0.1, 0.0], (4, 8), (1.0, 0.8)), "b": block([1.0, 0.2], [0.0, 0.0], (4, 4))}
     model = model_of(case(bodies, {"c": {"between": ["a.right", "b.left"]}}, pairing=pairing))
     assert model.contact_points.weight == pytest.approx([0.05, 0.1, 0.1, 0.1, 0.05], rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "said"),
-    [
-        ({"thickness": 2.0}, {"thickness": 2.0}, ""),
-        ({}, {"plane": "strain", "thickness": 1.0}, ""),
-        ({"thickness": 2.0}, {}, "of unequal thickness, 2 of 'a' and 1 of 'b'"),
-        ({"plane": "stress"}, {}, "of unequal plane, stress of 'a' and strain of 'b'"),
-    ],
-)
-def test_unequal_thickness_or_plane_of_two_bodies_in_contact_is_a_note(first, second, said):
-    bodies = {
-        "a": block([0.0, 0.0], [0.1, 0.0], (2, 2), **first), "b": block([1.0, 0.0], [0.0, 0.0], (2, 2), **second),
-    }  # fmt: skip
-    one = case(bodies, {"c": {"between": ["a.right", "b.left"]}}, end=0.1)
-    for notes in (percuss.check(one).data["notes"], percuss.run(one).summary["notes"]):
-        found = [note for note in notes if "unequal" in note]
-        assert len(found) == bool(said)
-        assert all(said in note for note in found)
 
 
 @pytest.mark.parametrize(

@@ -191,17 +191,3 @@ def test_a_banded_operator_has_the_numbers_of_full_matrices_in_any_order(blocks)
     mode = operator.motions @ mode
     np.testing.assert_allclose(stiffness @ mode, top * (mass @ mode), rtol=1e-6, atol=1e-9 * top)
     assert operator.modes_at(1.001 * top).shape == (size * blocks, 0)
-
-
-def test_bodies_that_nothing_joins_are_solved_for_together():
-    """Ten times as many contacts as motions that touch in a body, against full matrices."""
-    rng = np.random.default_rng(6)
-    count, size = 40, 3
-    stiffness = scipy.linalg.block_diag(*(rng.uniform(1.0, 2.0) * np.eye(size) - 0.1 for _ in range(count + 1)))
-    mass, rows = np.eye(size * (count + 1)), np.zeros((size * (count + 1), count))
-    for k in range(count):
-        rows[size * (k + 1) - 1, k], rows[size * (k + 1), k] = -1.0, 1.0
-    operator = Operator(*map(scipy.sparse.csr_array, (stiffness, mass, rows)))
-    found = operator.compliance(operator.factor(9.0), np.arange(count))
-    expected = rows.T @ np.linalg.solve(9.0 * mass - stiffness, rows)
-    np.testing.assert_allclose(found.toarray(), expected, rtol=1e-12, atol=1e-15)

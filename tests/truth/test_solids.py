@@ -5,11 +5,8 @@ import pytest
 
 import percuss
 from blocks import alone, bar, block, impact
-from percuss.certificate.verdict import certificate
-from percuss.contact.laws import parameters
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
-from percuss.results.exact_only import run_exact
 from percuss.results.ledger import angular_momentum_summary, open_accounts
 
 WU = "wu-predictor-corrector"
@@ -46,22 +43,6 @@ def test_pressure_traction_and_force_on_an_edge_are_the_same_load(cells):
     for other in (traction, force):
         scale = np.abs(other.arrays["displacement"]).max()
         assert np.abs(pressure.arrays["displacement"] - other.arrays["displacement"]).max() < 1e-13 * scale
-
-
-def test_pressure_on_an_edge_is_that_on_the_end_of_a_bar():
-    load = {"constant": 3.0, "on": "a.right", "as": "pressure"}
-    found, line = pushed(load), percuss.run(alone(bar(0.0, 0.0, area=0.1), loads={"push": load}, **HUNDRED))
-    assert line.exact is not None
-    u, of_bar = found.arrays["displacement"], line.arrays["displacement"]
-    assert of_bar.min() < -1.0
-    assert np.abs(u[..., 0] - of_bar[..., 0]).max() < 1e-12 * np.abs(of_bar).max()
-
-
-def test_pressure_on_all_sides_moves_nothing_but_the_surface():
-    sides = ["a.left", "a.right", "a.bottom", "a.top"]
-    result = pushed({"constant": 1.0, "on": sides, "as": "pressure"}, "tri3")
-    assert result.summary["momentum"]["balanced"]
-    assert np.abs(result.arrays["displacement"].sum(axis=1)[:, 0]).max() < 1e-13
 
 
 def test_a_block_that_is_turned_is_the_block_in_that_direction():
@@ -200,20 +181,6 @@ def test_a_probe_at_a_point_moves_as_its_cell(cells):
     assert np.ptp(found[1:], axis=0).max() > 1e-4
 
 
-def test_a_probe_of_a_bar_is_between_its_nodes():
-    spots = [{"body": "a", "at": [x]} for x in (0.0, 0.3, 1.0)]
-    more = {"method": {"contact": "lagrange"}, "record": {"probes": ["a.left", "a.right", *spots]}}
-    case = alone(bar(0.0, 0.5, 99), 1.1, time={"courant": 1, "end": 1.5}, **more)
-    result = percuss.run(case)
-    left, right, *others = result.arrays["displacement"][..., 0].T
-    assert np.array_equal(others[0], left)
-    assert np.array_equal(others[2], right)
-    assert list(result.coordinates["probe"])[2:] == ["a@0", "a@0.3", "a@1"]
-    exact = run_exact(case).arrays["displacement"][-1, :, 0]
-    assert exact == pytest.approx(result.arrays["displacement"][-1, :, 0], abs=0.011)
-    assert not np.array_equal(others[1], left)
-
-
 @pytest.mark.parametrize(
     ("poisson", "plane", "warned"), [(0.44, "strain", False), (0.46, "strain", True), (0.49, "stress", False)]
 )
@@ -248,22 +215,6 @@ def test_a_run_warns_of_long_cells_of_slender_bodies(body, warned):
     assert ("slender" in str(percuss.check(case))) is bool(warned)
 
 
-def test_a_wall_has_a_point_and_a_normal():
-    """The three ways to give a wall are the same wall; one that is turned is turned with the body."""
-
-    def force(body, wall):
-        return percuss.run(alone(body, wall, time={"courant": 0.5, "end": 2.5})).arrays["contact_force"]
-
-    body, line = block(0.0, 0.5, [20, 4], 0.3), {**bar(0.0, 0.5), "at": [0.0, 0.0]}
-    forces = [force(body, wall) for wall in (1.1, [1.1, 0.0], {"point": [1.1, 7.0], "normal": [-2.0, 0.0]})]
-    assert forces[0].max() > 0.05
-    assert np.array_equal(forces[0], forces[1])
-    assert np.array_equal(forces[0], forces[2])
-    assert np.array_equal(force(line, [1.1, 0.0]), force(line, {"point": [1.1, 0.0], "normal": [-3.0, 0.0]}))
-    with pytest.raises(percuss.InputError, match="expected a wall across the bar, found one of the normal"):
-        model_of(alone(line, {"point": [1.1, 0.0], "normal": [1, 1]}))
-
-
 def test_methods_that_a_case_leaves_out_are_those_of_solids():
     pair = {"left": block(0.0, 0.5, [20, 4]), "right": block(1.0, -0.5, [20, 6])}
     data = {"bodies": pair, "contacts": {"tip": {"between": ["left.right", "right.left"]}}}
@@ -287,25 +238,6 @@ def test_a_load_on_an_edge_is_spread_and_a_support_holds_it():
     assert np.abs(pulled[:, 1]).max() < 1e-2 * pulled[:, 0].max()
     # twice the static elongation (1 - nu^2) F L / (E A), a little less as the held edge cannot contract
     assert pulled[:, 0].max() == pytest.approx(2.0 * 0.91 * 0.01 / 0.2, rel=0.05)
-
-
-@pytest.mark.parametrize("integrator", ["central-difference", WU])
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points", "mortar"])
-def test_automatic_stiffness_of_a_strip_is_that_of_its_bar(integrator, pairing):
-    pair = {"left": block(0.0, 0.5, [20, 4]), "right": block(1.0, -0.5, [20, 4])}
-    ends = {"left": bar(0.0, 0.5), "right": bar(1.0, -0.5)}
-    found = []
-    for bodies in (pair, ends):
-        method = {"integrator": integrator, "contact": {"name": "penalty", "beta_s": "auto"}, "pairing": pairing}
-        for step in (0.025, 0.045):
-            model = model_of(percuss.load({
-                "percuss": 1, "bodies": bodies, "contacts": {"tip": {"between": ["left.right", "right.left"]}},
-                "method": method, "time": {"step": step, "steps": 1},
-            }))  # fmt: skip
-            beta = {value["beta_s"] for value in parameters(model).values()}
-            found.append((*beta, certificate(model)["dt_critical"]))
-    assert np.array(found[:2]) == pytest.approx(np.array(found[2:]), rel=1e-6)
-    assert certificate(model)["stable"] == "yes"
 
 
 def with_load(**load):

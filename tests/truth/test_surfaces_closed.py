@@ -78,18 +78,6 @@ def test_the_determinant_of_a_step_is_the_product_over_theta(pairing, law):
     assert certificate(model)["theta"] == pytest.approx(thetas.max(), rel=1e-9)
 
 
-@pytest.mark.parametrize("pairing", [NODES, MORTAR])
-def test_points_share_the_same_nodes_in_all_units(pairing):
-    """A node that lies on another up to round-off does not see the neighbours of that one."""
-    for across in ((2, 3), (3, 6), (6, 9), (5, 7)):
-        seen = {
-            (tuple(points.count.tolist()), tuple(points.node.tolist()))
-            for width in (0.1, 0.2, 0.3, 0.7, 7.0, 200.0, 0.2e-3)
-            for points in [blocks(pairing, across, along=1, width=width, length=5.0 * width).contact_points]
-        }
-        assert len(seen) == 1
-
-
 @pytest.mark.parametrize("pairing", [NODES, GAUSS])
 def test_theta_of_a_stiffness_from_the_step_is_its_scale(pairing):
     """Also of points that share nodes, as nodes of a fine surface do that see the same node of a coarse one."""

@@ -13,7 +13,6 @@ from scipy.linalg import eigh
 import dense
 import percuss
 from percuss.certificate.verdict import certificate
-from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from strategies import hunek
 
@@ -73,15 +72,6 @@ def test_the_certificate_has_that_limit(viscosity):
     judged = certificate(model_of(percuss.load(case)))
     assert judged["stable"] == "yes"
     assert judged["courant_critical"] == pytest.approx(1.0 / math.sqrt(1.0 + 2.0 * viscosity), rel=1e-9)
-
-
-def test_six_per_cent_of_bulk_viscosity_take_six_per_cent_of_the_step():
-    """b_1 = .06 leaves sqrt(1 + b_1^2) - b_1 of the step; in this scheme that is viscosity = b_1 / C at that C."""
-    courant = math.sqrt(1.0 + 0.06**2) - 0.06
-    case = hunek(20, courant=0.4, integrator=viscous(0.06 / courant))
-    del case["contacts"]
-    assert certificate(model_of(percuss.load(case)))["courant_critical"] == pytest.approx(courant, rel=1e-9)
-    assert courant == pytest.approx(0.9418, abs=1e-5)
 
 
 @pytest.mark.parametrize("beta_s", [0.1, 0.5, 4.0])
@@ -163,44 +153,6 @@ def test_motion_and_dissipated_energy_are_those_of_dense_matrices(dim, compiled)
     assert lost[-1] == pytest.approx(dissipated[-1], rel=1e-10)
 
 
-@pytest.mark.parametrize("dim", [1, 2])
-def test_bodies_of_several_blocks_move_as_one(dim):
-    """The bulk update goes from block to block of nodes; the strain rate of the element between two belongs to both."""
-    count, steps, viscosity = 2500, 40, 0.4
-    direction = np.array([1.0] if dim == 1 else [0.6, -0.8])
-    case = {
-        "percuss": 1,
-        "bodies": {
-            "a": {
-                "bar": {"length": 1.0, "elements": count, "direction": direction.tolist()},
-                "material": {"young": 1.0, "density": 1.0}, "area": 1.0, "velocity": (0.1 * direction).tolist(),
-                "fixed": ["left"],
-            }
-        },
-        "method": {"integrator": viscous(viscosity)},
-        "loads": {"push": {"constant": 0.02, "on": "a.right"}},
-        "time": {"steps": steps, "courant": 0.5},
-    }  # fmt: skip
-    model = model_of(percuss.load(case))
-    march = March(model)
-    start = np.random.default_rng(3).standard_normal((2, count + 1)) * 1e-3
-    march.u[:] = np.outer(start[0], direction).ravel()
-    march.v[:] = np.outer(start[1], direction).ravel()
-    u, v, dt = start[0].copy(), start[1].copy(), model.dt
-    march.compile()
-    march.run()
-    push = np.zeros(count + 1)
-    push[-1] = 0.02
-    for _ in range(steps + 1):
-        stress = count * np.diff(u + viscosity * dt * v)
-        force = push + np.append(stress, 0.0) - np.insert(stress, 0, 0.0)
-        v = v + dt * force / model.bodies.mass
-        v[0] = 0.0
-        u = u + dt * v
-    moved = march.u.reshape(-1, dim) @ direction
-    np.testing.assert_allclose(moved, u, atol=1e-11 * np.abs(u).max())
-
-
 def test_without_viscosity_it_is_central_difference():
     one, other = (
         percuss.run(percuss.load(hunek(5, courant=0.6, integrator=integrator, contact={"name": "penalty"})))
@@ -209,16 +161,6 @@ def test_without_viscosity_it_is_central_difference():
     assert one.arrays.keys() == other.arrays.keys()
     for name, values in one.arrays.items():
         np.testing.assert_array_equal(values, other.arrays[name])
-
-
-def test_viscosity_takes_the_ripple_of_a_penalty():
-    """What it is for: the force of an impact oscillates less about the exact one."""
-    errors = []
-    for integrator in ("central-difference", viscous(0.3)):
-        case = hunek(50, courant=0.6, integrator=integrator, contact={"name": "penalty", "beta_s": 0.5})
-        result = percuss.run(percuss.load(case))
-        errors.append(result.summary["exact"]["contacts"]["tip"]["force_error_l1"])
-    assert errors[1] < 0.7 * errors[0]
 
 
 # ------------------------------------------------------------------------------------------------ what is refused
