@@ -9,7 +9,6 @@ What a run costs is its number of steps times nodes times stages: known before i
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import json
 import math
@@ -23,7 +22,7 @@ import numpy as np
 
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, load
-from percuss.case.quantities import JUDGED_BY, METRICS, by_two
+from percuss.case.quantities import JUDGED_BY, METRICS
 from percuss.certificate.closed_laws import NEVER_GROWS
 from percuss.contact.model import Model
 from percuss.errors import InputError, PercussError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
@@ -35,7 +34,6 @@ from percuss.methods.registry import Registry
 from percuss.results.exact import exact_solution
 from percuss.studies.bench import Bench, Job
 from percuss.studies.candidates import Candidate, defaults, evaluations, meshes, needed_quantities, neighbours
-from percuss.studies.pareto import front_of
 from percuss.studies.pool import number_of_workers
 from percuss.studies.search import Search
 from percuss.studies.spec import read_study
@@ -93,14 +91,13 @@ class Tried:
         What the certificate says; None if the run was not done.
     error, energy, seconds
         The error, true or estimated, the share of energy, and the time of the march; None where they are not known.
+        Of errors against two finer runs it is the larger one.
     evaluations
-        Number of steps times nodes times stages, infinite if the run was not done.
+        The cost that the search keeps small: number of steps times nodes times stages, infinite if it was not done.
     excess
         The largest ratio of a number to its bound: at most 1 where all bounds are met, infinite where one is not known.
     key
         Key of its row in the study.
-    both
-        Its errors against the first and against the second of two finer runs, of which `error` is the larger.
     """
 
     candidate: Candidate
@@ -113,12 +110,6 @@ class Tried:
     evaluations: float
     excess: float
     key: str
-    both: tuple[float | None, ...] = ()
-
-    @property
-    def cost(self) -> float:
-        """What the search keeps small: `evaluations`."""
-        return self.evaluations
 
     @property
     def meets(self) -> bool:
@@ -127,8 +118,7 @@ class Tried:
 
     def as_dict(self) -> Entries:
         """Return the run as plain data for JSON."""
-        names = ("status", "reason", "stable", "error", "both", "energy", "seconds", "evaluations", "cost", "excess")
-        own = {name: getattr(self, name) for name in (*names, "key")}
+        own = {name: value for name, value in vars(self).items() if name != "candidate"}
         return {**self.candidate.changes, **own, "meets": self.meets}
 
 
@@ -140,70 +130,47 @@ class Recommendation:
     ----------
     bounds
         What was asked.
-    best
-        The cheapest run that meets the bounds; None if none does.
-    second
-        The cheapest of another pair.
-    nearest
-        The run that comes nearest to the bounds, where none meets them.
     front
-        The runs of which none is both cheaper and more accurate, by rising cost.
+        The runs of which none is both cheaper and further within the bounds, by rising cost. The last one is the
+        nearest where none meets the bounds.
     tried
         All runs, in the order in which they were made.
     refused
         Why pairs were not run, of which one method refuses the other.
-    beside
-        Number of neighbours of the best, or else of the nearest, that are settled: each of them has missed the bounds
-        on a cheaper mesh or costs more than the best. Neighbours differ in the mesh, the step or one option.
-    unsettled
-        Number of the other neighbours, for which no runs were left.
-    untried
-        Number of pairs that were not run, because the number of runs is smaller.
     left
-        Number of lines (methods, options and step) of which a mesh that did not run may still be better.
-    estimated
-        Whether errors are estimated against a finer run, because no exact solution covers the case.
-    unjudged
-        Why no run has an error; empty if one has.
+        Number of choices of methods, options and step of which a mesh that did not run may still be better.
+    judges
+        The finer runs against which errors are estimated; none where the exact solution tells them.
     study
         The study with all runs.
     """
 
     bounds: Bounds
-    best: Tried | None
-    second: Tried | None
-    nearest: Tried | None
     front: list[Tried]
     tried: list[Tried]
     refused: Mapping[tuple[str, str], str]
-    beside: int
-    unsettled: int
-    untried: int
     left: int
-    estimated: bool
-    unjudged: str
+    judges: list[str]
     study: Study
 
+    @property
+    def best(self) -> Tried | None:
+        """The cheapest run that meets the bounds; None if none does."""
+        return next((one for one in self.front if one.meets), None)
+
     def as_dict(self) -> Entries:
-        """Return the answer as plain data for JSON, with the command of each run that it names."""
-
-        def told(one: Tried | None) -> Entries | None:
-            return None if one is None else {**one.as_dict(), "command": self.study.command(one.key)}
-
+        """Return the answer as plain data for JSON, with the command of the best run."""
+        best = self.best
         return {
             "title": self.study.title,
             "file": str(self.study.path),
-            "bounds": dataclasses.asdict(self.bounds),
-            **{name: told(getattr(self, name)) for name in ("best", "second", "nearest")},
-            "front": [told(one) for one in self.front],
+            "bounds": vars(self.bounds),
+            "best": best and {**best.as_dict(), "command": self.study.command(best.key)},
+            "front": [one.as_dict() for one in self.front],
             "tried": [one.as_dict() for one in self.tried],
             "refused": {" + ".join(pair): reason for pair, reason in self.refused.items()},
-            "neighbours": self.beside,
-            "unsettled_neighbours": self.unsettled,
-            "untried_pairs": self.untried,
-            "lines_left": self.left,
-            "estimated": self.estimated,
-            "unjudged": self.unjudged,
+            "choices_left": self.left,
+            "estimated": bool(self.judges),
         }
 
 
@@ -217,7 +184,6 @@ def recommend(
     integrators: Sequence[str] = (),
     contacts: Sequence[str] = (),
     runs: int = 400,
-    seed: int = 0,
     out: str | os.PathLike[str] | None = None,
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
@@ -238,8 +204,6 @@ def recommend(
         Names of the methods to choose from; by default all that are registered.
     runs
         Largest number of runs.
-    seed
-        Seed of the order of the pairs.
     out
         File of the runs, as of `percuss.study`; by default ``CASE-recommend.sqlite`` in the current folder.
     workers
@@ -263,9 +227,10 @@ def recommend(
     """
     bounds, set_ = Bounds(error, energy, seconds, measure), {**(changes or {})}
     case = load(Path(path), set_, plugins=plugins)
-    _check(bounds, runs, seed)
+    _check(bounds, runs)
     number_of_workers(workers)
-    if error is not None and case.reference is None and _why_no_exact_solution(case):
+    model = model_of(case)
+    if error is not None and case.reference is None and exact_solution(model, (model.steps + 1) * model.dt)[2]:
         set_["reference.refine"] = FINER
     expect_names("percuss.recommend", "integrators", integrators)
     expect_names("percuss.recommend", "contacts", contacts)
@@ -275,7 +240,8 @@ def recommend(
         raise InputError([case.problem(("contacts", case.bonds[0]), message, advice)])
     methods = _methods(case.registry, integrators, contacts)
     pairings = case.registry.names("pairings") if case.method.pairing is not None else ()
-    set_ |= _fixed(case) | second_reference(load(Path(path), set_, plugins=plugins), methods[1], pairings)
+    end = model.steps * model.dt if case.time.end is None else case.time.end
+    set_ |= _fixed(case, end) | second_reference(load(Path(path), set_, plugins=plugins), methods[1], pairings)
     file = Path(out) if out is not None else Path(f"{Path(path).stem}-recommend.sqlite")
     expect_no_input(file, case.inputs)
     for output in outputs:
@@ -290,7 +256,7 @@ def recommend(
     spec = read_study(plan, [Path(plugin) for plugin in plugins])
     bench = Bench.of(spec.cases, spec.rows)
     with session(spec, bench, file, None, workers=workers, longest=longest, most=runs) as running:
-        return _answer(_Runs(bench, running, bounds, runs, progress), methods, np.random.default_rng(seed))
+        return _answer(_Runs(bench, running, bounds, runs, progress), methods)
 
 
 def bound_of(text: str, option: str) -> float | None:
@@ -311,8 +277,8 @@ def bound_of(text: str, option: str) -> float | None:
         raise InputError([Problem(option, "", found, "Write it as 1% or 0.01.")]) from None
 
 
-def _check(bounds: Bounds, runs: int, seed: int) -> None:
-    """Raise InputError for bounds, a number of runs or a seed that no search can start from."""
+def _check(bounds: Bounds, runs: int) -> None:
+    """Raise InputError for bounds or a number of runs that no search can start from."""
     problems = [
         Problem(f"--{name}", "", f"expected a finite number greater than 0, found {value:g}")
         for name, value in (("error", bounds.error), ("energy", bounds.energy), ("time", bounds.seconds))
@@ -327,8 +293,6 @@ def _check(bounds: Bounds, runs: int, seed: int) -> None:
         problems.append(Problem("--measure", "", f"expected a true error, found '{bounds.measure}'", advice))
     if runs < FEWEST_RUNS:
         problems.append(Problem("--runs", "", f"expected a number of at least {FEWEST_RUNS}, found {runs}"))
-    if seed < 0:
-        problems.append(Problem("--seed", "", f"expected a whole number of at least 0, found {seed}"))
     refuse_if_any(problems)
 
 
@@ -341,40 +305,27 @@ def _methods(registry: Registry, integrators: Sequence[str], contacts: Sequence[
         If one is not registered, or needs a quantity that belongs to the case.
     """
     expect_methods(registry, integrators, contacts)
-    problems, chosen = [], []
+    problems, chosen = [], list[list[str]]()
     for option, names in (("integrator", integrators), ("contact", contacts)):
-        family = f"{option}s"
-        methods: dict[str, Any] = {name: registry.get(family, name) for name in names or registry.names(family)}
-        needed = {name: quantities for name, method in methods.items() if (quantities := needed_quantities(method))}
-        problems += [
-            Problem(f"--{option}", "", f"'{name}' needs a value of {' and '.join(needed[name])}, which no search knows")
-            for name in names
-            if name in needed
-        ]
-        # A law that ties a contact at times is none to choose, unless it is named.
-        ties = {name for name, method in methods.items() if not names and getattr(method, "tied_during", False)}
-        chosen.append([name for name in methods if name not in {*needed, *ties}])
+        chosen.append([])
+        for name in names or registry.names(f"{option}s"):
+            method: Any = registry.get(f"{option}s", name)
+            needed = " and ".join(needed_quantities(method))
+            if not needed and (names or not getattr(method, "tied_during", False)):
+                chosen[-1].append(name)  # a law that ties a contact at times is none to choose, unless it is named
+            elif needed and names:
+                message = f"'{name}' needs a value of {needed}, which no search knows"
+                problems.append(Problem(f"--{option}", "", message))
     refuse_if_any(problems)
     return chosen[0], chosen[1]
 
 
-def _why_no_exact_solution(case: Case) -> str:
-    """Return why no exact solution covers the whole of a case; empty if one does."""
-    model = model_of(case)
-    return exact_solution(model, (model.steps + 1) * model.dt)[2]
-
-
-def _fixed(case: Case) -> Entries:
+def _fixed(case: Case, end: float) -> Entries:
     """Return what all candidates have in common, by path: the end of the run, no contact with methods of its own."""
-    end = case.time.end
-    if end is None:
-        model = model_of(case)
-        end = model.steps * model.dt
     fixed = {"time.step": None, "time.steps": None, "time.end": end, "record.every": 1, "record.fields": 0}
     if case.time.courant is None:  # the case has to be one before a candidate says its own
         fixed["time.courant"] = 1.0
-    own = {f"contacts.{name}.{key}": None for name in case.contacts for key in ("method", "pairing")}
-    return fixed | {path: None for path in own if case.origin.get(tuple(path.split("."))) is not None}
+    return fixed | {f"contacts.{name}.{key}": None for name in case.contacts for key in ("method", "pairing")}
 
 
 class _Runs:
@@ -383,11 +334,11 @@ class _Runs:
     def __init__(self, bench: Bench, session: Session, bounds: Bounds, runs: int, progress: Progress | None) -> None:
         self._bench, self._session, self.bounds, self._runs, self._progress = bench, session, bounds, runs, progress
         ((self._label, self.case),) = bench.cases.items()
-        self.rows: dict[str, Entries] = {}
+        self.tried: dict[str, Tried] = {}
         self.refused: dict[tuple[str, str], str] = {}
         self.reason: PercussError = InputError([])
         self.made: Study | None = None
-        self._jobs: dict[str, tuple[Candidate, Job]] = {}
+        self._jobs: dict[str, Job] = {}
         self._rate = 0.0  # the least time of a march for one evaluation
         self._usual: Entries = {}  # methods that fit, to count nodes and steps with
         self._node_steps = functools.cache(self._count_node_steps)
@@ -456,46 +407,41 @@ class _Runs:
     def ask(self, candidates: Sequence[Candidate]) -> list[float]:
         """Run candidates and return their excess."""
         for one in [one for one in candidates if one.key not in self._jobs][: self.room]:
-            task = Task(self._label, one.integrator, one.contact, one.changes, one.changes)
-            self._jobs[one.key] = one, self._bench.job(task)
-        self.made = self._session.make([job for _, job in self._jobs.values()], self._count)
-        self.rows = dict(zip(self._jobs, self.made.as_records(), strict=True))
-        tried = self.tried()
-        self._rate = min((one.seconds / one.evaluations for one in tried if one.seconds), default=0.0)
-        excess = {one.candidate.key: one.excess for one in tried}
-        return [excess.get(one.key, math.inf) for one in candidates]
+            self.tried[one.key] = Tried(one, "", "", None, None, None, None, math.inf, math.inf, "")
+            self._jobs[one.key] = self._bench.job(
+                Task(self._label, one.integrator, one.contact, one.changes, one.changes)
+            )
+        told = self._progress
+        progress = None if told is None else lambda done, _: told(done, self._runs)
+        self.made = self._session.make(list(self._jobs.values()), progress)
+        rows = zip(self.tried.items(), self.made.as_records(), strict=True)
+        self.tried = {key: judged(row, one.candidate, self.bounds) for (key, one), row in rows}
+        self._rate = min((one.seconds / one.evaluations for one in self.tried.values() if one.seconds), default=0.0)
+        return [self.tried[one.key].excess if one.key in self.tried else math.inf for one in candidates]
 
-    def _count(self, done: int, total: int) -> None:  # noqa: ARG002 - of the round, not of the search
-        if self._progress is not None:
-            self._progress(done, self._runs)
 
-    def tried(self) -> list[Tried]:
-        """Return the runs, judged by the bounds."""
-        return [self._judged(self.rows[key], candidate) for key, (candidate, _) in self._jobs.items()]
-
-    def _judged(self, row: Data, candidate: Candidate) -> Tried:
-        ran = row["status"] == "done" and row["seconds"] is not None
-        doubt = why_never(row) if ran else ""
-        kept, most, bounds = row["energy_kept"], row["energy_max"], self.bounds
-        error, energy = row[bounds.measure], None if kept is None else abs(1.0 - kept)
-        growth = None if None in (kept, most) else max(kept, most) - 1.0
-        seconds = row["seconds"] if ran else None
-        asked = (error, bounds.error), (energy, bounds.energy), (growth, bounds.growth), (seconds, bounds.seconds)
-        ratios = [math.nan if value is None else value / bound for value, bound in asked if bound is not None]
-        both = tuple(row[path] for path in by_two(bounds.measure)[:2] if path in row)
-        return Tried(
-            candidate,
-            row["status"],
-            row["reason"] or doubt,
-            stable=row[STABLE] if row["status"] == "done" else None,
-            error=error,
-            energy=energy,
-            seconds=seconds,
-            evaluations=float(row["node_steps"]) if ran else math.inf,
-            excess=max(ratios) if ran and not doubt and all(map(math.isfinite, ratios)) else math.inf,
-            key=row["key"],
-            both=() if all(value is None for value in both) else both,  # of a run that an exact solution judges
-        )
+def judged(row: Data, candidate: Candidate, bounds: Bounds) -> Tried:
+    """Return the run of a candidate, judged by the bounds, from its row in the table of a study."""
+    ran = row["status"] == "done" and row["seconds"] is not None
+    doubt = why_never(row) if ran else ""
+    kept, most, error = row["energy_kept"], row["energy_max"], row[bounds.measure]
+    energy = None if kept is None else abs(1.0 - kept)
+    growth = None if None in (kept, most) else max(kept, most) - 1.0
+    seconds = row["seconds"] if ran else None
+    asked = (error, bounds.error), (energy, bounds.energy), (growth, bounds.growth), (seconds, bounds.seconds)
+    ratios = [math.nan if value is None else value / bound for value, bound in asked if bound is not None]
+    return Tried(
+        candidate,
+        row["status"],
+        row["reason"] or doubt or (row[UNJUDGED] or "" if error is None and bounds.error is not None else ""),
+        stable=row[STABLE] if row["status"] == "done" else None,
+        error=error,
+        energy=energy,
+        seconds=seconds,
+        evaluations=float(row["node_steps"]) if ran else math.inf,
+        excess=max(ratios) if ran and not doubt and all(map(math.isfinite, ratios)) else math.inf,
+        key=row["key"],
+    )
 
 
 def why_never(row: Data) -> str:
@@ -515,53 +461,36 @@ def why_never(row: Data) -> str:
     return "" if row["energy_kept"] is not None else "by how much its energy changed is not known"
 
 
-def _answer(runs: _Runs, methods: tuple[list[str], list[str]], random: np.random.Generator) -> Recommendation:
+def _answer(runs: _Runs, methods: tuple[list[str], list[str]]) -> Recommendation:
     """Search and return the answer."""
     case = runs.case
     pairing = case.method.pairing.name if case.method.pairing is not None else ""
     usable = [one for one in defaults(*methods, case.registry, pairing) if runs.fits(one)]
     if not usable:
         raise runs.reason
-    of_pair = {one.pair: one for one in reversed(usable)}
-    drawn = random.permutation(len(of_pair))[: max(1, int(SHARE_OF_FIRST_RUNS * runs.room))]
-    first = [list(of_pair.values())[k] for k in drawn]
+    of_pair = list({one.pair: one for one in reversed(usable)}.values())
+    drawn = np.random.default_rng(0).permutation(len(of_pair))[: max(1, int(SHARE_OF_FIRST_RUNS * runs.room))]
+    first = [of_pair[k] for k in drawn]
     search = Search(first, usable, runs.meshes(first[0]), lambda one: neighbours(one, case.registry), runs)
     search.run()
     if runs.made is None:
         raise AssertionError("a search has made no run")
-    tried, (cost, _) = runs.tried(), search.best()
-    known = [one for one in tried if math.isfinite(one.excess)]
-    best = _cheapest(tried)
-    nearest = min(known, key=lambda one: (one.excess, one.cost), default=None) if best is None else None
-    centre = best or nearest
-    around = [not search.left(line, cost) for line in search.around(centre.candidate)] if centre is not None else []
-    reasons = (row[UNJUDGED] or "" for row in runs.rows.values())
+    cost, _ = search.best()
     return Recommendation(
         bounds=runs.bounds,
-        best=best,
-        second=_cheapest(one for one in tried if best is not None and one.candidate.pair != best.candidate.pair),
-        nearest=nearest,
-        front=front(known),
-        tried=tried,
+        front=front(runs.tried.values()),
+        tried=list(runs.tried.values()),
         refused=runs.refused,
-        beside=sum(around),
-        unsettled=len(around) - sum(around),
-        untried=len(of_pair) - len({one.candidate.pair for one in tried}),
         left=sum(bool(search.left(line, cost)) for line in search.lines.values()),
-        estimated=any(row.get(JUDGED_BY) for row in runs.rows.values()),
-        unjudged=next(reasons, "") if all(one.error is None for one in tried) else "",
+        judges=[*dict.fromkeys(row[JUDGED_BY] for row in runs.made.as_records() if row.get(JUDGED_BY))],
         study=runs.made,
     )
 
 
-def _cheapest(runs: Iterable[Tried]) -> Tried | None:
-    """Return the cheapest run that meets the bounds; of equal costs that with the least excess."""
-    return min(
-        (one for one in runs if one.meets), key=lambda one: (one.cost, one.excess, one.candidate.key), default=None
-    )
-
-
-def front(runs: Sequence[Tried]) -> list[Tried]:
+def front(runs: Iterable[Tried]) -> list[Tried]:
     """Return the runs of which none is both cheaper and further within the bounds, by rising cost."""
-    rows = front_of(np.array([one.cost for one in runs]), np.array([one.excess for one in runs]))
-    return [runs[row] for row in rows]
+    kept: list[Tried] = []
+    for one in sorted(runs, key=lambda one: (one.evaluations, one.excess, one.candidate.key)):
+        if one.excess < (kept[-1].excess if kept else math.inf):
+            kept.append(one)
+    return kept
