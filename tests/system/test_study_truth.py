@@ -7,8 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +17,6 @@ import percuss
 import places
 from percuss import digest
 from percuss.errors import InputError
-from percuss.locks import locked
 from percuss.studies import columns
 from percuss.studies.perform import failure_status
 from percuss.studies.spec import read_study
@@ -241,25 +238,21 @@ def written(folder, name="study.yaml", **more):
     return path
 
 
-# ------------------------------------------------------------------------------------------- one file is of one study
+# ------------------------------------------------------------------------------------------------ the file of the rows
 
 
-def test_a_file_of_another_study_is_refused_and_left_as_it_is(tmp_path):
-    one = written(tmp_path, "one.yaml", title="One", vary={"time.courant": [0.3, 0.4]})
-    other = written(tmp_path, "other.yaml", title="Other", vary={"time.courant": [0.5]})
-    out = tmp_path / "a.sqlite"
-    percuss.study(one, out, workers=1)
-    before = percuss.open_study(out).table
-    with pytest.raises(InputError, match=r"holds another study: 'One' of .*one\.yaml; this is 'Other' of") as caught:
-        percuss.study(other, out, workers=1)
-    assert "Name another file with -o, or remove this one." in str(caught.value)
-    assert percuss.open_study(out).table.equals(before)
-    assert not (tmp_path / "a.sqlite.lock").exists()
-    with pytest.raises(InputError, match=r"this is 'Mapping' of .*\.yaml"):
-        percuss.study({**given(tmp_path), "title": "Mapping"}, out, workers=1)
-    # the same file with another plan goes on, also under another title
-    written(tmp_path, "one.yaml", title="One, longer", vary={"time.courant": [0.3, 0.4, 0.5]})
-    assert percuss.study(one, out, workers=1).found == 2
+def test_two_studies_in_one_file_lose_no_row(tmp_path):
+    """The keys tell which rows belong to a study: the file shows the last, and keeps the rows of the other."""
+    plans = [
+        given(tmp_path, title=title, vary={"time.courant": values})
+        for title, values in (("1", [0.3, 0.4]), ("2", [0.5]))
+    ]
+    first = percuss.study(plans[0], tmp_path / "a.sqlite", workers=1).table
+    other = percuss.study(plans[1], tmp_path / "a.sqlite", workers=1)
+    assert (other.title, other.found, other.counts) == ("2", 0, {"done": 1})
+    again = percuss.study(plans[0], tmp_path / "a.sqlite", workers=1)
+    assert again.found == 2
+    assert again.table.equals(first)
 
 
 def test_a_study_has_the_units_that_all_its_cases_name(tmp_path):
@@ -268,24 +261,6 @@ def test_a_study_has_the_units_that_all_its_cases_name(tmp_path):
     cases = [str(tmp_path / name) for name in ("case.yaml", "other.yaml")]
     study = percuss.study(given(tmp_path) | {"cases": cases}, tmp_path / "a.sqlite", workers=1)
     assert percuss.open_study(study.path).units == {"force": "N"}
-
-
-def test_a_study_that_moves_together_with_its_rows_is_the_same(tmp_path):
-    (tmp_path / "here").mkdir()
-    one = written(tmp_path / "here", cases=["case.yaml"], vary={"time.courant": [0.3, 0.4]})
-    percuss.study(one, tmp_path / "here" / "a.sqlite", workers=1)
-    (tmp_path / "here").rename(tmp_path / "there")
-    moved = written(tmp_path / "there", cases=["case.yaml"], vary={"time.courant": [0.3, 0.4, 0.5]})
-    assert percuss.study(moved, tmp_path / "there" / "a.sqlite", workers=1).found == 2
-
-
-def test_a_file_has_the_name_of_its_study_and_another_of_that_name_is_refused(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    written(tmp_path, "study.yaml", title="One")
-    written(tmp_path, "a/study.yaml", title="Another")
-    assert percuss.study("study.yaml", workers=1).path == Path("study.sqlite")
-    with pytest.raises(InputError, match=r"study\.sqlite: holds another study: 'One' of .*this is 'Another' of"):
-        percuss.study("a/study.yaml", workers=1)
 
 
 def test_two_at_once_are_refused_and_a_dead_one_is_no_obstacle(tmp_path):
@@ -307,27 +282,6 @@ def test_two_at_once_are_refused_and_a_dead_one_is_no_obstacle(tmp_path):
     assert (tmp_path / "a.sqlite.lock").exists()
     assert percuss.study(file, out, workers=1).counts == {"done": 1}
     assert not (tmp_path / "a.sqlite.lock").exists()
-
-
-def test_of_many_threads_one_at_a_time_holds_a_lock(tmp_path):
-    inside, most, refused = [0], [0], [0]
-
-    def work():
-        for _ in range(50):
-            try:
-                with locked(tmp_path / "a"):
-                    inside[0] += 1
-                    most[0] = max(most[0], inside[0])
-                    time.sleep(0.0005)
-                    inside[0] -= 1
-            except InputError:
-                refused[0] += 1
-
-    threads = [threading.Thread(target=work) for _ in range(6)]
-    [thread.start() for thread in threads]
-    [thread.join() for thread in threads]
-    assert most == [1]
-    assert refused[0] > 0
 
 
 # ------------------------------------------------------------------------------------- failures that are not a method's

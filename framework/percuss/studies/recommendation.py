@@ -255,7 +255,7 @@ def recommend(
     }
     spec = read_study(plan, [Path(plugin) for plugin in plugins])
     bench = Bench.of(spec.cases, spec.rows)
-    with session(spec, bench, file, None, workers=workers, longest=longest, most=runs) as running:
+    with session(spec, bench, file, workers=workers, longest=longest, most=runs) as running:
         return _answer(_Runs(bench, running, bounds, runs, progress), methods)
 
 

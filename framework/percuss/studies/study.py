@@ -18,10 +18,10 @@ from functools import partial
 from pathlib import Path
 
 from percuss.case.arguments import expect_files
-from percuss.errors import InputError, shortened, wrong_input
+from percuss.errors import InputError, wrong_input
 from percuss.files import expect_no_input, expect_place, expect_writable
 from percuss.interrupt import interruptible
-from percuss.jsonable import Data, Entries, as_lists
+from percuss.jsonable import Data, as_lists
 from percuss.locks import locked
 from percuss.results.provenance import keys_of, machine, origins
 from percuss.studies.bench import Bench, Job
@@ -87,8 +87,8 @@ def study(
     Raises
     ------
     InputError
-        If the study, a case or a varied path is wrong, or `out` holds another study or is being written by another
-        process, or an output cannot be written or is a file that the study reads; nothing was run then.
+        If the study, a case or a varied path is wrong, or `out` is no file of a study or is being written by
+        another process, or an output cannot be written or is a file that the study reads; nothing was run then.
     PluginError
         If one of `plugins` cannot be used.
     """
@@ -104,10 +104,7 @@ def study(
     for output in outputs:
         expect_writable(output, [*spec.inputs, ("file of rows", file)])
     jobs, bench = planned(spec)
-    of_file = None if isinstance(path, Mapping) else Path(path)
-    with session(
-        spec, bench, file, of_file, workers=workers, scheduler=scheduler, longest=longest, most=len(jobs)
-    ) as running:
+    with session(spec, bench, file, workers=workers, scheduler=scheduler, longest=longest, most=len(jobs)) as running:
         return running.make(jobs, progress, again)
 
 
@@ -135,7 +132,6 @@ def session(
     spec: StudySpec,
     bench: Bench,
     file: Path,
-    of_file: Path | None,
     *,
     workers: int | None,
     scheduler: str | None = None,
@@ -150,8 +146,6 @@ def session(
         The study, and where its runs are made.
     file
         File of the rows.
-    of_file
-        Path of the study file, if it has one.
     workers, scheduler, longest
         As in `study`.
     most
@@ -160,15 +154,11 @@ def session(
     Raises
     ------
     InputError
-        If the file holds another study, or another process writes to it.
+        If the file is none of a study, or another process writes to it.
     """
     expect_place(file)
     with locked(file), ExitStack() as ends:
-        store, identity = Store(file, new=True), _identity(of_file, spec)
-        held = store.fact("study")
-        if held is not None and not _is_same(held, identity):
-            message = f"holds another study: {_described(held)}; this is {_described(identity)}"
-            raise wrong_input(str(file), message, "Name another file with -o, or remove this one.")
+        store = Store(file, new=True)
         if scheduler is not None:
             from percuss.studies.cluster import made_on_cluster
 
@@ -177,7 +167,7 @@ def session(
             made = _made_here
         else:
             made = partial(ends.enter_context(Workers(min(number_of_workers(workers), most))).made, longest)
-        yield Session(spec, bench, store, made, identity)
+        yield Session(spec, bench, store, made)
         store.finish()
 
 
@@ -192,13 +182,11 @@ class Session:
         File of its rows.
     made
         Makes runs, and yields the records of those that have ended meanwhile.
-    identity
-        Of which study the file is.
     """
 
-    def __init__(self, spec: StudySpec, bench: Bench, store: Store, made: Makers, identity: Data) -> None:
+    def __init__(self, spec: StudySpec, bench: Bench, store: Store, made: Makers) -> None:
         self._spec, self._bench, self._store, self._made = spec, bench, store, made
-        self._identity, self._begun = identity, False
+        self._begun = False
 
     def make(self, jobs: Sequence[Job], progress: Progress | None = None, again: Sequence[str] = ()) -> Study:
         """Make the runs of these jobs, which are all of the study so far, and store them as they end.
@@ -233,7 +221,6 @@ class Session:
         plugins = {name: origin for case in cases.values() for name, origin in case["plugins"].items()}
         units = [case.data.get("units") or {} for case in self._spec.cases.values()]
         facts = {
-            "study": self._identity,
             "spec": self._spec.data,
             "columns": {column.name: column.what for column in self._spec.rows.columns},
             "cases": cases,
@@ -259,25 +246,3 @@ def _made_here(bench: Bench, jobs: Sequence[Job], stop: threading.Event) -> Gene
             yield records
             records, since = [], time.monotonic()
     yield records
-
-
-# ------------------------------------------------------------------------------------------------- of which study
-
-
-def _identity(file: Path | None, spec: StudySpec) -> Entries:
-    """Return by what a study is known: the place of its file, or else name, title and cases."""
-    place = (str(file.resolve()), file.name) if file is not None else (None, None)
-    title, cases = str(spec.data.get("title", "")), spec.data.get("cases", [])
-    return {"file": place[0], "name": place[1], "title": title, "cases": cases}
-
-
-def _is_same(first: Data, second: Data) -> bool:
-    """Return whether two identities are of the same study, whose plan may have changed, and which may have moved."""
-    alike = all(first.get(name) == second.get(name) for name in ("name", "title", "cases"))
-    return alike or (first.get("file") is not None and first.get("file") == second.get("file"))
-
-
-def _described(identity: Data) -> str:
-    title = f"'{identity.get('title')}'" if identity.get("title") else "one without a title"
-    cases = ", ".join(map(str, identity.get("cases") or ()))
-    return f"{title} of {identity.get('file') or shortened(cases)}"
