@@ -24,7 +24,7 @@ from percuss.reporting.tables import show
 from percuss.reporting.terminal import study_lines
 from percuss.studies import bench
 from percuss.studies.columns import metric
-from percuss.studies.layout import study_schema
+from percuss.studies.layout import RangeSection, SampleSection, study_schema
 from percuss.studies.perform import Run
 from percuss.studies.spec import read_study
 
@@ -164,6 +164,20 @@ def test_values_that_go_together_and_conditions(tmp_path):
     table = percuss.study(plan, tmp_path / "a.sqlite", workers=1).table
     found = list(table[["time.courant", *names]].itertuples(index=False))
     assert found == [(courant, *pair) for courant in (0.3, 0.5) for pair in pairs]
+
+
+@pytest.mark.parametrize("method", ["random", "latin-hypercube", "sobol", "halton"])
+def test_a_sample_is_reproducible_and_within_its_box(method):
+    axes = {"a": RangeSection(1.0, 3.0), "b": RangeSection(0.01, 100.0, "log")}
+    points = SampleSection(64, axes, method, 7).points()
+    assert points == SampleSection(64, axes, method, 7).points()
+    assert points != SampleSection(64, axes, method, 8).points()
+    a, b = (np.array([one[name] for one in points]) for name in "ab")
+    assert ((a >= 1) & (a <= 3)).all()
+    assert ((b >= 0.01) & (b <= 100)).all()
+    assert 16 < np.sum(b < 1) < 48  # half of them in half of the decades
+    if method == "latin-hypercube":
+        assert sorted(np.floor((a - 1) * 32).astype(int)) == list(range(64))
 
 
 def test_a_plug_in_that_raises_costs_its_own_rows(tmp_path):
@@ -568,6 +582,10 @@ WRONG = [  # a study, of which the first two lines are often these, and what is 
         "4:68: measure.0.during: expected an interval that begins at or before the end of the run, 0.8",
     ),
     (HEAD + "where: [{path: refine, op: <, value: 2}]\n", "3:16: where.0.path: 'refine' is not varied"),
+    (
+        HEAD + "sample: {count: 4, of: {time.courant: {from: 1, to: 0.5}}}\n",
+        "3:25: sample.of.time.courant: has no width: `to` 0.5 is not above `from` 1",
+    ),
     (HEAD + "paired: [{refine: 1}, {time.courant: 1}]\n", "3:23: paired.1: has time.courant, and the first has refine"),
 ]
 
@@ -605,12 +623,12 @@ def test_every_mistake_is_told_at_once(tmp_path, monkeypatch):
     Path("hunek.yaml").write_text(Path(HUNEK).read_text())
     Path("study.yaml").write_text(
         "percuss-study: 1\ncases: [hunek.yaml, hunec.yaml]\nset: {refine: 0}\nmethods: {contacts: [3]}\n"
-        "vary: [1]\nmeasure: [peek_force]\nwhere: [{path: a}]\nkeep: 3\ntied: maybe\n"
+        "vary: [1]\nsample: {count: 0, of: {}}\nmeasure: [peek_force]\nwhere: [{path: a}]\nkeep: 3\ntied: maybe\n"
     )
     with pytest.raises(InputError) as caught:
         percuss.study("study.yaml")
     places = [problem.place.removeprefix("study.yaml:").partition(":")[0] for problem in caught.value.problems]
-    assert places == ["2", "3", "4", "5", "6", "7", "7", "8", "9"]
+    assert places == ["2", "3", "4", "5", "6", "7", "8", "8", "9", "10"]
 
 
 @pytest.mark.parametrize(
@@ -645,12 +663,13 @@ def test_the_schema_of_a_study():
     full = given(
         methods={"integrators": ["central-difference"], "contacts": ["penalty", {"name": "bipenalty", "ratio": 1}]},
         vary={"refine": [1, 2], "time.courant": "0.1:1:5"},
+        sample={"count": 4, "of": {"method.contact.beta_s": {"from": 0.1, "to": 1, "scale": "log"}}},
         measure=["impulse", "energy.final", {"name": "a", "quantity": "gap", "take": "min", "during": [0, 1]}],
         where=[{"path": "refine", "op": "<", "value": 2}],
         keep={"histories": 5},
     )
     assert [error.message for error in validator.iter_errors(full)] == []
-    for wrong in ({"vari": {}}, {"percuss-study": 2}, {"methods": {"contacts": ["penalti"]}}):
+    for wrong in ({"vari": {}}, {"percuss-study": 2}, {"methods": {"contacts": ["penalti"]}}, {"sample": {"count": 0}}):
         assert not validator.is_valid({**full, **wrong})
 
 
@@ -668,6 +687,7 @@ def test_the_table_can_be_exported(tmp_path):
     assert (pd.read_parquet(tmp_path / "a.parquet").impulse == whole.impulse).all()
 
 
+BOX = {"count": 10**9, "of": {"method.contact.beta_s": {"from": 0.1, "to": 1}}}
 NOTHING = {"vary": {"refine": [1, 2]}, "where": [{"path": "refine", "op": "<", "value": "4"}]}
 
 
@@ -678,6 +698,7 @@ NOTHING = {"vary": {"refine": [1, 2]}, "where": [{"path": "refine", "op": "<", "
         ({"vary": {"refine": [1, 2]}, "paired": [{"refine": 3}]}, "refine is varied twice"),
         ({"vary": {"foo.bar": [1], "refine": [1]}}, "foo"),
         ({"vary": {"method.contact.beta_s": "0:1:100000000"}}, "at most 1000000 values"),
+        ({"sample": BOX}, "1000000"),
         (NOTHING, "leaves no run"),
     ],
 )

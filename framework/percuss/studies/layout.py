@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import WrapValidator
 
 from percuss.case.json_schema import DIALECT, component_schema, name_or, schema_of
@@ -34,6 +37,63 @@ class MethodsSection(Section):
     contacts: Annotated[
         tuple[Any, ...], NAMES, Doc("names of contact laws, or {name: ..., option: ...}; by default the case's own")
     ] = ()
+
+
+@dataclass(frozen=True)
+class RangeSection(Section):
+    """The range of a sampled path."""
+
+    kind: ClassVar[str] = "the range"
+
+    from_: Annotated[float, Doc("lower end")]
+    to: Annotated[float, Doc("upper end")]
+    scale: Annotated[Literal["linear", "log"], Doc("whether values or their logarithms are evenly spaced")] = "linear"
+
+    def __post_init__(self) -> None:
+        if not self.from_ < self.to:
+            raise ValueError(f"has no width: `to` {self.to:g} is not above `from` {self.from_:g}")
+        if self.scale == "log" and not self.from_ > 0:
+            raise ValueError(f"starts at {self.from_:g}: a logarithmic range needs ends above 0")
+
+    def at(self, share: float) -> float:
+        """Return the value at a share of the way from the lower to the upper end."""
+        if self.scale == "log":
+            return math.exp(math.log(self.from_) + share * (math.log(self.to) - math.log(self.from_)))
+        return self.from_ + share * (self.to - self.from_)
+
+
+@dataclass(frozen=True)
+class SampleSection(Section):
+    """Points drawn from a box of values."""
+
+    kind: ClassVar[str] = "the sample"
+
+    count: Annotated[int, Ge(1), Le(1_000_000), Unit("1"), Doc("number of points")]
+    of: Annotated[
+        dict[str, Annotated[RangeSection, Expects("a range as {from: 0, to: 1}")]],
+        Expects("a mapping of paths to ranges"),
+        Doc("by path: {from: ..., to: ..., scale: linear or log}"),
+    ]
+    method: Annotated[Literal["random", "latin-hypercube", "sobol", "halton"], Doc("how the points are drawn")] = (
+        "latin-hypercube"
+    )
+    seed: Annotated[int, Ge(0), Unit("1"), Doc("the same seed draws the same points")] = 0
+
+    def points(self) -> list[dict[str, float]]:
+        """Return the points in the order drawn: independent random numbers, or a sequence of `scipy.stats.qmc`."""
+        if self.method == "random":
+            shares = np.random.default_rng(self.seed).random((self.count, len(self.of)))
+        else:
+            from scipy.stats import qmc
+
+            kinds = {"latin-hypercube": qmc.LatinHypercube, "sobol": qmc.Sobol, "halton": qmc.Halton}
+            with warnings.catch_warnings():
+                # A Sobol sequence is balanced at powers of two only, but the user may choose any count.
+                warnings.filterwarnings("ignore", message="The balance properties of Sobol", category=UserWarning)
+                shares = kinds[self.method](len(self.of), rng=np.random.default_rng(self.seed)).random(self.count)
+        return [
+            {path: self.of[path].at(share) for path, share in zip(self.of, row, strict=True)} for row in shares.tolist()
+        ]
 
 
 @dataclass(frozen=True)
@@ -105,6 +165,7 @@ class StudySection(Section):
         Expects("a list of mappings", "Begin with a dash."),
         Doc("list of mappings of paths to values that go together"),
     ] = ()
+    sample: Annotated[SampleSection, Expects("a mapping"), Doc("points drawn from a box")] | None = None
     measure: Annotated[
         tuple[Annotated[MeasureSection, WrapValidator(_or_name), MEASURE], ...],
         Expects("a list of measures", "Begin each with a dash."),

@@ -1,7 +1,7 @@
 """Varied parameters: the grammar of their values, and the points of a study in their space.
 
-Values are written ``1,2,5``, ``0:1:11``, ``0.01:100:log:30``. Points are all combinations of varied values
-and of points whose values go together.
+Values are written ``1,2,5``, ``0:1:11``, ``0.01:100:log:30``. Points are all combinations of varied values,
+points whose values go together, and points drawn from a box.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from percuss.case.csv_file import NOT_FINITE, NUMBER
 from percuss.case.options import LARGEST_NUMBER
 from percuss.errors import InputError, shortened, wrong_input
 from percuss.jsonable import Data, Entries
+from percuss.studies.layout import SampleSection
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,4000}")
 MOST = 1_000_000
@@ -93,13 +94,18 @@ def _grammar_error(place: str, message: str) -> InputError:
     return wrong_input(place, message, f"{GRAMMAR[0].upper()}{GRAMMAR[1:]}.")
 
 
-def number_of_combinations(varied: Mapping[str, Sequence[object]], paired: Sequence[Data] = ()) -> int:
+def number_of_combinations(
+    varied: Mapping[str, Sequence[object]], paired: Sequence[Data] = (), sample: SampleSection | None = None
+) -> int:
     """Return the number of points that `combinations` makes, without making them."""
-    return math.prod(map(len, varied.values())) * max(len(paired), 1)
+    drawn = sample.count if sample is not None else 1
+    return math.prod(map(len, varied.values())) * max(len(paired), 1) * drawn
 
 
-def combinations(varied: Mapping[str, Sequence[object]], paired: Sequence[Data] = ()) -> list[Entries]:
-    """Return all combinations of the varied values, each with every paired point.
+def combinations(
+    varied: Mapping[str, Sequence[object]], paired: Sequence[Data] = (), sample: SampleSection | None = None
+) -> list[Entries]:
+    """Return all combinations of the varied values, each with every paired point and every drawn point.
 
     Raises
     ------
@@ -107,7 +113,13 @@ def combinations(varied: Mapping[str, Sequence[object]], paired: Sequence[Data] 
         If there are more than `MOST`.
     """
     varied = {path: list(values) for path, values in varied.items()}
-    if (count := number_of_combinations(varied, paired)) > MOST:
+    if (count := number_of_combinations(varied, paired, sample)) > MOST:
         raise _grammar_error("--vary", f"expected at most {MOST} combinations of values, found {count}")
     grid = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
-    return [{**grid_point, **paired_point} for grid_point in grid for paired_point in (paired or [{}])]
+    drawn: Sequence[Data] = sample.points() if sample is not None else [{}]
+    return [
+        {**grid_point, **paired_point, **drawn_point}
+        for grid_point in grid
+        for paired_point in (paired or [{}])
+        for drawn_point in drawn
+    ]

@@ -22,7 +22,7 @@ from percuss.methods.blame import SINGULAR
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
 from percuss.studies.columns import Column, RowSettings, column, column_by_name
-from percuss.studies.layout import Condition, StudySection
+from percuss.studies.layout import Condition, SampleSection, StudySection
 from percuss.studies.tasks import FAMILIES, Task, method_name, two_references
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
@@ -168,12 +168,12 @@ class _StudyReader:
         if contacts:
             cases = {label: case.with_one_law() for label, case in cases.items()}
         varied = {path: self.values(("vary", path), given) for path, given in self.entries("vary").items()}
-        paired = self.paired()
-        self.refuse_repeated_paths(varied, paired)
-        if (count := parameters.number_of_combinations(varied, paired)) > parameters.MOST:
+        paired, sample = self.paired(), self.sample()
+        self.refuse_repeated_paths(varied, paired, sample)
+        if (count := parameters.number_of_combinations(varied, paired, sample)) > parameters.MOST:
             message = f"expected at most {parameters.MOST} combinations of values, found {count}"
-            self.reader.wrong(("vary",), message, "Vary fewer values.", key=True)
-        paths = [*varied, *(path for point in paired for path in point)]
+            self.reader.wrong(("vary",), message, "Vary fewer values, or draw a sample of them.", key=True)
+        paths = [*varied, *(path for point in paired for path in point), *(sample.of if sample else ())]
         points = [{path: value} for path, values in varied.items() for value in values]
         cases = {label: two_references(case, contacts, [*points, *paired]) for label, case in cases.items()}
         self.check_conditions([*NAMES, *dict.fromkeys(paths)])
@@ -282,6 +282,13 @@ class _StudyReader:
                 self.reader.wrong(("paired", i), message, "Give every point the same paths.")
         return [point for _, point in points]
 
+    def sample(self) -> SampleSection | None:
+        """Return the points to be drawn, or None if there are none."""
+        section: SampleSection | None = self.reader.part(("sample",))
+        if section is not None and not section.of:
+            self.reader.wrong(("sample", "of"), "expected at least one path, found none", "Add PATH: {from: 0, to: 1}.")
+        return section
+
     def check_conditions(self, paths: list[str]) -> None:
         """Report the conditions on what is not varied."""
         for i in range(len(self.items("where"))):
@@ -290,10 +297,14 @@ class _StudyReader:
                 message = f"'{condition.path}' is not varied"
                 self.reader.wrong(("where", i, "path"), message, suggestion(condition.path, paths))
 
-    def refuse_repeated_paths(self, varied: Data, paired: Sequence[Data]) -> None:
+    def refuse_repeated_paths(self, varied: Data, paired: Sequence[Data], sample: SampleSection | None) -> None:
         """Report a path that is varied in two ways, as the second would silently replace the first."""
-        for path in dict.fromkeys(path for point in paired for path in point if path in varied):
-            self.reader.wrong(("paired",), f"{path} is varied twice", "Give each path once.")
+        seen = set(varied)
+        together = dict.fromkeys(path for point in paired for path in point)
+        for section, paths in (("paired", together), ("sample", sample.of if sample else {})):
+            for path in (path for path in paths if path in seen):
+                self.reader.wrong((section,), f"{path} is varied twice", "Give each path once.")
+            seen |= set(paths)
 
     def columns(self, cases: dict[str, Case], varied: Sequence[str]) -> tuple[Column, ...]:
         """Return the measured columns; `varied` are the paths that differ between runs."""
@@ -355,7 +366,7 @@ class _StudyReader:
 def refuse_wrong_values(spec: StudySpec, read: Iterable[tuple[Task, InputError | None]]) -> None:
     """Raise InputError for the values that are wrong in every run, at their places in the study.
 
-    A value that is right in some run fails as the other runs.
+    A value that is right in some run fails as the other runs; so does one that was drawn.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ def study(
 
 def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
     """Return the jobs of all runs of a study, and the bench that makes them."""
-    points = combinations(spec.vary, spec.paired)
+    points = combinations(spec.vary, spec.paired, spec.section.sample)
     bench = Bench.of(spec.cases, spec.rows)
     jobs, read = [], []
     for task in tasks(spec.cases, spec.integrators, spec.contacts, points, tied=spec.section.tied):
