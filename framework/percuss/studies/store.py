@@ -10,7 +10,6 @@ import contextlib
 import json
 import os
 import sqlite3
-import zipfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -18,21 +17,21 @@ from typing import Any
 
 from percuss.case.hints import file_advice
 from percuss.errors import InputError, UnwrittenError, nearest, wrong_input
-from percuss.files import is_file, is_folder, replacing
+from percuss.files import is_file
 from percuss.jsonable import Data
 from percuss.studies.perform import LOST, Record
 
 FORMAT = 5  # the `user_version` of the file
-TABLES = """
-CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT);
-CREATE TABLE sessions (number INTEGER PRIMARY KEY, provenance TEXT);
-CREATE TABLE plan (number INTEGER PRIMARY KEY, key TEXT, row TEXT);
-CREATE TABLE runs (key TEXT PRIMARY KEY, status TEXT, row TEXT, histories BLOB);
-"""
+TABLES = (
+    "CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT)",
+    "CREATE TABLE sessions (number INTEGER PRIMARY KEY, provenance TEXT)",
+    "CREATE TABLE plan (number INTEGER PRIMARY KEY, key TEXT, row TEXT)",
+    "CREATE TABLE runs (key TEXT PRIMARY KEY, status TEXT, row TEXT, histories BLOB)",
+    f"PRAGMA user_version = {FORMAT}",
+)
+EMPTIED = ("DELETE FROM facts", "DELETE FROM plan")  # before the plan of another session is stored
 STORED = ("reason", "said_by", "fragile", "seconds", "measures", "compiling", "cpu")  # of a record, in its row
 ANOTHER = "Use an undamaged copy, or make the study again: percuss study STUDY -o NEW.sqlite."
-# Errors of SQLite by which a file is none of its own, or damaged; all others come from the machine.
-OF_THE_FILE = {sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR}
 
 
 class Store:
@@ -53,55 +52,43 @@ class Store:
 
     def __init__(self, path: str | os.PathLike[str], *, new: bool = False) -> None:
         self.path = Path(path)
-        if is_folder(self.path):
-            raise self._error("expected a file, found a folder", "Name a file in it.")
-        self._there = is_file(self.path) and (not new or self.path.stat().st_size > 0)
-        if not new and not self._there:
-            message = "expected the file of a study, found nothing that can be read"
+        self._there = is_file(self.path)
+        if self._there:
+            ((found,),) = self.select("PRAGMA user_version")
+            ((tables,),) = self.select("SELECT count(*) FROM sqlite_master")
+            self._there = not new or tables > 0  # a process that was killed while it began leaves an empty database
+            if self._there and found != FORMAT:
+                what = "one of an earlier version" if 0 < found < FORMAT else "another SQLite file"
+                raise self._error(f"expected the file of a study of format {FORMAT}, found {what}", ANOTHER)
+        elif not new:
             near = nearest(self.path.stem, [file.stem for file in self.path.parent.glob("*.sqlite")])
             advice = f"Did you mean '{self.path.with_name(near)}.sqlite'?" if near else "Make one with `percuss study`."
-            raise self._error(message, advice)
-        if self._there:
-            with self._open() as db:
-                ((found,),) = db.execute("PRAGMA user_version")
-                ((tables,),) = db.execute("SELECT count(*) FROM sqlite_master WHERE name IN ('facts', 'plan')")
-            if found != FORMAT or tables != 2:
-                what = "one of an earlier version" if tables == 2 else "another SQLite file"
-                advice = "Make the study again: percuss study STUDY -o NEW.sqlite."
-                raise self._error(f"expected the file of a study of format {FORMAT}, found {what}", advice)
+            raise self._error("expected the file of a study, found nothing that can be read", advice)
 
-    def _error(self, message: str, advice: str = "") -> InputError:
+    def _error(self, message: str, advice: str) -> InputError:
         return wrong_input(str(self.path), message, advice)
 
     @contextmanager
     def _open(self, *, write: bool = False) -> Iterator[sqlite3.Connection]:
         """Open a connection for a with statement, whose body is one transaction, also of all that it reads."""
+        mode = "rw" if self._there else "rwc"
         try:  # a file that may only be read is opened to read it
-            with closing(sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=rw", timeout=60.0, uri=True)) as db:
+            with closing(sqlite3.connect(f"{self.path.absolute().as_uri()}?mode={mode}", timeout=60.0, uri=True)) as db:
                 if write:
                     db.execute("PRAGMA journal_mode = WAL")
                 with db:
                     db.execute("BEGIN IMMEDIATE" if write else "BEGIN")
                     yield db
         except sqlite3.Error as error:
-            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF  # without its finer distinctions
-            if write and code not in OF_THE_FILE:
+            if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_NOTADB:
+                other = file_advice(str(self.path), self.path.read_bytes(), texts=True)
+                found, advice = other or ("no SQLite file", ANOTHER)
+                raise self._error(f"expected the file of a study, found {found}", advice) from error
+            if write:
                 message = f"cannot be written to: {error}; all rows stored before are kept"
                 advice = "When the file can be written again, the same command continues."
                 raise UnwrittenError(f"{self.path}: {message}. {advice}") from error
-            advice = ANOTHER
-            if code == sqlite3.SQLITE_NOTADB:
-                found, advice = file_advice(str(self.path), self.path.read_bytes(), texts=True) or (error, advice)
-                raise self._error(f"expected the file of a study, found {found}", advice) from error
-            raise self._error(f"cannot be read: {error}", advice) from error
-
-    @contextmanager
-    def sound(self) -> Iterator[None]:
-        """Refuse rows inside this context that are not as they were written."""
-        try:
-            yield
-        except (ValueError, LookupError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
-            raise self._error(f"the file is damaged: {type(error).__name__}: {error}", ANOTHER) from error
+            raise self._error(f"cannot be read: {error}", ANOTHER) from error
 
     # ------------------------------------------------------------------------------------------- writing
 
@@ -110,25 +97,15 @@ class Store:
 
         Rows that are no longer in the plan are kept: a later plan may need them again.
         """
-        if not self._there:
-            self._make()
         with self._open(write=True) as db:
-            for table in ("facts", "plan"):
-                db.execute(f"DELETE FROM {table}")  # noqa: S608
+            for statement in TABLES if not self._there else EMPTIED:
+                db.execute(statement)
             if provenance is not None:
                 db.execute("INSERT INTO sessions (provenance) VALUES (?)", (json.dumps(provenance),))
             db.executemany(
                 "INSERT INTO facts VALUES (?, ?)", [(name, json.dumps(fact)) for name, fact in facts.items()]
             )
             db.executemany("INSERT INTO plan (key, row) VALUES (?, ?)", [(key, json.dumps(row)) for key, row in plan])
-
-    def _make(self) -> None:
-        """Make the file, of which nobody sees a part."""
-        for ending in ("-wal", "-shm", "-journal"):  # of a file that was here before, which SQLite would replay
-            self.path.with_name(f"{self.path.name}{ending}").unlink(missing_ok=True)
-        with replacing(self.path, self.path.suffix) as temporary, closing(sqlite3.connect(":memory:")) as db:
-            db.executescript(f"{TABLES} PRAGMA user_version = {FORMAT};")
-            temporary.write_bytes(db.serialize())
         self._there = True
 
     def add(self, records: Sequence[Record]) -> None:
@@ -154,20 +131,10 @@ class Store:
         with self._open() as db:
             return db.execute(query, values).fetchall()
 
-    def json(self, query: str, values: Sequence[object] = ()) -> list[tuple[Any, ...]]:
-        """Return the rows that a query of SQL finds, whose last column is JSON, with its value there.
-
-        Raises
-        ------
-        InputError
-            If it is not as it was written.
-        """
-        with self.sound():
-            return [(*row, json.loads(text)) for *row, text in self.select(query, values)]
-
     def fact(self, name: str) -> Any:
         """Return one of the facts that `begin` stored, or None if there is none."""
-        return next((value for (value,) in self.json("SELECT value FROM facts WHERE name = ?", (name,))), None)
+        found = self.select("SELECT value FROM facts WHERE name = ?", (name,))
+        return json.loads(found[0][0]) if found else None
 
     def finished_keys(self, again: Sequence[str] = ()) -> set[str]:
         """Return the keys of the stored runs to be kept: all but the lost ones and those with a status in `again`."""

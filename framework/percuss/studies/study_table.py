@@ -61,7 +61,8 @@ class Study:
 
         ``processors`` is the number of rows made on each model of processor.
         """
-        sessions = [session for (session,) in self._store.json("SELECT provenance FROM sessions ORDER BY number")]
+        found = self._store.select("SELECT provenance FROM sessions ORDER BY number")
+        sessions = [json.loads(session) for (session,) in found]
         processors = Counter(run.cpu for run in self.runs.values() if run.cpu)
         return {**(sessions or [{}])[-1], "sessions": sessions, "processors": dict(sorted(processors.items()))}
 
@@ -84,13 +85,10 @@ class Study:
     def _rows(self) -> list[tuple[Entries, Record]]:
         """Return the plan and the run of each row, in the order of the study."""
         query = "SELECT plan.key, status, runs.row, plan.row FROM plan LEFT JOIN runs USING (key) ORDER BY number"
-        rows = []
-        for key, status, row, names in self._store.json(query):
-            with self._store.sound():
-                rows.append((names, Record(key, WAITING) if row is None else Record(key, status, **json.loads(row))))
-                if not {"case", "integrator", "contact", "varied"} <= names.keys():
-                    raise LookupError("a row has no names")
-        return rows
+        return [
+            (json.loads(names), Record(key, WAITING) if row is None else Record(key, status, **json.loads(row)))
+            for key, status, row, names in self._store.select(query)
+        ]
 
     def command(self, key: str) -> str | None:
         """Return the command that makes the run of a row alone, or None if no row has this key."""
@@ -160,8 +158,7 @@ class Study:
             ``time`` (T,), ``contact`` (names), ``contact_force`` and ``contact_force_exact`` (T, contacts).
         """
         found = self._store.select("SELECT histories FROM runs WHERE key = ? AND histories IS NOT NULL", (key,))
-        with self._store.sound():
-            return unpacked(found[0][0]) if found else None
+        return unpacked(found[0][0]) if found else None
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write the table as csv or parquet, by suffix, to a temporary file that is then renamed.
