@@ -174,9 +174,6 @@ def test_ctrl_c_ends_the_exact_solution_and_keeps_the_run(monkeypatch):
     assert result.summary["steps"] == 20_000
     assert result.summary["exact"] is None
     assert result.summary["exact_reason"] == "Ctrl-C ended it"
-    again = percuss.results.runner.run_again(unlike(most_memory=0.9), result.summary)
-    assert again.status == "interrupted"
-    assert again.summary["exact_reason"] == result.summary["exact_reason"]
 
 
 def test_that_there_is_no_solution_in_time_is_kept(monkeypatch):

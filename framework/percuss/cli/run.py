@@ -61,7 +61,7 @@ def run(
             both = f"expected {'--tied' if tied else '--resume'} or --exact-only, found both"
             advice = "An exact solution has no interface to tie." if tied else "An exact solution makes no steps."
             raise InputError([Problem("percuss run", "", both, advice)])
-        loaded = _loaded(case, set_, plugin, reference, row, tied=tied, exact_only=exact_only)
+        loaded = _loaded(case, set_, plugin, reference, row, tied=tied)
         if out is not None and for_paraview:
             expect_meshes(out, present=not loaded.of_bars)
         if (plot or animate or for_paraview) and loaded.record.fields == 0:
@@ -91,12 +91,8 @@ def run(
                 answer.exit_code = INTERRUPTED
 
 
-def _loaded(file: Path, sets: Any, plugins: Any, reference: str, row: str, *, tied: bool, exact_only: bool) -> Case:
+def _loaded(file: Path, sets: Any, plugins: Any, reference: str, row: str, *, tied: bool) -> Case:
     """Return the case as it is to be run."""
-    if exact_only and not row:
-        from percuss.results.exact_only import load_for_exact
-
-        return common.load_case(file, sets, plugins, read=load_for_exact)
     read = partial(_of_row, row) if row else None
     loaded = common.load_case(file, sets, plugins, read=read, reference=reference)
     if tied:

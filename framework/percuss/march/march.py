@@ -187,7 +187,6 @@ class March:
         *,
         marginal: bool = False,
         interrupted: threading.Event | None = None,
-        interrupt_after: int | None = None,
         keeper: Keeper | None = None,
     ) -> Outcome:
         """Integrate to the end of the run, or until it is stopped.
@@ -201,8 +200,6 @@ class March:
             linearly with time.
         interrupted
             Event that ends the run after the next chunk of steps when it is set (`percuss.interrupt.interruptible`).
-        interrupt_after
-            Number of steps after which the run ends as if it were interrupted, as an earlier run was; None for none.
         keeper
             Where the state of the run is kept, and that of an earlier march comes from; None for nowhere.
         """
@@ -220,7 +217,7 @@ class March:
         outcome.kinetic_before = energy_before
         # Plain Python would warn of overflow and invalid values; the checks after each chunk report them.
         with np.errstate(all="ignore"):
-            self._march(outcome, progress, interrupted or threading.Event(), interrupt_after, keeper)
+            self._march(outcome, progress, interrupted or threading.Event(), keeper)
             self._add_reactions()
             outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()
             outcome.final_displacement = self._displacement(outcome.done)
@@ -291,7 +288,6 @@ class March:
         outcome: Outcome,
         progress: Progress | None,
         interrupted: threading.Event,
-        interrupt_after: int | None,
         keeper: Keeper | None,
     ) -> None:
         model, resumed, began = self.model, keeper.done if keeper else 0, time.perf_counter()
@@ -314,8 +310,6 @@ class March:
                 outcome.load_impulse = self.stepper.load_impulse(amplitudes)
                 if progress is not None:
                     progress(outcome.done - resumed, model.steps - resumed)
-                if interrupt_after is not None and outcome.done >= interrupt_after:
-                    interrupted.set()
                 if keeper is not None and outcome.done < model.steps:
                     seconds = keeper.seconds + time.perf_counter() - began
                     arrays = self._state_and_histories(outcome, outcome.done)

@@ -376,8 +376,7 @@ def _difference_words(difference: Difference) -> str:
     words = f"{difference.quantity}{of}{when}: {_or_none(difference.then)}, now {_or_none(difference.now)}"
     if difference.largest is None or difference.time is None:
         return words
-    share = "" if difference.relative is None else f", {percent(difference.relative)} of its largest value"
-    return f"{words}; at most {difference.largest:.3g} apart{share}"
+    return f"{words}; at most {difference.largest:.3g} apart"
 
 
 def _or_none(value: object) -> str:

@@ -1,11 +1,9 @@
-"""The exact solution of a case alone, without methods, time step or elements."""
+"""The exact solution of a case alone, without a march."""
 
 from __future__ import annotations
 
-import itertools
 import time
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +12,7 @@ from percuss.blas import one_blas_thread
 from percuss.case.case import Case
 from percuss.contact.contact_problem import contact_problem
 from percuss.errors import wrong_input
-from percuss.jsonable import Data, Entries, plain
+from percuss.jsonable import Entries, plain
 from percuss.march.model_of_case import model_of
 from percuss.march.recording import refuse_large
 from percuss.mesh.body import Body
@@ -27,24 +25,6 @@ from percuss.results.true_error import summary_entries
 
 SAMPLES = 2001  # of each history
 FIELD_POINTS = 200  # points of the stress field per bar
-
-
-def load_for_exact(path: str | Path, overrides: Data | None = None, *, plugins: Sequence[str | Path] = ()) -> Case:
-    """Return a case whose file may leave out the elements and the time step; see `percuss.load`."""
-    from percuss.case.case import load, registry_of
-    from percuss.case.source import Source
-
-    source = Source.read(path)
-    bodies, registry = source.get(("bodies",)), registry_of(source, tuple(Path(file) for file in plugins))
-    for name, shape in itertools.product(bodies if isinstance(bodies, Mapping) else (), registry.names("shapes")):
-        section = source.get(("bodies", name, shape))
-        mesh: Any = registry.get("shapes", shape)
-        if isinstance(section, Mapping) and not set(mesh.without_mesh) <= set(section):
-            source = source.replaced(("bodies", name, shape), {**mesh.without_mesh, **section})
-    section = source.get(("time",))
-    if isinstance(section, Mapping) and not {"courant", "step"} & set(section):
-        source = source.replaced(("time",), {**section, "courant": 1})
-    return load(source, overrides, plugins=plugins)
 
 
 @one_blas_thread()

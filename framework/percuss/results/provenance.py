@@ -171,37 +171,25 @@ def case_inside(provenance: Data, *, plugins: Sequence[Path] = (), name: str = "
     if "single_files" not in provenance:
         message = "does not hold what its case was run with, as an older percuss has written it"
         raise wrong_input(name, message, "Make the run again.")
-    registry = Registry.load([*plugins, *_files_at_their_place(provenance, plugins, name)])
+    here, problems, files = Registry.load(plugins).components, [], dict[Path, None]()
+    for key, origin in provenance["plugins"].items():
+        (named,), file = keys_of([key]), origin["file"]
+        if origin["distribution"] or named in here:
+            continue
+        files[Path(file)] = None
+        if _digest_of(Path(file)) != provenance["single_files"].get(file, {}).get("digest"):
+            message = f"needs {named[1]} ({named[0]}) of {file}: it is not there, or it has changed since"
+            advice = "A result never brings code that is run: name the file with --plugin, even if it has changed."
+            problems.append(Problem(name, "", message, advice))
+    refuse_if_any(problems)
     data = {key: value for key, value in provenance["case"].items() if key != "plugins"}
     source = dataclasses.replace(Source.of(data), name=name, data_files=provenance["data_files"])
-    return load(source, registry=registry)
+    return load(source, registry=Registry.load([*plugins, *files]))
 
 
-def _files_at_their_place(provenance: Data, plugins: Sequence[Path], name: str) -> list[Path]:
-    """Return the single-file plug-ins of a result that stand where they stood, for what `plugins` do not register."""
-    registered = Registry.load(plugins).components
-    problems: list[Problem] = []
-    files: dict[Path, None] = {}
-    for key, origin in provenance["plugins"].items():
-        family, _, component = key.partition("/")
-        if (family, component) in registered:
-            continue
-        if origin["distribution"]:
-            message = f"needs {component} ({family}) of {origin['distribution']} {origin['version']}"
-            problems.append(Problem(name, "", f"{message}, which is not registered here", "Install that plug-in."))
-        elif reason := _why_not_the_same(origin["file"], provenance["single_files"].get(origin["file"], {})):
-            advice = "A result never brings code that is run: name the file with --plugin, even if it has changed."
-            problems.append(Problem(name, "", f"needs {component} ({family}) of {origin['file']}: {reason}", advice))
-        else:
-            files[Path(origin["file"])] = None
-    refuse_if_any(problems)
-    return list(files)
-
-
-def _why_not_the_same(file: str, kept: Data) -> str:
-    """Return why the file at a path is not the single-file plug-in of a result; empty if it is."""
+def _digest_of(file: Path) -> str:
+    """Return the digest of a single-file plug-in; empty if it is none."""
     try:
-        present = SingleFile.read(Path(file))
+        return SingleFile.read(file).digest
     except PluginError:
-        return "it is not there, or cannot be used as a plug-in"
-    return "" if present.digest == kept.get("digest") else "it has changed since"
+        return ""

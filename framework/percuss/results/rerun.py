@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from percuss.case.quantities import QUANTITIES
-from percuss.errors import InputError, PercussError, RunError
+from percuss.errors import InputError, PercussError, RunError, wrong_input
 from percuss.jsonable import Data, Entries
 from percuss.methods.interfaces import Floats, Integers
 from percuss.results.exact_only import run_exact
 from percuss.results.provenance import case_inside
 from percuss.results.result import Result, open_result
-from percuss.results.runner import run_again
+from percuss.results.runner import run
 
 # Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
 _NOT_COMPARED = {"seconds", "notes", "compiled_why"}
@@ -37,8 +37,6 @@ class Difference:
         Contact, probe or body with that difference; may be empty.
     largest
         Largest difference, None where it is no number.
-    relative
-        The same over the largest magnitude of the earlier values.
     """
 
     quantity: str
@@ -47,7 +45,6 @@ class Difference:
     time: float | None = None
     of: str = ""
     largest: float | None = None
-    relative: float | None = None
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,7 @@ class Rerun:
 def rerun(path: Path, plugins: Sequence[Path] = ()) -> Rerun:
     """Run the case inside a result again and compare all that was recorded and summed up.
 
-    A run that was interrupted is ended after the same step; one that was stopped is expected to stop again.
+    A run that was stopped is expected to stop again.
 
     Parameters
     ----------
@@ -109,19 +106,25 @@ def rerun(path: Path, plugins: Sequence[Path] = ()) -> Rerun:
     Raises
     ------
     InputError
-        If the file is no result or is damaged, or its case cannot be read; see `case_inside`.
+        If the file is no result, is damaged or of a run that Ctrl-C ended, or its case cannot be read; see
+        `case_inside`.
     """
     then = open_result(path)
+    if then.marched and then.status == "interrupted":
+        raise wrong_input(str(path), "expected a whole run, found one that Ctrl-C ended", "Go on with it by --resume.")
     case = case_inside(then.provenance, plugins=plugins, name=str(path))
     try:
-        now = run_again(case, then.summary) if then.marched else run_exact(case)
+        if then.marched:
+            now = run(case, compiled=then.summary["compiled"], nudge=then.summary.get("fragile") is not None)
+        else:
+            now = run_exact(case)
     except RunError as stopped:
         now = stopped.result
     except InputError:
         raise
     except PercussError as refused:
         return Rerun(str(path), then.title, (), (), f"there is no result any more: {refused}")
-    if now.status == "interrupted" != then.status:
+    if now.marched and now.status == "interrupted":
         raise KeyboardInterrupt  # Ctrl-C ended the second run
     found = differences(then, now), changes(then.provenance, now.provenance)
     return Rerun(str(path), then.title, tuple(found[0]), tuple(found[1]))
@@ -131,14 +134,11 @@ def differences(then: Result, now: Result) -> list[Difference]:
     """Return all quantities whose bits differ: histories in the order of their first difference, then numbers."""
     histories = [
         *_of_arrays(then.arrays, now.arrays, then.coordinates),
-        *_of_arrays(_fields(then.field_arrays), _fields(now.field_arrays), {"body": then.field_arrays.get("body", [])}),
+        *_of_arrays(then.field_arrays, now.field_arrays, {}, "fields."),
     ]
     histories.sort(key=lambda difference: -np.inf if difference.time is None else difference.time)
-    numbers = [
-        *_of_numbers(_compared(then.summary), _compared(now.summary), ""),
-        *_of_numbers(then.provenance.get("resolved"), now.provenance.get("resolved"), "resolved"),
-    ]
-    return [*histories, *numbers]
+    before, after = (_compared(each.summary) | {"resolved": each.provenance.get("resolved")} for each in (then, now))
+    return [*histories, *_of_numbers(before, after, "")]
 
 
 def row_differences(then: Data, now: Data, histories_then: Data, histories_now: Data) -> list[Difference]:
@@ -151,39 +151,28 @@ def _compared(summary: Data) -> Entries:
     return {name: value for name, value in summary.items() if name not in _NOT_COMPARED}
 
 
-def _fields(arrays: Data) -> Entries:
-    words = {name: f"{name.replace('_', ' ')} of the fields" for name in arrays if name != "stress"}
-    return {words.get(name, name): values for name, values in arrays.items() if not isinstance(values, list)}
-
-
-def _of_arrays(then: Data, now: Data, coordinates: Mapping[str, list[str]]) -> Iterator[Difference]:
+def _of_arrays(then: Data, now: Data, coordinates: Mapping[str, list[str]], of: str = "") -> Iterator[Difference]:
+    """Yield the arrays whose bits differ; the first axis of those over time is that of ``time``."""
     for name in dict.fromkeys([*then, *now]):
-        before, after = then.get(name), now.get(name)
-        if before is None or after is None or np.shape(before) != np.shape(after):
-            yield Difference(name, _shape(before), _shape(after))
+        before, after = np.asarray(then.get(name)), np.asarray(now.get(name))
+        if before.shape != after.shape or before.dtype.kind not in "fiu":
+            if before.shape != after.shape or (before != after).any():
+                yield Difference(f"{of}{name}", str(before.shape), str(after.shape))
             continue
         differs = _bits(before) != _bits(after)
         if not differs.any():
             continue
         first = np.unravel_index(int(np.argmax(differs)), differs.shape)
-        quantity = QUANTITIES.get(name)
-        times = then.get("time_half" if quantity and quantity.axis == "time_half" else "time", ())
-        times = times if len(times) else then.get("time of the fields", ())
-        names = coordinates.get({"element": "body"}.get(of := quantity.of if quantity else "", of), [])
-        largest, relative = _size(before, after)
+        times, quantity = then.get("time", ()), QUANTITIES.get(name)
+        names = coordinates.get(quantity.of if quantity else "", [])
         yield Difference(
-            name,
+            f"{of}{name}",
             _plain(before[first]),
             _plain(after[first]),
             time=float(times[first[0]]) if len(times) == len(before) else None,
             of=str(names[first[1]]) if len(first) > 1 and first[1] < len(names) else "",
-            largest=largest,
-            relative=relative,
+            largest=_size(before, after),
         )
-
-
-def _shape(values: Floats | None) -> str | None:
-    return None if values is None else f"{' x '.join(map(str, np.shape(values)))} values"
 
 
 def _plain(value: float) -> float | None:
@@ -196,13 +185,11 @@ def _bits(values: Floats) -> Integers:
     return np.where(np.isnan(values), np.nan, values).view(np.int64)
 
 
-def _size(before: Floats, after: Floats) -> tuple[float | None, float | None]:
-    """Return the largest difference between numbers, and the same over the largest magnitude before."""
+def _size(before: Floats, after: Floats) -> float:
+    """Return the largest difference between numbers."""
     with np.errstate(all="ignore"):
-        difference = np.abs(np.asarray(after, dtype=float) - np.asarray(before, dtype=float))
-        largest = float(np.max(difference, where=np.isfinite(difference), initial=0.0))
-        scale = float(np.max(np.abs(before), where=np.isfinite(before), initial=0.0))
-    return largest, largest / scale if scale > 0.0 else None
+        difference = np.abs(after.astype(float) - before.astype(float))
+        return float(np.max(difference, where=np.isfinite(difference), initial=0.0))
 
 
 def _of_numbers(then: object, now: object, path: str) -> Iterator[Difference]:
@@ -214,8 +201,7 @@ def _of_numbers(then: object, now: object, path: str) -> Iterator[Difference]:
             yield from _of_numbers(before, after, f"{path}[{place}]")
     elif repr(then) != repr(now):  # of a number, the shortest text that gives back its bits
         numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (then, now))
-        largest, relative = _size(np.array([then]), np.array([now])) if numeric else (None, None)
-        yield Difference(path, then, now, largest=largest, relative=relative)
+        yield Difference(path, then, now, largest=_size(np.array([then]), np.array([now])) if numeric else None)
 
 
 def changes(then: Data, now: Data) -> list[Change]:

@@ -110,26 +110,6 @@ def examined_run(case: Case, *, compiled: bool = True, certify: verdict.Certify 
     return _run(case, Stopwatch(), compiled=compiled, certify=certify)
 
 
-def run_again(case: Case, summary: Data) -> Result:
-    """Run the case of an earlier run again, in the way of that run.
-
-    Parameters
-    ----------
-    case
-        The case.
-    summary
-        Summary of the earlier run: whether it was compiled, whether it had a nudged twin, after which step it was
-        interrupted.
-    """
-    return _run(
-        case,
-        Stopwatch(),
-        compiled=summary["compiled"],
-        nudge=summary.get("fragile") is not None,
-        interrupt_after=summary["steps"] if summary["status"] == "interrupted" else None,
-    )
-
-
 @one_blas_thread()
 @np.errstate(all="ignore")  # an overflow is reported by the stop of the run, or as a history without a number
 def _run(
@@ -138,7 +118,6 @@ def _run(
     *,
     compiled: bool = True,
     nudge: bool = False,
-    interrupt_after: int | None = None,
     progress: Progress | None = None,
     repeats: int | None = 1,
     timed: bool = False,
@@ -160,9 +139,7 @@ def _run(
         if timed:
             march.keep_beginning()
         with MARCH_LOCK if timed else nullcontext(), interruptible() as interrupted:
-            outcome = march.run(
-                progress, marginal=marginal, interrupted=interrupted, interrupt_after=interrupt_after, keeper=keeper
-            )
+            outcome = march.run(progress, marginal=marginal, interrupted=interrupted, keeper=keeper)
             if timed and outcome.status == "done":
                 _repeat(march, outcome, repeats, interrupted, marginal=marginal)
             if interrupted.is_set() and outcome.status == "done":  # in the last steps

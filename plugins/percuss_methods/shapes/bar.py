@@ -25,7 +25,6 @@ class Bar(Shape):
     name = "bar"
     summary = "A straight line of elements with the ends left and right"
     regions = ("left", "right")
-    without_mesh = {"elements": 1}
     examples = ({"length": 10.0, "elements": 10}, {"length": 10.0, "elements": 10, "grading": 3.0})
 
     length: Annotated[float, Gt(0), Unit("length"), Doc("length of the bar")]

@@ -12,7 +12,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from percuss.jsonable import Data
 from percuss.methods.interfaces.base import Component, Floats, Integers
 
 
@@ -134,15 +133,11 @@ class Shape(Component, contract="shapes"):
         Names that a case may take for regions, each with the reason why it is none.
     cell
         Kind of the cells that it makes; ``line`` for a body along a line.
-    without_mesh
-        Options that only control the mesh, with the values used if only an exact solution is computed and the case
-        leaves these options out.
     """
 
     regions: ClassVar[tuple[str, ...]]
     no_regions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     cell: ClassVar[str] = "line"
-    without_mesh: ClassVar[Data] = {}
 
     @abstractmethod
     def dimension(self) -> int | None:
