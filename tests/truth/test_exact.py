@@ -595,7 +595,6 @@ def test_an_exact_solution_alone_is_saved_read_again_and_described(tmp_path):
     assert repr(read) == repr(made)
     assert repr(made).startswith("<percuss.Result ")
     assert "tip: impulse 0.02" in repr(made)
-    assert "bars-in-a-row" in made._repr_html_()
 
 
 def test_an_exact_solution_alone_has_nothing_of_a_run():

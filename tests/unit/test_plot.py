@@ -4,7 +4,6 @@ import copy
 import itertools
 import re
 import sys
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from percuss.case.quantities import TRUE_ERRORS, percent
 from percuss.errors import InputError, PercussError, RunError
 from percuss.march.model_of_case import model_of
 from percuss.mesh.cells import cells_of
-from percuss.reporting import animation, case_figure, comparison_figure, figures, report, run_figure, solids
+from percuss.reporting import animation, case_figure, comparison_figure, figures, run_figure, solids
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run
 
@@ -78,10 +77,6 @@ def knowing(result):
     exact = np.where(out.arrays["time"] < 0.2, 0.05, 0.0)
     out.arrays["contact_force_exact"] = exact[:, None]
     return out, out.arrays["time"], exact
-
-
-def force_figure(result):
-    return run_figure.force_figure(result, figures.axis_end(result))
 
 
 def words(figure):
@@ -223,8 +218,7 @@ def test_title_and_marks_tell_methods_steps_and_what_went_wrong(good, unstable):
     told = words(run_figure.figure_of(unstable))
     assert "UNSTABLE, no valid result: stopped at step" in told
     assert "Likely cause: " in told
-    assert "unstable: not computed" in words(force_figure(unstable))
-    assert "UNSTABLE" in report.notebook_html(unstable)
+    assert "unstable: not computed" in told
     told = words(run_figure.figure_of(fresh(good, status="interrupted", steps=100)))
     assert f"INTERRUPTED at step 100 of {good.summary['steps']}" in told
     assert "interrupted: not computed" in told
@@ -247,13 +241,12 @@ def test_what_is_not_there_is_said(unstable):
 
 def test_each_contact_has_its_panel_and_the_rest_is_said():
     result = row_of_bars(9)
-    for figure in (run_figure.figure_of(result), force_figure(result)):
-        panels = [axes for axes in figure.axes if axes.get_title("right")]
-        assert [axes.get_title("right") for axes in panels] == ["c1", "c2", "c3", "c4", "c5", "c6"]
-        for k, axes in enumerate(panels):
-            assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, k])
-        assert "the first 6 of 8 contacts are shown" in words(figure)
-    assert "are shown" not in words(force_figure(row_of_bars(3)))
+    figure = run_figure.figure_of(result)
+    panels = [axes for axes in figure.axes if axes.get_title("right")]
+    assert [axes.get_title("right") for axes in panels] == ["c1", "c2", "c3", "c4", "c5", "c6"]
+    for k, axes in enumerate(panels):
+        assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, k])
+    assert "the first 6 of 8 contacts are shown" in words(figure)
 
 
 def test_a_long_history_keeps_its_extremes():
@@ -357,76 +350,7 @@ def test_a_convergence_figure_shows_errors_in_per_cent_orders_and_a_slope():
     assert all(text.get_window_extent().x1 < figure.bbox.x1 for text in figure.texts)
 
 
-# -- the notebook ------------------------------------------------------------------------------------------
-
-
-class Tags(HTMLParser):
-    """Checks that tags close in order, and gathers the text of the cells."""
-
-    def __init__(self):
-        super().__init__()
-        self.open, self.cells, self.seen = [], [], []
-
-    def handle_starttag(self, tag, attrs):
-        self.seen.append((tag, dict(attrs)))
-        if tag != "img":
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if self.open and self.open[-1] in ("td", "th"):
-            self.cells.append(data)
-
-
-def parsed(html):
-    tags = Tags()
-    tags.feed(html)
-    tags.close()
-    assert tags.open == []
-    return tags
-
-
-def test_a_notebook_shows_table_and_picture_in_its_own_colours(good):
-    tags = parsed(good._repr_html_())
-    cells, tip = tags.cells, good.summary["contacts"]["tip"]
-    assert cells[cells.index("status") + 1] == "done"
-    assert "bipenalty" in cells[cells.index("methods") + 1]
-    assert f"{good.summary['steps']} steps" in cells[cells.index("steps") + 1]
-    assert percent(good.summary["energy"]["ledger_error"], 2) in cells[cells.index("energy") + 1]
-    assert percent(good.summary["momentum"]["error"], 2) in cells[cells.index("momentum and impulses") + 1]
-    error = good.summary["exact"]["contacts"]["tip"]["force_error_l1"]
-    assert cells[:2] == ["true error", f"the contact force is off by {percent(error, 2)}"]
-    start = cells.index("tip")
-    keys = ("impulse", "peak_force", "first_closed", "last_open", "closed_time")
-    numbers = [*(tip[key] for key in keys), tip["penetration"]["largest"]]
-    assert cells[start - 7 : start + 7] == [
-        *("contact", "impulse", "peak force", "first closed", "last open", "closed for", "penetration"),
-        *("tip", *(f"{number:.6g}" for number in numbers)),
-    ]
-    (picture,) = [attributes for tag, attributes in tags.seen if tag == "img"]
-    assert picture["src"].startswith("data:image/png;base64,")
-    for tag, attributes in tags.seen:
-        if tag in ("td", "th", "table"):
-            assert re.search(r"background:#.*;color:#", attributes["style"])
-
-
-def test_a_notebook_escapes_the_users_text_and_says_never_of_a_contact_that_never_closed(good):
-    result = fresh(good)
-    result.provenance["case"]["title"] = "<script>alert('1')</script> & more"
-    never = {"impulse": 0.0, "peak_force": 0.0, "first_closed": None, "last_open": None, "closed_time": 0.0}
-    result.summary["contacts"] = {"<b>tip</b>": {**never, "penetration": {"largest": 0.0}}}
-    exact = good.summary["exact"]
-    result.summary["exact"] = {**exact, "contacts": {"<b>tip</b>": exact["contacts"]["tip"]}}
-    html = report.notebook_html(result)
-    assert "<script>" not in html
-    assert "<b>" not in html
-    assert "&lt;script&gt;alert(&#x27;1&#x27;)&lt;/script&gt; &amp; more" in html
-    assert parsed(html).cells[-6:] == ["0", "0", "never", "never", "0", "0"]
-
-
-def test_without_matplotlib_a_picture_says_what_to_install_and_a_notebook_has_none(good, tmp_path, monkeypatch):
+def test_without_matplotlib_a_picture_says_what_to_install(good, tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
@@ -435,11 +359,8 @@ def test_without_matplotlib_a_picture_says_what_to_install_and_a_notebook_has_no
     for draw in (lambda: good.plot(path), lambda: figures.check_suffix(path)):
         with pytest.raises(PercussError, match=re.escape(message)):
             draw()
+    assert good._repr_png_() is None  # a notebook shows the words of the result then
     assert list(tmp_path.iterdir()) == []
-    html = report.notebook_html(good)
-    assert "No picture: a picture needs matplotlib" in html
-    assert "<img" not in html
-    assert "tip" in parsed(html).cells
 
 
 # -- solids ------------------------------------------------------------------------------------------------

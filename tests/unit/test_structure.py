@@ -83,7 +83,7 @@ GROUND = {
 }
 DOORS = {"percuss", "percuss.__main__"}
 # a result shows its picture in a notebook
-DECLARED = {("percuss.results.result", "percuss.reporting.report")}
+DECLARED = {("percuss.results.result", "percuss.reporting.run_figure")}
 NOT_THERE = {"percuss.laws"}  # a name that a test asks for in vain
 
 

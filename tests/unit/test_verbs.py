@@ -82,7 +82,7 @@ def test_a_case_shows_itself_in_a_few_lines_and_lists_public_names_only(case):
 
 def test_a_result_draws_itself_and_a_notebook_shows_the_figure(case, tmp_path):
     result = run(case, compiled=False)
-    assert run_exact(case).plot()._repr_png_().startswith(b"\x89PNG")
+    assert run_exact(case)._repr_png_().startswith(b"\x89PNG")
     assert result.plot(tmp_path / "figure.svg").axes[0].lines
     assert "<svg" in (tmp_path / "figure.svg").read_text()
     for wrong in (tmp_path / "figure.txt", 3):

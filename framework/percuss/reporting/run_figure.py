@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,6 +22,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from percuss.results.result import Result
+
+
+def plotted(result: Result, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Return the figure of a result, which a notebook shows; write it to `path` if that is given."""
+    if path is not None:
+        figures.check_suffix(path)
+    figure = figure_of(result)
+    vars(figure)["_repr_png_"] = partial(figures.picture, figure, "png")
+    if path is not None:
+        figures.write(path, figure)
+    return figure
 
 
 def figure_of(result: Result) -> Figure:
@@ -49,20 +62,6 @@ def figure_of(result: Result) -> Figure:
             deformed(figure, grid[:, 1], result)
         else:
             space_time(figure.add_subplot(grid[:, 1]), result, until)
-    return figure
-
-
-def force_figure(result: Result, until: float) -> Figure:
-    """Return the figure of the contact forces up to `until`, as a notebook shows it."""
-    count = _panel_count(result)
-    with figures.new_figure(7.6, 1.6 + 1.4 * count) as figure:
-        panels = list(figure.subplots(count, 1, sharex=True, squeeze=False).flat)
-        forces(panels, result)
-        label = with_unit(*figures.TIME, result.units)
-        panels[-1].set_xlabel("\n".join([label, *contacts_left_out(result.coordinates["contact"])]))
-        panels[-1].set_xlim(0, until)
-        for k, axes in enumerate(panels):
-            figures.hatch_after_stop(axes, result, until, word=k == 0)
     return figure
 
 

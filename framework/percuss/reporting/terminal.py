@@ -68,7 +68,7 @@ def result_lines(result: Result) -> Iterator[Piece]:
     if result.status == "unstable" and summary["steps"] == 0:
         return
     if summary["contacts"]:
-        yield Table(contact_columns(result, 3))
+        yield Table(_contact_columns(result))
     if result.marched:
         yield from _error_lines(summary)
         yield from (f"{what}: {balance}" for what, balance in balances(result).items())
@@ -76,7 +76,7 @@ def result_lines(result: Result) -> Iterator[Piece]:
         yield f"exact solution: {summary['exact_reason']}"
 
 
-def contact_columns(result: Result, digits_of_errors: int = 6, none: str = "-") -> list[Column]:
+def _contact_columns(result: Result) -> list[Column]:
     """Return the columns of the table of contacts: their laws, and the numbers that the summary has of each."""
     contacts, resolved = result.summary["contacts"], result.provenance.get("resolved", {})
     laws = []
@@ -87,11 +87,11 @@ def contact_columns(result: Result, digits_of_errors: int = 6, none: str = "-") 
         laws.append(f"{law['law']}{f' ({options})' if options else ''}")
     columns = [words("contact", contacts), words("law", laws)]
     for quantity in CONTACT_NUMBERS.values():
-        digits = digits_of_errors if quantity.is_error else 6
+        digits = 3 if quantity.is_error else 6
         # Exact contacts do not overlap; the table has the columns of a run, so that both are read alike.
         overlaps = result.marched or not quantity.is_error
         values = [quantity.of_contact(contact) if overlaps else 0.0 for contact in contacts.values()]
-        cells = [none if value is None else number_text(value, digits) for value in values]
+        cells = [number_text(value, digits) for value in values]
         if quantity is CONTACT_NUMBERS["last_open"]:
             opened = zip(cells, contacts.values(), strict=True)
             cells = ["still closed" if _is_closed(contact) else cell for cell, contact in opened]

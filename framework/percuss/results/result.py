@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from percuss.errors import PercussError
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import Exact, Floats
 from percuss.results import netcdf, vtkhdf
@@ -185,15 +186,16 @@ class Result:
         PercussError
             If matplotlib is not installed.
         """
-        from percuss.reporting.report import plotted
+        from percuss.reporting.run_figure import plotted
 
         return plotted(self, path)
 
-    def _repr_html_(self) -> str:
-        """Return a small table and the force figure as HTML for a notebook."""
-        from percuss.reporting.report import notebook_html
-
-        return notebook_html(self)
+    def _repr_png_(self) -> bytes | None:
+        """Return the figure for a notebook, or None if matplotlib is not installed."""
+        try:
+            return self.plot()._repr_png_()  # type: ignore[attr-defined, no-any-return]
+        except PercussError:
+            return None
 
     def __repr__(self) -> str:
         contacts = ", ".join(f"{k}: impulse {v['impulse']:.6g}" for k, v in self.summary["contacts"].items())
