@@ -1,4 +1,4 @@
-"""Description of a component: summary, formula, options, facts, references, a snippet for a case, and its origin."""
+"""Description of a component: summary, formula, options, facts, references, and its origin."""
 
 from __future__ import annotations
 
@@ -101,7 +101,6 @@ def component_data(registry: Registry, family: str, name: str) -> Entries:
     from percuss.jsonable import plain
 
     component = registry.get(family, name)
-    source = registry.sources[family, name]
     about = docs(component)
     return plain(  # type: ignore[no-any-return]
         {
@@ -114,7 +113,6 @@ def component_data(registry: Registry, family: str, name: str) -> Entries:
             "facts": _facts(component),
             "references": list(component.references),
             "examples": list(component.examples),
-            "snippet": "\n".join(snippet(component, "" if source.distribution else source.file)),
         }
     )
 
@@ -164,7 +162,6 @@ def component_text(registry: Registry, family: str, name: str) -> str:
     declared = {key: value for key, value in data["facts"].items() if value not in ("", [], {}, None)}
     text = filled("method.txt.jinja", {**data, "declared": declared, "flow": flow})
     lines = [piece for line in text.splitlines() for piece in _folded(line)]
-    lines += ["", _USE_HEADINGS.get(family, "In a case"), *(f"  {line}" for line in data["snippet"].splitlines())]
     origin = f"{data['distribution']} {data['version']}" if data["distribution"] else f"a file, {data['version']}"
     origin += f", written for contract {data['contract_version']}" if data["contract_version"] else ""
     return "\n".join([*lines, "", *_folded(f"From {origin}, module {data['module']}, {data['file']}")])
@@ -187,53 +184,6 @@ def _folded(line: str, indent: str = "") -> list[str]:
     own = line[: len(line) - len(line.lstrip())]
     after = indent or (f"{own}  " if own else "")
     return textwrap.wrap(line, width, subsequent_indent=after, break_long_words=False, break_on_hyphens=False) or [""]
-
-
-_USE_HEADINGS = {"solutions": "On the command line", "measures": "In a study"}
-
-
-def snippet(component: type[Component], file: str) -> list[str]:
-    """Return lines to paste into a case: the component with its first example that sets an option.
-
-    Parameters
-    ----------
-    component
-        The component.
-    file
-        Path of a single-file plug-in, which the case must name; empty for a component of a package.
-    """
-    example = dict(next((given for given in component.examples if given), {}))
-    named = f"{{name: {component.name}, {flow(example)[1:]}" if example else component.name
-    alone = component.shorthand and list(example) == [component.shorthand]
-    options = flow(example[component.shorthand]) if alone else flow(example)
-    body = ["    material: {young: 100, density: 0.01}", "    area: 1"]
-    cell = getattr(component, "cell", "line")
-    other = not (isinstance(cell, str) and cell.startswith("line"))  # it follows from the options, or is that of no bar
-    if component.family == "shapes" and other:
-        body = ["    material: {young: 100, density: 0.01, poisson: 0.3}"]
-    families = {
-        "integrators": ["method:", f"  integrator: {named}"],
-        "contacts": ["method:", f"  contact: {named}"],
-        "masses": ["method:", f"  mass: {named}"],
-        "pairings": ["method:", f"  pairing: {named}"],
-        "materials": ["bodies:", "  short:", f"    material: {named}"],
-        "elements": ["bodies:", "  short:", f"    element: {named}"],
-        "shapes": ["bodies:", "  short:", f"    {component.name}: {options}", *body],
-        "loads": ["loads:", f"  push: {{{component.name}: {options}{_region(component)}}}"],
-        "measures": ["measure:", f"  - {component.name}"],
-        "solutions": [
-            "percuss run CASE --exact-only",
-            "# percuss computes the true error of every run of a case that it covers",
-        ],
-    }
-    lines = families[component.family]
-    if file and component.family in _USE_HEADINGS:
-        return [*lines, f"# with --plugin {Path(file).name}"]
-    return [f"plugins: [{flow(Path(file).name)}]", *lines] if file else lines
-
-
-def _region(component: type[Component]) -> str:
-    return "" if getattr(component, "everywhere", False) else ', "on": short.left'
 
 
 def registry_data(registry: Registry) -> Entries:
