@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.case.quantities import ranking
 from percuss.reporting.figures import number
-from percuss.reporting.study_data import WAITING, ColumnRoles, groups, methods, numbers, texts
+from percuss.reporting.study_data import WAITING, ColumnRoles, groups, methods, numbers, records, texts
 from percuss.reporting.verdict import best_runs
 
 if TYPE_CHECKING:
@@ -26,8 +26,7 @@ def answer(table: pd.DataFrame, roles: ColumnRoles) -> list[str]:
     roles
         The roles of its columns.
     """
-    keys = list(dict.fromkeys(["case", "integrator", "contact", *roles.varied, "status", *roles.measures]))
-    rows = table[keys].astype(object).where(table[keys].notna(), None).to_dict("records")
+    rows = records(table, roles)
     ranked = ranking(roles.measures)
     best = list(best_runs(rows, roles.measures)) if ranked else ["The study measured no error to rank its runs by."]
     return [*best, _failed_sentence(table), *(_dependence_sentence(table, roles, ranked[0]) if ranked else [])]

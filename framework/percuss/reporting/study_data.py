@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -41,14 +40,6 @@ def as_text(value: object) -> str:
         return "yes" if value else "no"
     # repr gives the fewest digits that read back as the same double; the .0 of a whole number is superfluous.
     return repr(float(value)).removesuffix(".0") if isinstance(value, (float, np.floating)) else str(value)
-
-
-def as_label(text: str) -> str:
-    """Return the label of a text from `as_text`: a number with six digits, any other text unchanged."""
-    try:
-        return f"{float(text):.6g}" if text.strip() == text and text[:1] in "-.0123456789" else text
-    except ValueError:
-        return text
 
 
 def texts(column: Any) -> list[str]:
@@ -139,6 +130,14 @@ def columns(study: Study) -> ColumnRoles:
     return ColumnRoles(tuple(varied), labels, tuple(name for name in COSTS if name in labels))
 
 
+def records(table: pd.DataFrame, roles: ColumnRoles) -> list[Entries]:
+    """Return the rows as a verdict takes them: methods, varied values, status, measures and reasons; None for nan."""
+    about = ["status", "reason", "said_by"]
+    keys = list(dict.fromkeys(["case", "integrator", "contact", *roles.varied, *about, *roles.measures]))
+    rows: list[Entries] = table[keys].astype(object).where(table[keys].notna(), None).to_dict("records")
+    return rows
+
+
 def references(table: pd.DataFrame) -> list[str]:
     """Return the pairs of methods with mesh tying instead of a contact law.
 
@@ -207,24 +206,6 @@ def binned(values: Floats, most: int = DISTINCT, bins: int = BINS) -> tuple[Floa
 
 
 # ---------------------------------------------------------------------------------------------------------- statistics
-
-
-def lost(table: pd.DataFrame) -> list[Entries]:
-    """Return the reasons why runs are not done, most frequent first; reasons that differ by numbers alone are one."""
-    rows = table[~table["status"].isin(["done", WAITING])]
-    told = {name: texts(rows[name]) for name in ("status", "said_by", "reason")} | {"method": methods(rows)}
-    kinds = [re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", reason) for reason in told["reason"]]
-    alike = groups(told["status"], told["method"], told["said_by"], kinds).values()
-    found = [{name: column[own[0]] for name, column in told.items()} | {"count": own.size} for own in alike]
-    return sorted(found, key=lambda group: -group["count"])
-
-
-def lacking(table: pd.DataFrame, path: str) -> set[str]:
-    """Return the pairs of methods whose runs all lack a varied value, because they have no such option or leave it out.
-
-    Their runs are the same at every value of the path.
-    """
-    return set(methods(table)) - set(methods(table[table[path].notna()]))
 
 
 PENDING = (WAITING, "lost")  # Nothing is known of these runs, which are still to be made or to be made again.

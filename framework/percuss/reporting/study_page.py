@@ -13,8 +13,6 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from percuss.case.quantities import ranking
 from percuss.files import PACKAGE, expect_no_input, replacing
 from percuss.jsonable import Entries, plain
@@ -24,6 +22,7 @@ from percuss.reporting.figures import number, one_line
 from percuss.reporting.study_answer import answer
 from percuss.reporting.study_charts import Charts, count_of
 from percuss.reporting.study_data import ColumnRoles
+from percuss.reporting.verdict import failed_rows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,9 +31,8 @@ if TYPE_CHECKING:
     from percuss.studies.study_table import Study
 
 AGAIN = "study.yaml"
-MOST_REASONS = 100
 MOST_CHOICES = 16  # A value with more choices is filtered in the table alone.
-MOST_VALUES = 12  # Of a varied path with more values only the range is shown.
+NAMED = re.compile(r"^\{name: ([^,}]+).*", re.DOTALL)  # a method with options
 DOI = re.compile(r"\s*\bdoi:?\s*(10\.\d{4,9}/[^\s,;]*[^\s,;.)])", re.IGNORECASE)
 
 
@@ -81,9 +79,8 @@ def report_html(study: Study, statistic: str = "best") -> str:
         "answer": _answer_html(answer(study.table, roles), charts),
         **{name: escape(text) for name, text in study_charts.description()["captions"].items()},
         "orders": escape(_orders_in_words(study.table, roles)),
-        "varied": _varied_table(study, roles),
         "measured": _measures_table(study, roles),
-        "lost": _losses_html(study.table),
+        "lost": _losses_html(study.table, roles),
         "methods": _methods_html(study),
         "again": _study_html(study),
         "provenance": _provenance_html(plain(study.provenance)),
@@ -214,27 +211,6 @@ def _question_html(study: Study, charts: Charts) -> str:
     return f"{question_html}<p>{'  ·  '.join(words)}  ·  <strong>{', '.join(status_counts)}</strong></p>"
 
 
-def _varied_table(study: Study, roles: ColumnRoles) -> str:
-    lines = []
-    for path in roles.varied:
-        column = study.table[path]
-        count, as_numbers = column.nunique(), study_data.numbers(column)
-        if count > MOST_VALUES and as_numbers is not None:
-            column = column.iloc[[np.nanargmin(as_numbers), np.nanargmax(as_numbers)]]
-        texts = study_data.in_order([text for text in study_data.texts(column) if text != ""])
-        values = [study_data.as_label(text) for text in texts]
-        few = count <= MOST_VALUES
-        values_in_words = ", ".join(values) or "none" if few else f"{count:,} values from {values[0]} to {values[-1]}"
-        without = sorted(study_data.lacking(study.table, path))
-        lacking = f"; not a value of {', '.join(without)}" if without and values else ""
-        lines.append([f"<code>{escape(path)}</code>", escape(values_in_words + lacking)])
-    for name in ("case", "integrator", "contact"):
-        names = [text for text in dict.fromkeys(study_data.texts(study.table[name])) if text]
-        shown = [*names[:MOST_VALUES], f"and {len(names) - MOST_VALUES} more"] if len(names) > MOST_VALUES else names
-        lines.append([name, escape(", ".join(shown))])
-    return _table_html(["what", "values"], lines)
-
-
 # ---------------------------------------------------------------------------------------- further sections
 
 
@@ -246,23 +222,9 @@ def _measures_table(study: Study, roles: ColumnRoles) -> str:
     return _table_html(["measure", "column", "what it is"], lines)
 
 
-def _losses_html(table: pd.DataFrame) -> str:
-    groups = study_data.lost(table)
-    waiting = int((table["status"] == study_data.WAITING).sum())
-    still = f"<p>{count_of(waiting, 'run')} still to be made.</p>" if waiting else ""
-    if not groups:
-        return still or "<p>Every run came to its end.</p>"
-    lines = []
-    for group in groups[:MOST_REASONS]:
-        reason = escape(group["reason"] or "no reason given").replace("\n", "<br>")
-        source = escape(group["said_by"])
-        status = f'<span class="status">{escape(group["status"])}</span>'
-        said_by = f' <span class="soft">(said by {source})</span>' if source else ""
-        lines.append([status, f"{group['count']:,}", escape(group["method"]), reason + said_by])
-    left = sum(group["count"] for group in groups[MOST_REASONS:])
-    more = f"<p>{left:,} more runs have rarer reasons; the table has them.</p>" if left else ""
-    note = '<p class="soft">Runs whose reasons differ only in numbers share a line, with the reason of the first.</p>'
-    return still + note + _table_html(["status", "runs", "method", "reason"], lines) + more
+def _losses_html(table: pd.DataFrame, roles: ColumnRoles) -> str:
+    lines = list(failed_rows(study_data.records(table, roles)))
+    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>" if lines else "<p>No run failed.</p>"
 
 
 def _methods_html(study: Study) -> str:
@@ -270,31 +232,14 @@ def _methods_html(study: Study) -> str:
 
     registry = Registry.load()
     return "".join(
-        _component_html(registry, family, name, variants)
+        _component_html(registry, family, name)
         for family, column in (("integrators", "integrator"), ("contacts", "contact"))
-        for name, variants in _variants_by_name(study_data.texts(study.table[column])).items()
+        for name in dict.fromkeys(re.sub(NAMED, r"\1", label) for label in study_data.texts(study.table[column]))
     )
 
 
-def _variants_by_name(labels: list[str]) -> dict[str, list[str]]:
-    """Return for each method name the labels of it in the table that hold more than the name, such as options."""
-    import yaml
-
-    out: dict[str, list[str]] = {}
-    for label in filter(None, dict.fromkeys(labels)):
-        try:
-            parsed = yaml.safe_load(label) if label.startswith("{") else label
-        except yaml.YAMLError:
-            parsed = label
-        name = str(parsed.get("name", label)) if isinstance(parsed, dict) else label
-        out.setdefault(name, []).extend([label] if name != label else [])
-    return out
-
-
-def _component_html(registry: Registry, family: str, name: str, variants: list[str]) -> str:
+def _component_html(registry: Registry, family: str, name: str) -> str:
     head = f'<h3><code>{escape(name)}</code> <span class="soft">{family[:-1]}</span></h3>'
-    if variants:
-        head += f"<p>As {', '.join(f'<code>{escape(variant)}</code>' for variant in variants)}.</p>"
     if (family, name) not in registry.components:
         words = "Not registered where this page was made; the provenance below names the plug-ins of the study."
         return f'<article class="method">{head}<p class="soft">{words}</p></article>'
@@ -349,8 +294,3 @@ def _table_html(head: Iterable[str], lines: Iterable[Iterable[str]]) -> str:
 
 def _file(*names: str) -> str:
     return (PACKAGE / "web").joinpath(*names).read_text(encoding="utf-8")
-
-
-def _without_source_map(text: str) -> str:
-    """Return a vendored file without the line that makes a browser's developer tools look for its source map."""
-    return re.sub(r"(//|/\*)# sourceMappingURL=\S+( \*/)?", "", text)

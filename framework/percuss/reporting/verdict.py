@@ -155,6 +155,11 @@ def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
     yield from best_runs(rows, columns)
     if fragile := sum(row["fragile"] is True for row in rows):
         yield f"{fragile} of {len(rows)} runs depend on round-off."
+    yield from failed_rows(rows)
+
+
+def failed_rows(rows: Sequence[Data]) -> Iterator[str]:
+    """Yield a line for each reason why rows of a study failed, the most frequent first."""
     sources = (f"{row['said_by']} says: " if row["said_by"] else "" for row in rows)
     yield from failures(
         (row["status"], row["reason"] and f"{source}{row['reason']}", run_words(row))
