@@ -305,19 +305,12 @@ def test_a_comparison_overlays_the_runs_and_lists_the_others(good, unstable):
     assert axes.get_ylim()[1] < 2 * max(good.arrays["contact_force"].max(), other.arrays["contact_force"].max())
 
 
-def test_more_than_six_runs_stand_beside_each_other():
-    result = row_of_bars(9)
-    rows = [{"label": f"run {k}", "result": result} for k in range(8)]
-    figure = comparison_figure.comparison_figure([*rows, {"label": "lost", "result": None, "reason": "refused"}])
-    assert [axes.get_title("left") for axes in figure.axes] == [*(f"run {k}" for k in range(8)), ""]
-    (legend,) = figure.legends
-    assert [text.get_text().strip() for text in legend.get_texts()] == [f"c{k}" for k in range(1, 7)]
-    assert "the first 6 of 8 contacts are shown" in words(figure)
-    for line, force in zip(legend.get_lines(), result.arrays["contact_force"].T, strict=False):
-        for axes in figure.axes[:8]:
-            (drawn,) = (one for one in axes.lines if one.get_color() == line.get_color())
-            assert np.array_equal(drawn.get_ydata(), force)
-    assert legend.get_window_extent().y1 <= min(axes.get_tightbbox().y0 for axes in figure.axes)
+def test_of_more_than_six_runs_the_first_six_are_drawn():
+    rows = [{"label": f"run {k}", "result": row_of_bars(4)} for k in range(8)]
+    told = words(comparison_figure.comparison_figure(rows))
+    assert "contact force of 6 of 8 runs" in told
+    assert "run 5" in told
+    assert "run 6" not in told
 
 
 def test_each_contact_has_its_panel_in_a_comparison():
@@ -333,7 +326,7 @@ def test_a_comparison_without_any_result_says_so(rows):
     assert "None of the runs has a result." in words(comparison_figure.comparison_figure(rows))
 
 
-def test_a_convergence_figure_shows_errors_in_per_cent_orders_and_a_slope():
+def test_a_convergence_figure_shows_errors_in_per_cent_and_orders():
     fit = {"integrator": "a", "contact": "b", "method.contact.k": 2, "refine": [1, 2, 4]}
     for name in TRUE_ERRORS:
         fit |= {name: [0.08, 0.02, 0.005], f"{name}_order": 2.04}
@@ -341,10 +334,8 @@ def test_a_convergence_figure_shows_errors_in_per_cent_orders_and_a_slope():
     figure = comparison_figure.convergence_figure([fit], "Title " * 40)
     first, second, *_ = figure.axes
     assert holds(first, [1, 2, 4], [0.08, 0.02, 0.005])
-    assert [text.get_text() for text in first.get_legend().get_texts()] == ["2.04", "slope 2"]
+    assert [text.get_text() for text in first.get_legend().get_texts()] == ["2.04"]
     assert "1 %" in [label.get_text() for label in first.get_yticklabels()]
-    x, y = first.lines[1].get_xydata().T
-    assert np.allclose(np.diff(np.log(y)) / np.diff(np.log(x)), -2.0)
     assert "No run has this error." in words(second)
     assert "a + b k=2" in words(figure)
     assert all(text.get_window_extent().x1 < figure.bbox.x1 for text in figure.texts)
