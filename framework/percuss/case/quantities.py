@@ -98,8 +98,9 @@ class Quantity:
 
 
 # The table itself is data: each entry has the keys of a `Quantity`.
-_TABLE = (PACKAGE / "case" / "quantities.toml").read_text(encoding="utf-8")
-QUANTITIES = {name: Quantity(**entry) for name, entry in tomllib.loads(_TABLE).items()}
+_TABLE = tomllib.loads((PACKAGE / "case" / "quantities.toml").read_text(encoding="utf-8"))
+FIELD_COORDINATES: Data = _TABLE.pop("coordinates of fields")  # axes, label and unit of each
+QUANTITIES = {name: Quantity(**entry) for name, entry in _TABLE.items()}
 
 # Numbers that the summary of a run has of each contact.
 CONTACT_NUMBERS = {name: quantity for name, quantity in QUANTITIES.items() if quantity.path.startswith("contacts.")}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from percuss.case.quantities import QUANTITIES, unit_name
+from percuss.case.quantities import FIELD_COORDINATES, QUANTITIES, unit_name
 from percuss.errors import InputError, wrong_input
 from percuss.files import is_file, replacing, unwritten
 from percuss.jsonable import Data, Entries
@@ -95,19 +95,6 @@ _FIELD_AXES = {
     "probe": ("time", "node", "component"),
     "point": ("time", "point"),
 }
-# Axes, words and unit of all other fields.
-_FIELD_COORDINATES = {
-    "time": (("time",), "t_n of the snapshot", ""),
-    "body": (("element",), "body of the element", ""),
-    "position": (("element", "component"), "middle of the element at the start", "length"),
-    "cell_nodes": (("element", "corner"), "nodes of the element, -1 where it has fewer corners than others", ""),
-    "node_body": (("node",), "body of the node", ""),
-    "node_position": (("node", "component"), "position of the node at the start", "length"),
-    _POINTS: (("point",), "contact of the contact point", ""),
-    "point_area": (("point",), "area of the contact point", "length^2"),
-    "point_normal": (("point", "component"), "normal from the first side to the second, or to the wall", "1"),
-    "point_position": (("time", "point", "component"), "position of the contact point on the first side", "length"),
-}
 _STRESSES = "stress_component"
 
 
@@ -119,10 +106,11 @@ def fields_dataset(field_arrays: Data, source: Source, units: Mapping[str, str])
     variables, coordinates = {}, {}
     for name, values in field_arrays.items():
         array = np.array(values, dtype=object) if isinstance(values, list) else np.asarray(values)
-        if name in _FIELD_COORDINATES:
-            of, words, unit = _FIELD_COORDINATES[name]
-            attributes = {"long_name": words, **({"units": unit_name(unit, units) or unit} if unit else {})}
-            coordinates[name] = (of, array, attributes)
+        if name in FIELD_COORDINATES:
+            about = FIELD_COORDINATES[name]
+            unit = about.get("unit", "")
+            attributes = {"long_name": about["label"], **({"units": unit_name(unit, units) or unit} if unit else {})}
+            coordinates[name] = (about["axes"], array, attributes)
         else:
             axes = _FIELD_AXES[QUANTITIES[name].of][: array.ndim]
             variables[name] = (axes, array, described[name])
