@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import os
 import platform
 from collections.abc import Iterable
 from pathlib import Path
@@ -20,12 +19,6 @@ COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "scipy")
 SOURCES = {".py", ".toml"}
 SHOWN_ALONE = {"cli", "reporting", "testing"}  # rooms of percuss on which no number of a run depends
 OF_THE_LOOP = ("contact", "mesh", "step", "methods/slots.py", "jit.py", "digest.py")  # what is compiled, and how
-# Environment variables with these prefixes can change numbers.
-NUMERIC_PREFIXES = (
-    "NUMBA_CPU_", "NUMBA_DISABLE_INTEL_SVML", "NUMBA_DISABLE_JIT", "NUMBA_ENABLE_AVX", "NUMBA_LOOP_VECTORIZE",
-    "NUMBA_OPT", "NUMBA_SLP_VECTORIZE", "NPY_DISABLE_CPU", "NPY_ENABLE_CPU", "OPENBLAS_CORETYPE", "MKL_CBWR",
-    "MKL_ENABLE_INSTRUCTIONS",
-)  # fmt: skip
 
 
 def content_digest(content: bytes) -> str:
@@ -77,18 +70,9 @@ def own_digest() -> str:
 
 @functools.cache
 def surroundings() -> dict[str, str]:
-    """Return versions and settings outside the methods that can change numbers: packages, environment, numba's file."""
+    """Return the versions outside the methods that can change numbers."""
     versions = {"python": f"{platform.python_implementation()} {platform.python_version()}"}
-    return versions | {name: installed_version(name) for name in COMPUTING_PACKAGES} | numeric_settings()
-
-
-def numeric_settings() -> dict[str, str]:
-    """Return variables of the environment that can change numbers, and the digest of numba's settings file."""
-    settings = {name: value for name, value in sorted(os.environ.items()) if name.startswith(NUMERIC_PREFIXES)}
-    file = Path(".numba_config.yaml")
-    if file.is_file():
-        settings[file.name] = content_digest(file.read_bytes())
-    return settings
+    return versions | {name: installed_version(name) for name in COMPUTING_PACKAGES}
 
 
 def _digest(root: Path, parts: Iterable[Path] = ()) -> str:
