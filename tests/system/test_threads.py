@@ -6,7 +6,6 @@ import subprocess
 import sys
 
 import pytest
-import yaml
 
 import percuss
 import places
@@ -50,22 +49,3 @@ def test_runs_in_threads_of_a_cold_process(tmp_path):
         assert compiled
         assert peak == pytest.approx(float(expected.arrays["contact_force"].max()), rel=1e-11)
         assert march < 1.0  # no other thread's compiling is in it
-
-
-@pytest.mark.deep
-def test_a_dask_worker_with_several_threads(tmp_path):
-    distributed = pytest.importorskip("distributed")
-    (tmp_path / "case.yaml").write_text(yaml.safe_dump(hunek(6, end=0.3)))
-    study = {
-        "percuss-study": 1,
-        "cases": [str(tmp_path / "case.yaml")],
-        "methods": {"contacts": ["penalty", "bipenalty", "lagrange"], "integrators": ["central-difference"]},
-        "vary": {"time.courant": "0.05:0.4:8"},
-    }
-    here = percuss.study(study, tmp_path / "here.sqlite", workers=1, plugins=[LAWS])
-    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}  # so that the worker compiles for itself
-    one_worker = {"n_workers": 1, "threads_per_worker": 4, "processes": True, "dashboard_address": None}
-    with distributed.LocalCluster(**one_worker, env=environment) as cluster:
-        there = percuss.study(study, tmp_path / "there.sqlite", scheduler=cluster.scheduler_address, plugins=[LAWS])
-    assert there.counts == {"done": 24}, set(there.table.reason)
-    assert list(there.table.impulse) == list(here.table.impulse)

@@ -143,8 +143,7 @@ def differences(then: Result, now: Result) -> list[Difference]:
 
 def row_differences(then: Data, now: Data, histories_then: Data, histories_now: Data) -> list[Difference]:
     """Return all quantities of a row of a study whose bits differ: histories that are kept, then numbers."""
-    before, after = ({k: v for k, v in each.items() if k != "contact"} for each in (histories_then, histories_now))
-    return [*_of_arrays(before, after, {}), *_of_numbers(then, now, "")]
+    return [*_of_arrays(histories_then, histories_now, {}), *_of_numbers(then, now, "")]
 
 
 def _compared(summary: Data) -> Entries:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from contextlib import nullcontext
 from functools import partial
 
 import numpy as np
@@ -28,7 +27,6 @@ from percuss.results.summary import StopSummary
 REPEATS, REPEAT_SECONDS = 3, 0.3  # marches of a timed run, and seconds after which no other begins
 NUDGE_OF_AREA = 1e-12  # relative, of the nudged twin
 FRAGILE_DIFFERENCE = 1e-4  # relative, in L2
-MARCH_LOCK = threading.Lock()  # a process times one march at a time
 
 
 def run(
@@ -85,8 +83,6 @@ def run(
 def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None, critical_step: bool = False) -> Result:
     """Run a case for a study: its march is repeated, and the smallest of the times counts.
 
-    No other thread of this process marches meanwhile, as that would lengthen the time.
-
     Parameters
     ----------
     case
@@ -135,10 +131,10 @@ def _run(
         outcome = march.refuse(not_started(march.model, certificate["worst"], cause))
     else:
         marginal = certificate["stable"] == "marginal"
-        march.compile()  # before the lock is taken, so that no other thread waits for the compilation
+        march.compile()
         if timed:
             march.keep_beginning()
-        with MARCH_LOCK if timed else nullcontext(), interruptible() as interrupted:
+        with interruptible() as interrupted:
             outcome = march.run(progress, marginal=marginal, interrupted=interrupted, keeper=keeper)
             if timed and outcome.status == "done":
                 _repeat(march, outcome, repeats, interrupted, marginal=marginal)
@@ -149,8 +145,7 @@ def _run(
         result = result_of(march, outcome, certificate)
     if nudge and outcome.status == "done":
         try:
-            with MARCH_LOCK if timed else nullcontext():  # the twin is not timed but would slow down a march that is
-                twin = run(nudged(case, model.courant), compiled=compiled)
+            twin = run(nudged(case, model.courant), compiled=compiled)
         except RunError as error:  # the twin is unstable although the run is not
             twin = error.result
         if twin.status == "interrupted":
