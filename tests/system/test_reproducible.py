@@ -106,34 +106,6 @@ def bits_of(names, around="", **environment):
     return json.loads(made.stdout)
 
 
-# Runs a case twice in a process that has imported nothing of SciPy, and prints what the command prints.
-TWICE = """
-import json, sys, percuss
-from percuss.jsonable import infinity_as_text
-for _ in range(2):
-    print(json.dumps(infinity_as_text(percuss.run(percuss.load(sys.argv[1])).summary)), flush=True)
-"""
-
-
-@pytest.mark.slow
-def test_the_first_run_of_a_process_has_the_bits_of_the_next_and_of_the_command(tmp_path):
-    """The step of large solids is found with a library of BLAS that is loaded when it is first used."""
-    block = {"material": {"young": 1, "density": 1, "poisson": 0.3}, "block": {"size": [1, 1], "elements": [80, 80]}}
-    bodies = {"a": {**block, "at": [0, 0], "velocity": [0.01, 0]}, "b": {**block, "at": [1, 0]}}
-    contacts, duration = {"c": {"between": ["a.right", "b.left"]}}, {"steps": 2, "courant": 0.5}
-    case = tmp_path / "case.json"
-    case.write_text(json.dumps({"percuss": 1, "bodies": bodies, "contacts": contacts, "time": duration}))
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "2"}
-    told = []
-    for command in (["-c", TWICE, case], ["-m", "percuss", "run", case, "--json"]):
-        made = subprocess.run([sys.executable, *command], env=environment, capture_output=True, text=True, check=True)
-        told += [made.stdout] if "--json" in command else made.stdout.splitlines()
-    first, second, of_command = map(json.loads, told)
-    for summary in (first, second, of_command):
-        del summary["seconds"]
-    assert first == second == {key: of_command[key] for key in first}
-
-
 @pytest.mark.deep
 def test_bits_do_not_depend_on_the_process():
     """Alone, or in any order after others; profiled or traced; with any number of threads and any seed of hashes."""

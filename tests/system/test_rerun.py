@@ -105,11 +105,10 @@ def test_a_plugin_that_has_changed_is_run_only_where_it_is_named(with_files):
     ("overrides", "how"),
     [
         ({"record.fields": 7, "record.every": 3}, {"nudge": True}),
-        ({"method.contact": {"name": "bipenalty", "ratio": float("inf")}}, {}),
         ({"time.courant": 3, "time.on_unstable": "warn"}, {}),
         ({"time.courant": "auto", "method.contact": {"name": "penalty"}}, {"compiled": False}),
     ],
-    ids=["fields-and-nudge", "infinite-option", "unstable", "plain-python"],
+    ids=["fields-and-nudge", "unstable", "plain-python"],
 )
 def test_any_run_is_made_again(tmp_path, overrides, how):
     code, compared = verified(saved(tmp_path, hunek(5, end=0.1), overrides, **how))

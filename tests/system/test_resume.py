@@ -147,15 +147,6 @@ def test_every_method_and_feature_goes_on_bit_for_bit(integrator):
         assert not differs(run.case, 3), run.name
 
 
-def test_a_resumed_file_has_the_bytes_of_a_whole_one(tmp_path):
-    case = runs()[BARS].case
-    assert killed(case, 2)
-    for name, result in (("resumed", outcome(case, resume=True)), ("whole", outcome(case))):
-        result.summary["seconds"] = result.provenance["time"] = None  # the clock
-        result.save(tmp_path / f"{name}.nc")
-    assert (tmp_path / "resumed.nc").read_bytes() == (tmp_path / "whole.nc").read_bytes()
-
-
 def test_ctrl_c_saves_the_state_whatever_the_time(monkeypatch):
     monkeypatch.setattr(saved_state, "SAVE_SECONDS", 1e9)
     case = runs()[BARS].case
@@ -244,25 +235,6 @@ def test_a_disk_that_is_full_keeps_no_state_and_ends_no_run(monkeypatch):
 
     monkeypatch.setattr(saved_state, "replacing", full)
     assert outcome(runs()[BARS].case).status == "done"
-
-
-def test_saving_takes_a_small_share_of_the_time(monkeypatch):
-    monkeypatch.setattr(saved_state, "SAVE_SECONDS", 10.0)
-    monkeypatch.setattr(saved_state, "MOST_OF_TIME", 0.05)
-    now, saved = [0.0], []
-    monkeypatch.setattr(saved_state.time, "monotonic", lambda: now[0])
-
-    def slow(file, **arrays):
-        now[0] += 3.0
-        saved.append(now[0])
-
-    monkeypatch.setattr(saved_state.np, "savez", slow)
-    keeper = SavedState(percuss.load(hunek(4)), compiled=True, resume=False)
-    while now[0] < 200.0:
-        now[0] += 1.0
-        keeper.offer(1, now[0], [], at_once=False)
-    keeper.forget()
-    assert saved == [13.0, 76.0, 139.0, 202.0]  # after 10 s, then 20 times as long as saving took
 
 
 @pytest.mark.deep

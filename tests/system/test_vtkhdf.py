@@ -143,17 +143,6 @@ def test_a_body_that_meets_nothing_has_no_contact_points(tmp_path):
         assert set(file["VTKHDF/CellData/contact"][:].tolist()) == {-1}
 
 
-def test_the_command_takes_snapshots_though_the_case_keeps_none(tmp_path):
-    import yaml
-
-    case = {"percuss": 1, **KINDS["quad4"][0], "time": {"end": 0.2, "courant": 0.5}}
-    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case))
-    done = percuss_command("run", "case.yaml", "-o", "run.vtkhdf", cwd=tmp_path, plain=True)
-    assert done.returncode == 0, done.stderr
-    with netCDF4.Dataset(tmp_path / "run.vtkhdf") as file:
-        assert file["VTKHDF/Steps"].NSteps > 1
-
-
 def test_bars_and_results_without_fields_are_refused(tmp_path):
     import yaml
 

@@ -109,25 +109,6 @@ def box(at, elements, speed):
     }
 
 
-def test_a_finer_run_in_space_has_mortar_and_finds_larger_displacement_errors_of_node_to_segment():
-    case = {
-        "percuss": 1,
-        "bodies": {"upper": box(0.5, [3, 3, 2], -0.01), "lower": box(0.0, [2, 2, 2], 0.0)},
-        "contacts": {"seam": {"between": ["upper.bottom", "lower.top"]}},
-        "method": {"contact": "lagrange", "pairing": "mortar"},
-        "time": {"end": 1.0, "courant": 0.5},
-        "reference": {"refine": 2},
-    }
-    assert case_of(percuss.load(case), 1.0).contacts["seam"].pairing.name == "mortar"
-    errors = {
-        pairing: percuss.run(percuss.load(case, {"method.pairing": pairing})).summary["estimated"]["displacement_error"]
-        for pairing in ("mortar", "node-to-segment")
-    }
-    assert errors["mortar"] < errors["node-to-segment"] < 0.2
-    finer = percuss.run(percuss.load(case, {"refine": 1.5})).summary["estimated"]["displacement_error"]
-    assert finer < errors["mortar"]
-
-
 PAIRINGS = ["mortar", "node-to-segment"]
 
 

@@ -4,15 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from matplotlib.text import Text
 
 import percuss
 import places
 from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import ExactContact
-from percuss.reporting import run_figure
-from percuss.reporting.tables import show
-from percuss.reporting.terminal import result_lines
 from percuss.results import exact, runner, true_error
 from percuss.results.exact import exact_solution
 from percuss.results.summary import ContactErrors
@@ -62,12 +58,6 @@ def judged(force, time=TIME, dt=1.0, reached=8.0, every=1):
 
 
 # ------------------------------------------------------------------------------------------------ made-up histories
-
-
-def test_the_mean_force_of_a_step_is_its_impulse_over_its_length():
-    assert Pulse().mean_force(TIME - 0.5, TIME + 0.5) == pytest.approx(MEANS, abs=1e-15)
-    assert Pulse().mean_force(5.25, 5.75) == pytest.approx(2.0)
-    assert Pulse().mean_force(0.5, 1.5) == pytest.approx(1.0)
 
 
 def test_the_mean_force_of_a_run_is_that_of_the_exact_solution():
@@ -278,8 +268,8 @@ def test_a_run_of_which_a_part_is_known_has_no_true_error_but_that_of_the_part(s
     assert result.exact.reached == until
 
 
-def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path, capsys):
-    """Comparison, orders, columns of a study, expectations, the twin that is tied and the pictures."""
+def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path):
+    """Comparison, orders, columns of a study, expectations and the twin that is tied."""
     case = percuss.load(many_fronts() | {"expect": [
         {"quantity": "exact.contacts.tip.force_error_l1", "value": 0, "within": 1e9, "source": "exact"},
     ]})  # fmt: skip
@@ -302,12 +292,6 @@ def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path
     (check,) = verify(case, result)
     assert not check.passed
     assert check.why == f"no true error is known of this run: {result.summary['exact_reason']}"
-    show(result_lines(result))
-    told = capsys.readouterr().out
-    assert "true error" not in told
-    assert f"error of tip up to {result.summary['exact_covered']['until']:.6g}, where the exact solution ends:" in told
-    words = [text.get_text() for text in run_figure.figure_of(result).findobj(Text)]
-    assert any(word.strip().startswith("exact, up to") for word in words)
     result.save(tmp_path / "short.nc")
     again = percuss.open_result(tmp_path / "short.nc")
     assert again.summary["exact"] is None
@@ -315,11 +299,6 @@ def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path
 
 
 truth_of_columns = (*ERRORS, "displacement_error")
-
-
-def test_of_no_record_nothing_is_known():
-    nothing = true_error.contact_errors(Pulse(), TIME, MEANS, np.full(8, np.nan), 1.0, 0.1, every=1)
-    assert all(nothing[name] is None for name in FORCE_ERRORS)
 
 
 @pytest.mark.parametrize("phase", np.linspace(0.0, 1.0, 7)[:-1])
@@ -331,18 +310,6 @@ def test_the_exact_history_itself_closes_and_opens_in_time(dt, phase):
     found = true_error.contact_errors(Pulse(), time, exact, exact, dt, 8.0, every=1)
     for name in ("closing_error", "opening_error"):
         assert abs(found[name]) <= 0.5 * dt * (1.0 + 1e-9)
-
-
-def test_closing_and_opening_of_exact_histories_are_late_by_nothing_on_average():
-    dt, late = 0.1, {"closing_error": [], "opening_error": []}
-    for phase in np.linspace(0.0, 1.0, 100, endpoint=False) + 0.005:
-        time = (np.arange(80) + phase) * dt
-        exact = Pulse().mean_force(time - 0.5 * dt, time + 0.5 * dt)
-        found = true_error.contact_errors(Pulse(), time, exact, exact, dt, 8.0, every=1)
-        for name, values in late.items():
-            values.append(found[name])
-    for values in late.values():
-        assert abs(np.mean(values)) < 0.02 * dt
 
 
 def test_a_contact_that_is_closed_at_the_end_has_no_opening_error():
@@ -375,16 +342,6 @@ def test_a_stiff_penalty_that_chatters_hangs_on_round_off():
         n=50, integrator="central-difference", contact={"name": "penalty", "beta_s": 99.0}, courant=0.1, end=2.4
     )
     assert run(case, nudge=True).summary["fragile"] is True
-
-
-def test_a_nudge_needs_no_exact_solution_and_no_contact():
-    case = hunek(n=10)
-    case["bodies"]["short"]["element"] = "green-bar"
-    result = run(case, nudge=True)
-    assert result.summary["exact"] is None
-    assert result.summary["fragile"] is False
-    del case["contacts"], case["method"]["contact"]
-    assert run(case, nudge=True).summary["fragile"] is False
 
 
 def test_fragile_is_a_change_of_more_than_a_ten_thousandth():

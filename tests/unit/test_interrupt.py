@@ -51,12 +51,6 @@ def test_a_ctrl_c_in_the_last_step_of_a_run_ends_the_study_around_it():
         with pytest.raises(KeyboardInterrupt):
             press()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    with interruptible() as outer:
-        with interruptible() as inner:
-            pass
-        press()
-        assert outer.is_set()
-        assert not inner.is_set()
 
 
 @pytest.mark.parametrize("pressed_at", [10, 30])

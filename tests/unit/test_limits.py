@@ -79,25 +79,7 @@ def test_an_argument_of_the_wrong_kind_is_told_from_what_is_meant(call, said):
     assert str(caught.value).startswith("percuss.")
 
 
-@pytest.mark.parametrize("command", ["run", "compare"])
-def test_a_study_given_for_a_case_is_told_so(command):
-    done = percuss_command(command, str(ROOT / "cases" / "studies" / "scoreboard.yaml"))
-    assert done.returncode == 2
-    assert "percuss-study: is a study, not a case" in done.stderr
-    assert "Run it with `percuss study`." in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-@pytest.mark.parametrize("override", ["bodies.short.bar.elements=10000000000", "bodies.short.velocity=1e200"])
-def test_a_limit_that_an_override_passes_is_told_of_the_override(override):
-    path, _, value = override.partition("=")
-    with pytest.raises(InputError) as caught:
-        settled(percuss.load(places.CASES / "hunek.yaml", {path: value}))
-    assert [(problem.place, problem.excerpt) for problem in caught.value.problems] == [(f"--set {override}", "")]
-
-
 EXTREME = [  # command, what is set, exit code, and what it says
-    ("compare {case} --vary time.courant=1e308:-1e308:3", {}, 2, "expected ends of at most 1e+100 in size"),
     ("run {case} --exact-only", {"record": {"fields": 2**62}}, 2, "record.fields: expected snapshots that fit"),
     (
         "run {case}",
@@ -109,12 +91,6 @@ EXTREME = [  # command, what is set, exit code, and what it says
         },
         1,
         "the energy exceeds 1e+200, beyond which numbers overflow",
-    ),
-    (
-        "run {case} --exact-only",
-        {"method": {"mass": "redistributed"}, "bodies.short.material.density": 1e-100},
-        2,
-        "bodies.short: expected a mass of a node between",
     ),
 ]
 
