@@ -1,20 +1,17 @@
 """The pictures of the pages: ``python tests/support/gallery.py`` draws them anew, with names as arguments these alone.
 
-Each one is what a command of percuss draws, made small. What was drawn, lines and texts, is kept in a file beside the
-picture: a test draws again and compares that, since pixels depend on the machine.
+Each one is what a command of percuss draws, made small. Its texts and axes are kept in a file beside the picture: a
+test draws again and compares that, since pixels depend on the machine.
 """
 
 import contextlib
-import hashlib
 import json
 import sys
 import tempfile
 from pathlib import Path
 
-import numpy as np
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from PIL import Image, PngImagePlugin
+from PIL import Image
 
 import family
 import pages
@@ -32,17 +29,7 @@ FROM_DATA = {"family": lambda: family.figure(family.Tables())}  # pictures of th
 ALL = [*COMMANDS, *FROM_DATA]
 ROUND_OFF = {"fifty-impacts"}  # late forces depend on round-off: of this picture the texts are compared
 LARGEST = 60_000  # bytes of a picture at most
-SIZES = (
-    (1080, 224),
-    (1080, 128),
-    (960, 224),
-    (960, 128),
-    (960, 96),
-    (840, 96),
-    (840, 64),
-    (840, 32),
-)  # pixels, colours
-POINTS = 9  # of each line that are kept
+SIZES = ((1080, 224), (1080, 128), (960, 128), (960, 96), (840, 96), (840, 64), (840, 32))  # pixels, colours
 
 
 @contextlib.contextmanager
@@ -74,55 +61,31 @@ def figure_of(name, folder):
     return figure
 
 
-def rounded(values):
-    """Return some numbers with five digits, spread evenly over an array."""
-    values = np.asarray(values, dtype=float).ravel()
-    chosen = values[np.round(np.linspace(0, len(values) - 1, min(POINTS, len(values)))).astype(int)]
-    return [None if np.isnan(value) else float(f"{value:.5g}") for value in chosen]
-
-
 def words(texts):
     """Return the words of some texts of a figure."""
     return [text.get_text().strip() for text in texts]
 
 
-def of_polygons(part):
-    """Return the places and colours of some polygons, each sorted: round-off may change who is drawn first."""
-    places = np.concatenate([path.vertices for path in part.get_paths()])
-    return [rounded(np.sort(column)) for column in (*places.T, *part.get_facecolors().T)]
-
-
 def drawn(figure):
-    """Return what a figure shows: its texts, and of each panel the texts, the limits, the lines and the fields."""
+    """Return what a figure shows: its texts, and of each panel the texts, the limits and how many lines it has."""
     panels = []
     for axes in figure.axes:
         legend = axes.get_legend()
         panels.append({
             "words": [axes.get_title(), axes.get_xlabel(), axes.get_ylabel(), *words(axes.texts)],
             "legend": words(legend.get_texts()) if legend else [],
-            "limits": rounded([*axes.get_xlim(), *axes.get_ylim()]),
-            "lines": [{"x": rounded(line.get_xdata()), "y": rounded(line.get_ydata())} for line in axes.lines],
-            "fields": [rounded(part.get_array()) for part in axes.collections if part.get_array() is not None],
-            "polygons": [of_polygons(part) for part in axes.collections if isinstance(part, PolyCollection)],
+            "limits": [float(f"{value:.5g}") for value in (*axes.get_xlim(), *axes.get_ylim())],
+            "lines": len(axes.lines),
         })  # fmt: skip
     return {"words": words(figure.texts), "panels": panels}
 
 
-def digest(shown):
-    """Return a digest of what a figure shows, which its picture carries."""
-    return hashlib.sha256(json.dumps(shown, sort_keys=True).encode()).hexdigest()
-
-
-def write_picture(large, shown, path):
-    """Write a picture small, with the digest of what it shows: as wide and colourful as the largest file allows."""
+def write_picture(large, path):
+    """Write a picture small: as wide and colourful as the largest file allows."""
     picture = Image.open(large).convert("RGB")
-    text = PngImagePlugin.PngInfo()
-    text.add_text("drawn", digest(shown))
     for width, colours in SIZES:
         small = picture.resize((width, round(picture.height * width / picture.width)), Image.Resampling.LANCZOS)
-        small.quantize(colours, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
-            path, optimize=True, pnginfo=text
-        )
+        small.quantize(colours, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)
         if path.stat().st_size <= LARGEST:
             return
     raise AssertionError(f"{path.name} has {path.stat().st_size} bytes")
@@ -139,7 +102,7 @@ def main():
         pages.fill(Path(place))
         for name in sys.argv[1:] or ALL:
             shown, path = drawn(figure_of(name, place)), FOLDER / f"{name}.png"
-            write_picture(Path(place) / f"{name}.png", shown, path)
+            write_picture(Path(place) / f"{name}.png", path)
             path.with_suffix(".json").write_text(json.dumps(shown, indent=1, ensure_ascii=False), encoding="utf-8")
             sys.stdout.write(f"{name}: {path.stat().st_size} bytes\n")
 
