@@ -4,26 +4,16 @@ import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from benchmarks.scale import SERIES, once
 
-import pages
 import percuss
-from percuss.certificate.black_box import MOST_ALONE
 from percuss.march.estimate import START
-from percuss.march.march import March
-from percuss.march.model_of_case import model_of
-from percuss.march.recording import recordable
 from percuss.mesh.size_limits import (
-    BYTES_OF_RUN,
     BYTES_PER_NODE,
-    BYTES_PER_SOLID_NODE,
-    MOST_FACTORED,
     bytes_in_words,
-    bytes_of_nodes,
 )
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -71,37 +61,6 @@ def test_the_estimated_memory_of_a_body_in_two_dimensions_is_near_that_of_its_ru
     assert 0.5 < estimated / taken < 2.0
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize(
-    ("name", "changes"),
-    [
-        ("hunek", {"refine": 4}),
-        ("fifty-impacts", {}),
-        ("hunek", {"method.integrator": "chung-lee", "method.contact": "penalty"}),
-        ("tilted-blocks", {"refine": 2}),
-        ("strip-unlike", {"record.every": 20}),
-        ("disk-on-wall", {"refine": 0.5, "bodies.disk.disk.cells": "tri3"}),
-    ],
-)
-def test_the_estimated_time_of_the_steps_is_within_a_factor_of_three(name, changes):
-    """Over that of a case on the same machine: how fast it is no estimate can know."""
-    share = estimated_over_taken(name, changes) / estimated_over_taken("smooth-pulse", {"refine": 2})
-    assert 1.0 / 3.0 < share < 3.0
-
-
-def estimated_over_taken(name, changes):
-    case = percuss.load(ROOT / "cases" / f"{name}.yaml").with_overrides(changes)
-    percuss.run(case)  # compiles
-    times = []
-    for _ in range(3):
-        march = March(recordable(model_of(case)))
-        march.compile()  # binding its kernels takes as long as a thousand short steps
-        before = time.process_time()
-        march.run()
-        times.append(time.process_time() - before)
-    return percuss.check(case).data["estimate"]["seconds"] / min(times)
-
-
 def test_the_estimate_follows_elements_steps_and_records():
     case = percuss.load(ROOT / "cases" / "tilted-blocks.yaml")
 
@@ -120,19 +79,6 @@ def test_the_estimate_follows_elements_steps_and_records():
     assert finer == pytest.approx(100 * 4**3 * (seconds - START), rel=0.1)
     assert f"the steps take about {finer:.0f} s" in text
     assert more > 10 * size
-
-
-def test_the_page_states_the_memory_of_a_node():
-    small, large = (bytes_of_nodes(count, 3, of_bar=False) / 1e9 for count in (5_000, 16_000))
-    for words in (
-        f"at most {BYTES_PER_NODE} bytes for each node and dimension",
-        f"of bodies in two dimensions about {BYTES_PER_SOLID_NODE / 1000:.0f} kilobytes",
-        f"A body of more than {MOST_FACTORED // 1000} 000 nodes is not factored",
-        f"its run takes about {BYTES_OF_RUN / 1000:.0f} kilobytes for each node",
-        f"5 000 nodes take about {small:.1f} GB, 16 000 nodes about {large:.1f} GB",
-        f"and of more than {MOST_ALONE} contacts with none and all",
-    ):
-        assert words in pages.everything()
 
 
 def calls_of(contacts, method):
