@@ -19,14 +19,12 @@ import pages
 import percuss
 import places
 from command_line import percuss_command
-from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 
 ROOT = places.ROOT
 PAGES = pages.texts()
 README = PAGES["README.md"]
 LONGEST, MOST_WORDS = 120, 900  # lines and words of the first page
-LONGEST_TABLE = 40  # rows, which a screen shows
 CHECKED = {"sh", "python", "yaml", "console"}  # kinds of blocks that the tests below execute or load
 CHECKED |= {"toml"}  # test_third_party installs the package that it describes
 FREE = {"text", "bibtex"}  # and those that they do not
@@ -177,18 +175,6 @@ def test_what_is_shown_is_a_case_or_a_study_in_an_editor_that_reads_yaml_1_1_too
         assert percuss.run(percuss.load(folder / "shown-case.yaml")).summary["steps"] > 100
 
 
-@pytest.mark.deep
-def test_the_study_shown_is_a_study(folder: Path) -> None:
-    text = next(text for text in YAML if "name: plateau" in text)
-    (folder / "shown.yaml").write_text(text, encoding="utf-8")
-    study = percuss.study(folder / "shown.yaml", folder / "shown.sqlite", workers=1)
-    assert study.complete
-    measured = ["force_error_l2", "contacts.*.impulse", "ripple", "plateau"]
-    assert list(study.columns) == [*measured, "node_steps", "seconds"]
-    assert set(study.table.status) == {"done"}
-    assert study.table[study.table.contact == "lagrange"]["method.contact.beta_s"].isna().all()
-
-
 def run_of(folder: Path, plugin: str, law: object, **changes: object) -> percuss.Result:
     """Run the impact of two bars with a law and a plug-in of a page."""
     case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / plugin])
@@ -222,13 +208,6 @@ def test_the_integrator_shown_does_what_it_says(folder: Path) -> None:
     assert stiff.summary["energy_growth"]["kept"]
 
 
-def test_the_kernel_shown_is_compiled_and_never_pulls(folder: Path) -> None:
-    result = run_of(folder, "damped_hertz.py", {"name": "damped-hertz", "k": 500.0})
-    assert result.summary["compiled"] == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
-    assert result.arrays["contact_force"].min() == 0.0
-    assert result.summary["energy"]["contact_work"] < 0.0
-
-
 def test_the_law_that_remembers_is_crushed_at_its_strength(folder: Path) -> None:
     result = run_of(folder, "crushing.py", "crushing")
     arrays, crushed = result.arrays, result.arrays["contact_state"][:, 0, 0]
@@ -247,23 +226,6 @@ def test_the_laws_shown_conform_but_where_they_say_so(folder: Path, name: str) -
     assert done.returncode == 0, done.stdout
 
 
-def test_the_measure_shown_counts_closings(folder: Path) -> None:
-    found: dict[str, type] = {}
-    exec((folder / "closings.py").read_text(encoding="utf-8"), found)
-    case = percuss.load(folder / "cases" / "doyen-impact.yaml")
-    result = percuss.run(case, {"method.contact": "lagrange"})
-    assert found["Closings"]().of(result) == 1  # one impact on a wall
-    result.arrays["contact_force"][::2] = 0.0
-    assert found["Closings"]().of(result) > 10
-
-
-def test_the_shape_shown_has_finer_elements_on_its_right(folder: Path) -> None:
-    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "finer_half.py"])
-    shaped = {"finer-half": {"length": 10, "elements": 4}, "material": {"young": 100, "density": 0.01}, "area": 1}
-    mesh = model_of(case.with_overrides({"bodies.short": shaped})).bodies["short"].mesh
-    assert mesh.lengths == pytest.approx([1.25] * 4 + [0.625] * 8)
-
-
 @pytest.mark.deep
 def test_the_kit_finds_the_dashpot_of_the_wrong_sign(folder: Path) -> None:
     law = (folder / "damped.py").read_text(encoding="utf-8")
@@ -272,17 +234,6 @@ def test_the_kit_finds_the_dashpot_of_the_wrong_sign(folder: Path) -> None:
     done = percuss_command("verify", "--plugin", "wrong_sign.py", cwd=folder)
     assert done.returncode == 1
     assert "a dashpot of this sign adds energy" in " ".join(done.stdout.split())
-
-
-@pytest.mark.deep
-def test_the_material_shown_never_exceeds_its_limit_and_its_ledger_closes(folder: Path) -> None:
-    plastic = {"name": "perfectly-plastic", "young": 100, "density": 0.01, "limit": 0.04}
-    result = run_of(folder, "perfectly_plastic.py", SPRING, **{"bodies.short.material": plastic})
-    energy = result.summary["energy"]
-    assert energy["ledger_error"] < 1e-13
-    assert 0.0 < energy["bodies_error"] < 5e-3
-    assert energy["dissipated"] > 0.0
-    assert result.arrays["contact_force"][100:].max() < 1.1 * 0.04
 
 
 def test_every_method_named_is_registered() -> None:
@@ -338,23 +289,6 @@ def test_pictures_and_links_lead_somewhere() -> None:
             assert not heading or heading in {address(text) for text in headings}, f"{name}: {link}"
 
 
-def test_the_lines_of_the_laws_are_those_that_the_page_shows() -> None:
-    section = pages.section("## The contact equation")
-    lines = re.findall(r"^\| `([\w-]+)` \| (.*) \| (.*) \| (.*) \| (.*) \| (.*) \|$", section, re.MULTILINE)
-    assert [line[0] for line in lines] == ["penalty", "bipenalty", "lagrange", "tied"]
-    for name, evaluated, sigma, weights, active, sign in lines:
-        (law,) = model_of(percuss.load(places.CASES / "hunek.yaml", {"method.contact": name})).laws
-        linear = law.linear
-        assert linear is not None
-        assert linear.at == ("explicit" if evaluated == "explicitly" else "end"), name
-        assert (np.asarray(linear.sigma) == 0).all() == (sigma == "0"), name
-        assert np.any(linear.gap) == ("gap" in weights.replace("gap rate", "")), name
-        assert np.any(linear.rate) == ("gap rate" in weights), name
-        assert np.any(linear.acceleration) == ("acceleration" in weights), name
-        assert (linear.active == "all") == active.startswith("all"), name
-        assert linear.sign == (">= 0" if sign == "λ ≥ 0" else "free"), name
-
-
 @pytest.mark.skipif(not places.has_source_tree, reason="reads the source tree, and here are the tests alone")
 def test_files_named_in_the_pages_are_there() -> None:
     named = {path for page in PAGES.values() for path in re.findall(r"`((?:\w+/)+\w+\.(?:py|yaml|c))`", page)}
@@ -363,12 +297,9 @@ def test_files_named_in_the_pages_are_there() -> None:
     assert not [path for path in named if not any((root / path).is_file() for root in roots)]
 
 
-def test_the_first_page_is_short() -> None:
+def test_the_first_page_is_short_and_of_the_version_of_today() -> None:
     assert len(README.splitlines()) <= LONGEST
     assert len(README.split()) <= MOST_WORDS
-
-
-def test_the_first_page_has_the_version_of_today() -> None:
     assert f"This is version {percuss.__version__};" in README
     assert f"version = {{{percuss.__version__}}}" in README
 
@@ -386,17 +317,3 @@ def test_every_page_is_reached_from_the_first_one() -> None:
         waiting += [link for link in links(name) if link in PAGES and link not in reached]
     beside = {name for name in PAGES if name.startswith("framework/docs/") or "/vendor/" in name}
     assert set(PAGES) - beside <= reached
-
-
-def test_no_table_is_longer_than_a_screen() -> None:
-    for name, page in PAGES.items():
-        tables = re.findall(r"(?:^\|.*\n)+", page, re.MULTILINE)
-        long = [table.splitlines()[0] for table in tables if table.count("\n") > LONGEST_TABLE + 2]
-        assert not long, name
-
-
-def test_the_rooms_of_the_page_are_those_of_the_code() -> None:
-    folder = Path(percuss.__file__).parent
-    rooms = {path.name for path in folder.iterdir() if (path / "__init__.py").is_file()}
-    section = pages.section("## Rooms")
-    assert set(re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)) == rooms
