@@ -1,15 +1,9 @@
 """Single-file plug-ins in the loop: compiled where they can be, in Python with the reason where they cannot."""
 
-import json
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 import percuss
-import places
 from strategies import apart, hunek, round_off, run
 
 IMPORTS = """
@@ -115,21 +109,6 @@ def test_a_penalty_written_as_a_kernel_is_the_penalty(tmp_path, body):
         nearly_equal(truth_case, result, plain)
         assert plain.summary["compiled"] is False
         assert result.summary["energy"]["ledger_error"] < 1e-12
-
-
-@pytest.mark.deep
-def test_laws_of_both_kinds_work_side_by_side(tmp_path):
-    """A kernel at one end of the bar, rows at the other; and both at one end, where they are coupled."""
-    file = spring(tmp_path)
-    for other in ("lagrange", "bipenalty", "penalty"):
-        truth_case = struck({"name": "penalty", "beta_s": 0.25})
-        truth_case["contacts"]["foot"]["method"] = other
-        truth_case["contacts"]["third"] = {"body": "short.right", "wall": 10.00002, "method": other}
-        case = struck("spring")
-        case["contacts"] = truth_case["contacts"]
-        truth = run(truth_case)
-        assert truth.summary["contacts"]["third"]["impulse"] > 0
-        nearly_equal(truth_case, truth, run_with(file, case))
 
 
 # ---------------------------------------------------------------------------------------------------- materials
@@ -261,63 +240,3 @@ def test_an_edit_is_seen_by_the_next_run(tmp_path):
     assert after == pytest.approx(truth, rel=1e-12)
     file.write_text(text, encoding="utf-8")
     assert peak(file) == before
-
-
-IN_ANOTHER_PROCESS = """
-import sys, json, percuss
-case = json.loads(sys.argv[2])
-result = percuss.run(percuss.load(case, plugins=[sys.argv[1]]))
-print(json.dumps([result.summary["compiled"], result.arrays["contact_force"].max()]))
-"""
-
-
-@pytest.mark.deep
-def test_an_edit_is_seen_by_another_process(tmp_path):
-    """Machine code is kept on disk between processes: it must not outlive the source, nor be a trap after an edit."""
-    text = IMPORTS.replace("BODY", BODIES["helper"]) + HELPER + MATERIAL.replace("EXTRA", "pass")
-    file, cache = write(tmp_path, text), tmp_path / "cache"
-    case = hunek(10, contact="spring")
-    for body in case["bodies"].values():
-        body["material"] = soft(1e-3)
-
-    def fresh():
-        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
-        command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(file), json.dumps(case)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-        assert done.returncode == 0, done.stderr
-        compiled, value = json.loads(done.stdout)
-        assert compiled is True
-        # the file as it is now, in plain Python
-        assert value == pytest.approx(run_with(file, case, compiled=False).arrays["contact_force"].max(), rel=1e-11)
-        return value
-
-    first = fresh()
-    kept = set(cache.rglob("*.nbi"))
-    assert kept, "nothing was kept on disk: there is nothing to test"
-    file.write_text(text.replace("SCALE = 1.0", "SCALE = 2.0"), encoding="utf-8")
-    assert abs(fresh() - first) > 1e-6 * first
-    assert kept < set(cache.rglob("*.nbi"))
-
-
-@pytest.mark.deep
-def test_machine_code_on_disk_serves_runs_without_the_plug_ins_of_others(tmp_path):
-    """Each of three processes finds on disk the parts that the others have compiled, with plug-ins it does not know."""
-    file = write(tmp_path, IMPORTS.replace("BODY", BODIES["loop"]) + HELPER)
-    element = str(places.SUPPORT / "bodies" / "leaking.py")
-    with_law = hunek(10, contact="spring", integrator="noh-bathe", end=0.01)
-    with_element = hunek(10, integrator="noh-bathe", end=0.01)
-    for body in with_element["bodies"].values():
-        body["element"] = "leaking"
-    for case, plugin in ((with_law, str(file)), (with_element, element), (hunek(10, integrator="noh-bathe"), element)):
-        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-        command = [sys.executable, "-c", IN_ANOTHER_PROCESS, plugin, json.dumps(case)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-        assert done.returncode == 0, done.stderr
-        assert json.loads(done.stdout)[0] is True
-
-
-def test_a_law_that_is_neither_rows_nor_a_kernel_is_refused(tmp_path):
-    text = IMPORTS.split("    @staticmethod", maxsplit=1)[0]
-    file = write(tmp_path, text)
-    with pytest.raises(percuss.PluginError, match="multipliers"):
-        run_with(file, hunek(10, contact="spring"))

@@ -18,7 +18,6 @@ from percuss.cli.scaffold import new
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, DeclaredFailure, NotApplicable, Subject, checks, parametrize
-from percuss.testing.draws import bar_chains, for_all
 from percuss.testing.kit import Check, demands, outcome_of
 
 REGISTRY = Registry.load()
@@ -97,21 +96,6 @@ def test_a_declared_failure_never_excuses_an_error():
 def dataclass_of(like, **facts):
     planted.plant("declaring", "", "", like, **facts)
     return planted.WRONG.pop()[0]
-
-
-def test_a_small_failing_case_is_told():
-    """What fails with two bars and a push fails with fewer elements than those first drawn."""
-    subject, sizes = Subject.of(planted.Spring, REGISTRY, draws=300), []
-
-    def fails(case):
-        subject.read[:] = [case]
-        if len(case["bodies"]) == 2 and case["loads"]:
-            sizes.append(sum(body["bar"]["elements"] for body in case["bodies"].values()))
-            raise CheckFailed("two bars are pushed")
-
-    with pytest.raises(CheckFailed, match="two bars are pushed"):
-        for_all(subject, bar_chains(push=True), fails)
-    assert sum(body["bar"]["elements"] for body in subject.read[0]["bodies"].values()) < sizes[0]
 
 
 def test_a_law_of_somebody_else_does_not_judge():

@@ -5,9 +5,6 @@ import functools
 import importlib
 import inspect
 import re
-import subprocess
-import sys
-import tokenize
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -134,26 +131,6 @@ def test_no_import_circle():
         pytest.fail(" -> ".join(circle.args[1]))
 
 
-# How many files may know each optional feature by its names in code: its own, those of its data, the table of all.
-FEATURES = ("own_?steps", "viscosity|viscous", "without_?mass", "followers?", "couples_nodes|coupled_?mass")
-MOST = 4
-
-
-def names_in_code(path):
-    with path.open("rb") as file:
-        return {token.string for token in tokenize.tokenize(file.readline) if token.type == tokenize.NAME}
-
-
-def test_few_files_know_an_optional_feature():
-    """All others ask for `facts` (`percuss.contact.features.Feature`). The contract and its checks are left out."""
-    apart = ("percuss.methods", "percuss.testing", "percuss.case", "percuss.step.integrator_check")
-    names = {module: names_in_code(path) for module, path in MODULES.items() if not module.startswith(apart)}
-    for feature in FEATURES:
-        name = re.compile(feature, re.IGNORECASE)
-        knowing = [module for module, found in names.items() if any(map(name.search, found))]
-        assert 0 < len(knowing) <= MOST, f"{feature}: {', '.join(knowing)}"
-
-
 def test_names_of_modules_in_text_resolve():
     """A dotted name in a string, a docstring, a comment or a page names something that is there."""
     name = re.compile(r"\bpercuss((?:\.[a-z_]\w*)+(?:\.[A-Z]\w*)*)")
@@ -222,13 +199,6 @@ def test_framework_knows_no_method_and_plugins_only_the_door():
     for files, package in ((FRAMEWORK_FILES, "percuss_methods"), (PLUGIN_FILES, "percuss")):
         found = {f"{name_of(path)}: {name}": name for path in files for name, _ in imported(path)}
         assert not [at for at, name in found.items() if name.partition(".")[0] == package and name not in allowed]
-
-
-def test_import_percuss_loads_no_plugin_and_nothing_heavy():
-    heavy = ["percuss_methods", "numba", "pydantic", "matplotlib", "xarray", "netCDF4", "scipy", "typer", "rich"]
-    code = f"import sys, percuss; print([name for name in {heavy} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 # ---------------------------------------------------------------------------------------------- inside numba
