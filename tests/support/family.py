@@ -179,17 +179,6 @@ def masses(table):
     return lines
 
 
-def refusals(table):
-    """Return the reasons for which pairs were refused, each with its pairs."""
-    refused = table[(table["status"] == "refused") & (table["method.mass"] == USUAL)]
-    reasons = {}
-    for one in refused.to_dict("records"):
-        law, integrator = one["contact"], one["integrator"]
-        key = one["reason"].replace(law, "LAW").replace(integrator, "SCHEME")
-        reasons.setdefault(key, []).append((law, integrator))
-    return {key: sorted(set(pairs)) for key, pairs in reasons.items()}
-
-
 # ------------------------------------------------------------------------------------------------- the results, read
 
 
@@ -297,19 +286,6 @@ PARTS = {
 }
 
 
-def refused(table):
-    """Return the reasons for which pairs are refused, as a list in Markdown."""
-    lines = []
-    for reason, pairs in sorted(refusals(table).items(), key=lambda item: -len(item[1])):
-        by_scheme = {}
-        for law, integrator in pairs:
-            by_scheme.setdefault(integrator, []).append(f"`{law}`")
-        listed = "; ".join(f"`{scheme}` with {', '.join(laws)}" for scheme, laws in sorted(by_scheme.items()))
-        text = reason.replace("SCHEME", "the scheme").replace("LAW", "the law")
-        lines.append(f"- {listed}: {text}.\n")
-    return "".join(lines)
-
-
 def main():
     """Write the results into their files, and the tables made from them into the pages."""
     given = sys.argv[1:]
@@ -317,7 +293,6 @@ def main():
         table = percuss.open_study(given[0]).table if given else rows(Path(folder) / "family.sqlite")
     for name, make in (("errors", errors), ("medians", summary), ("masses", masses)):
         write(name, make(table))
-    pages.write("refusals", refused(table))
     tables = Tables()
     for name, make in PARTS.items():
         pages.write(name, make(tables))

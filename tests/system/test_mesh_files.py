@@ -1,7 +1,6 @@
 """Bodies from mesh files of gmsh: what is read is what is in the file, and every other file is one message."""
 
 import re
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -70,9 +69,7 @@ def test_cells_turn_anticlockwise_unused_nodes_are_left_out_and_groups_are_regio
     [
         ("$MeshFormat", "solid", "expected a mesh of gmsh, found a file that begins otherwise"),
         ("3 2 2 1 1 1 3 2", "3 2 2 1 1 1 3 77", "cannot read this mesh of gmsh: plate.msh: an element names a node"),
-        ("$Nodes\n5", "$Nodes\n500000000000", "section count 500000000000 exceeds what the file holds"),
         ("3 2 1 0", "3 2 0 0", "found 1 of 2 that are flat or fold over, the first about (1.33333, 0, 0): plate.msh"),
-        ("3 2 1 0", "3 2 nan 0", "damaged mesh of gmsh"),
         ("$Nodes", "$PartitionedEntities\n$EndPartitionedEntities\n$Nodes", "without partitions: plate.msh"),
         (ELEMENTS, UNGROUPED, "No cell has a group. Where gmsh saves all cells (Mesh.SaveAll), version 2.2 loses"),
         ('3\n1 2 "left"', '4\n1 7 "none"\n1 2 "left"', "found none in 'none': plate.msh"),
@@ -273,31 +270,6 @@ def test_a_turned_hexahedron_is_turned_back_and_a_twisted_one_refused():
     rows[at] = " ".join([*tags, a, b, c, d, f, e, g, h])
     with pytest.raises(ValueError, match="1 of 8 that are flat or fold over"):
         body("\n".join(rows) + "\n")
-
-
-@pytest.mark.parametrize("seed", range(80))
-def test_a_file_with_wrong_bytes_is_a_mesh_or_one_message(seed):
-    """Up to four bytes, or all bytes of a number, are replaced, and one file in four is cut short."""
-    random = np.random.default_rng(seed)
-    bad = bytearray(made_by_gmsh(FILES[seed % len(FILES)]).encode(ENCODING))
-    if seed // len(FILES) % 2:
-        size, at = random.choice([4, 8]), random.integers(len(bad) - 8)
-        bad[at : at + size] = random.bytes(size)
-    else:
-        for _ in range(random.integers(1, 5)):
-            bad[random.integers(len(bad))] = random.integers(256)
-    text = bytes(bad[: random.integers(len(bad)) if random.integers(4) == 0 else None]).decode(ENCODING)
-    said = ""
-    try:
-        shape = body(text)
-        mesh = shape.mesh(np.zeros(shape.dimension()), 1)
-    except ValueError as error:
-        said = str(error)
-    if said:
-        assert "plate.msh" in said
-        assert tempfile.gettempdir() not in said
-    else:
-        assert volume(mesh) > 0.0
 
 
 def test_without_the_reader_of_meshes_a_case_says_where_and_what_to_install(monkeypatch):

@@ -1,4 +1,4 @@
-"""The model of a case never changes, models derived from it share its arrays, and nothing is searched twice."""
+"""The model of a case never changes, models derived from it share its arrays; what has no model is told at once."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ import pytest
 
 import percuss
 import places
-from percuss.certificate import linear_laws
 from percuss.contact.contact_problem import contact_problem
 from percuss.contact.laws import parameters
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of, with_laws, with_step
-from percuss.results import assemble, exact
 from strategies import hunek
 
 HUNEK = places.CASES / "hunek.yaml"
@@ -55,44 +53,6 @@ def test_another_law_gives_another_model_and_leaves_the_first_as_it_was():
     forces = [March(model).run().record.contact_force for model in (first, stiffer, model_of(percuss.load(case)))]
     assert np.array_equal(forces[1], forces[2])
     assert not np.array_equal(forces[0], forces[1])
-
-
-@pytest.fixture
-def searches(monkeypatch):
-    """Count the searches for a critical step with contacts, and the exact solutions that are computed."""
-    counted = {"critical step": 0, "exact solution": 0}
-
-    def counting(name, function):
-        def counted_call(*arguments):
-            counted[name] += 1
-            return function(*arguments)
-
-        return counted_call
-
-    search = counting("critical step", linear_laws.largest_step_below)
-    monkeypatch.setattr(linear_laws, "largest_step_below", search)
-    solve = counting("exact solution", exact.exact_solution)
-    monkeypatch.setattr(exact, "exact_solution", solve)
-    monkeypatch.setattr(assemble, "exact_solution", solve)
-    return counted
-
-
-@pytest.mark.parametrize("courant", [0.3, "auto"])
-def test_the_critical_step_is_searched_once(courant, searches):
-    percuss.run(percuss.load(hunek(6, courant=courant, contact={"name": "bipenalty"})))
-    assert searches["critical step"] == 1
-
-
-def test_a_run_keeps_the_exact_solution_that_judged_it_and_a_file_solves_it_once(searches, tmp_path):
-    result = percuss.run(percuss.load(HUNEK, {"refine": 1}))
-    assert searches["exact solution"] == 1
-    assert result.exact is result.exact
-    assert searches["exact solution"] == 1
-    result.save(tmp_path / "hunek.nc")
-    again = percuss.open_result(tmp_path / "hunek.nc")
-    assert searches["exact solution"] == 1
-    assert again.exact is again.exact
-    assert searches["exact solution"] == 2
 
 
 @pytest.mark.parametrize(
