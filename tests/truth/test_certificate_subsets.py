@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 import percuss
 from amplification import CD, NOH_BATHE, WU, Bodies, largest_radius, radius
-from percuss.certificate.black_box import SEARCH_TOLERANCE
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
 from strategies import bar, case_of
@@ -135,22 +134,6 @@ def two_bars(contacts, integrator, time, law="penalty"):
     return {**case_of(bars, contacts, time), "method": {"integrator": integrator, "contact": law}}
 
 
-def test_a_part_of_a_group_with_penalty_masses_is_worse_than_the_whole():
-    """Two contacts on one end: the heavy one, closed, calms the other; open, it does not."""
-    contacts = {
-        "joint": {"between": ["a.right", "b.left"], "method": {"name": "penalty", "epsilon_s": 15.0}},
-        "stop": {"body": "a.right", "wall": 1.5, "method": {"name": "bipenalty", "epsilon_s": 1.0, "epsilon_m": 50.0}},
-    }
-    case = two_bars(contacts, WU, {"end": 100.0, "courant": 0.5})
-    both = certificate(loaded(case))
-    del contacts["stop"]
-    alone = certificate(loaded(case))
-    assert both["stable"] == alone["stable"] == "no"
-    assert both["theta"] == pytest.approx(1.5, rel=1e-12)
-    assert both["worst"] == ["joint"]
-    assert both["dt_critical"] == pytest.approx(alone["dt_critical"], rel=SEARCH_TOLERANCE)
-
-
 def test_unequal_contacts_on_one_end_can_grow_at_any_theta():
     """Each law by itself is far below theta = 1; eps_m / eps_s differs, and the closed step is not symmetric."""
     case = {"percuss": 1, "bodies": {}, "contacts": {}, "time": {"end": 1.0, "courant": 0.5}}
@@ -201,53 +184,3 @@ def test_the_contact_that_limits_the_step_is_the_one_that_is_named():
     }
     case = two_bars(contacts, CD, {"end": 1.0, "step": 0.03})
     assert certificate(loaded(case))["worst"] == ["hard"]
-
-
-def tied_bars(*elements, walls=(), star=False, more=None):
-    """Bars in a row, or all at the right end of the first one, tied throughout, and to walls; `more` is a contact."""
-    bodies, contacts, at = {}, {}, 0.0
-    for k, count in enumerate(elements):
-        bodies[f"b{k}"] = bar(0.5 * (1 + k % 2), count, at, 0.0, UNIT)
-        if k:
-            contacts[f"c{k}"] = {"between": ["b0.right" if star else f"b{k - 1}.right", f"b{k}.left"], "method": "tied"}
-        at = at if star and k else at + bodies[f"b{k}"]["bar"]["length"]
-    for name, wall in walls:
-        contacts["wall_" + name.replace(".", "_")] = {"body": name, "wall": wall, "method": "tied"}
-    case = case_of(bodies, contacts | (more or {}), {"end": 10.0, "courant": 1.0})
-    return {**case, "method": {"integrator": CD, "contact": "lagrange"}}
-
-
-TIED = {
-    "one element tied to a wall": tied_bars(1, walls=[("b0.right", 0.5)]),
-    "a row": tied_bars(1, 3, 1, 2),
-    "a row named from right to left": {
-        **tied_bars(1, 3, 2), "bodies": dict(reversed(tied_bars(1, 3, 2)["bodies"].items()))
-    },
-    "three bars at one end": tied_bars(1, 1, 1, 3, star=True),
-    "between two walls": tied_bars(1, 2, walls=[("b0.left", 0.0), ("b1.right", 1.5)]),
-    "all ends": tied_bars(1, walls=[("b0.left", 0.0), ("b0.right", 0.5)]),
-    "beside a stiff penalty": tied_bars(
-        1, 3, walls=[("b0.left", 0.0)],
-        more={"stop": {"body": "b1.right", "wall": 1.5, "method": {"name": "penalty", "epsilon_s": 9.0}}},
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("integrator", [CD, WU, NOH_BATHE])
-@pytest.mark.parametrize("name", TIED)
-def test_a_step_above_that_of_free_bodies_is_stable_where_ties_hold_it(name, integrator):
-    """The critical step of bodies that are tied throughout is that of full matrices in which the ties always act."""
-    case = {**TIED[name], "method": {"integrator": integrator, "contact": "lagrange"}}
-    bodies = Bodies(case)
-    case["time"] = {"end": 10.0, "courant": 0.01}
-    critical = certificate(loaded(case))["dt_critical"]
-    alone = certificate(loaded({**case, "contacts": {}}))["dt_critical_free"]
-    if name == "all ends":  # nothing moves
-        assert critical is None or critical == np.inf
-        return
-    assert critical > 1.001 * alone or name == "beside a stiff penalty"
-    for share, stable in ((0.999, True), (1.01, False)):
-        case["time"] = {"end": 10.0, "step": share * critical}
-        assert (certificate(loaded(case))["stable"] == "yes") == stable
-        largest, *_ = largest_radius(bodies, integrator, share * critical, 10.0)
-        assert (largest <= 1.0 + GROWS) == stable, largest

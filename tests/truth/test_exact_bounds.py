@@ -7,15 +7,12 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.contact.contact_problem import contact_problem
 from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
 from percuss.reporting.verdict import run_verdict
-from percuss.results import exact
 from percuss.results.exact import exact_solution
 from percuss.results.exact_only import run_exact
-from percuss_methods.solutions import _bounds, _row
-from percuss_methods.solutions._polynomials import pieces_needed
+from percuss_methods.solutions import _row
 
 MATERIAL = {"young": 1.0, "density": 1.0}
 
@@ -84,17 +81,6 @@ def test_the_run_goes_on_without_the_exact_solution():
     assert reason in explanation(model_of(case)).text  # so it is known before the run, too
 
 
-def test_the_least_memory_is_no_more_than_what_is_spent():
-    model = model_of(pressed(1e-5))
-    solution, _, reason = exact_solution(model, 1.0)
-    assert not reason
-    least = _bounds.least_memory(contact_problem(model), 1.0)
-    chain = solution.chain
-    marks = chain.forces.count.sum() + chain.waves.count.sum()
-    spent = _bounds.memory_of(3, chain.side.shape[0], chain.forces.times.shape[1], chain.waves.pieces.shape[2], marks)
-    assert 0.4 * spent < least <= spent
-
-
 def test_fronts_that_multiply_end_the_solution_where_its_memory_does():
     """The part that is known follows from the case alone, so that it is the same on every machine."""
     whole, _, reason = exact_solution(model_of(unlike()), 20.0)
@@ -120,19 +106,6 @@ def test_too_much_processor_time_leaves_no_solution_and_no_number(monkeypatch):
     assert "contact_force_exact" not in result.arrays
 
 
-def test_pauses_change_no_bit(monkeypatch):
-    model = model_of(unlike(most_fronts=2_000_000))
-    whole = exact_solution(model, 20.0)[0]
-    monkeypatch.setattr(_row, "EVENTS", 10)
-    exact._solved.cache_clear()
-    paused = exact_solution(model, 20.0)[0]
-    assert paused is not whole
-    for one, other in zip(
-        (*whole.chain.waves, *whole.chain.forces), (*paused.chain.waves, *paused.chain.forces), strict=True
-    ):
-        assert np.array_equal(one, other)
-
-
 @pytest.mark.parametrize("frequency", [1e9, 1e16])
 def test_a_load_faster_than_any_step_is_called_so_at_once(frequency):
     began = time.process_time()
@@ -141,15 +114,6 @@ def test_a_load_faster_than_any_step_is_called_so_at_once(frequency):
     reason = result.summary["exact_reason"]
     assert "load 'push' (harmonic) changes too fast for polynomials" in reason
     assert "kinks" not in reason
-
-
-def test_the_pieces_of_a_load_are_estimated():
-    edges = np.array([0.0, 4.0])
-    assert pieces_needed(lambda t: 1.0 + 2.0 * t, edges) == 1.0
-    estimate = pieces_needed(lambda t: np.sin(2.0 * np.pi * 1000.0 * t), edges)
-    assert 1.0 < estimate / 60_000 < 3.0  # about 15 pieces a cycle
-    jump = pieces_needed(lambda t: 1.0 * (t > 1.234), edges)
-    assert np.isfinite(jump)  # the fit itself says that it is not smooth there
 
 
 def test_ctrl_c_ends_the_exact_solution_and_keeps_the_run(monkeypatch):
@@ -174,13 +138,3 @@ def test_ctrl_c_ends_the_exact_solution_and_keeps_the_run(monkeypatch):
     assert result.summary["steps"] == 20_000
     assert result.summary["exact"] is None
     assert result.summary["exact_reason"] == "Ctrl-C ended it"
-
-
-def test_that_there_is_no_solution_in_time_is_kept(monkeypatch):
-    """The runs of a study do not spend that time again each."""
-    monkeypatch.setattr(_row, "EVENTS", 1000)
-    calls, original = [], exact.answer
-    monkeypatch.setattr(exact, "answer", lambda *given: calls.append(given[1]) or original(*given))
-    reasons = [exact_solution(model_of(unlike(most_seconds=1e-4)), 20.0)[2] for _ in range(2)]
-    assert reasons[0] == reasons[1]
-    assert calls.count("solve") == 1
