@@ -133,28 +133,6 @@ def test_the_rule(courant, sides, beta_s):
     assert parameters(model_of(percuss.load(case)))["tip"]["beta_s"] == 0.5
 
 
-@pytest.mark.parametrize(
-    ("mass", "beta_s"),
-    [
-        # Courant number .9, two equal bars: x = 3.24 beta_s and y = beta_s / ratio, y = beta_m
-        ({"ratio": 2.0}, 0.8 / (3.24 - 0.8 * 0.5)),
-        ({"ratio": 10.0}, 0.8 / (3.24 - 0.8 * 0.1)),
-        ({"ratio": 0.5}, 0.8 / (3.24 - 0.8 * 2.0)),
-        ({"ratio": 0.3}, 0.5),
-        ({"ratio": "free-step"}, 0.8 / (3.24 * 0.8)),
-        ({"beta_m": 0.25}, 0.8 * 1.5 / 3.24),
-        ({"beta_m": 0.0}, 0.8 / 3.24),
-        ({"beta_m": 4.0}, 0.5),
-    ],
-)
-def test_the_rule_counts_the_penalty_mass(mass, beta_s):
-    case = hunek(10, 0.9, contact={"name": "bipenalty", **mass})
-    found = certificate(model_of(percuss.load(case)))
-    assert parameters(model_of(percuss.load(case)))["tip"]["beta_s"] == pytest.approx(beta_s, rel=1e-12)
-    assert found["theta"] == pytest.approx(0.8, rel=1e-9) or beta_s == 0.5
-    assert found["stable"] == "yes"
-
-
 # --------------------------------------------------------------------------------------- stiffness from the step
 
 

@@ -1,7 +1,5 @@
 """Elements of more than two nodes against dispersion relations, matrices of exact integrals, and two-node bars."""
 
-import copy
-
 import numpy as np
 import pytest
 from numpy.polynomial import Legendre, Polynomial
@@ -179,20 +177,6 @@ def test_a_run_is_that_of_dense_matrices(element, integrator):
         v = half + 0.5 * model.dt * acceleration(u)
     found = result.arrays["displacement"][:, 0, 0]
     np.testing.assert_allclose(found, history[: found.size], rtol=0, atol=1e-8 * largest(np.array(history)))
-
-
-@pytest.mark.parametrize("direction", [(1.0,), (3.0, 4.0), (1.0, -2.0, 2.0)], ids=lambda v: f"{len(v)}d")
-def test_direction_changes_nothing(direction):
-    case = bar("quadratic-bar", 4, velocity=0.3)
-    case["loads"] = {"push": {"constant": 1.5, "on": "a.right"}}
-    case["time"] = {"steps": 40, "courant": 0.9}
-    straight = run(case).arrays["displacement"][:, 0, 0]
-    turned = copy.deepcopy(case)
-    unit = np.array(direction) / np.linalg.norm(direction)
-    turned["bodies"]["a"]["bar"]["direction"] = list(direction)
-    turned["bodies"]["a"]["at"] = [0.0] * len(direction)
-    along = run(turned, compiled=False).arrays["displacement"][:, 0] @ unit
-    np.testing.assert_allclose(along, straight, rtol=0, atol=1e-12 * largest(straight))
 
 
 def impact(element, law, integrator="central-difference", n=6, **more):

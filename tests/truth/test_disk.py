@@ -238,17 +238,6 @@ def test_the_axis_of_revolution_moves_with_its_body_and_takes_a_force():
     assert {model.bodies["a"].mesh.nodes[one.node, 0] for one in model.loads.nodal_forces} == {0.0}
 
 
-@pytest.mark.parametrize("cells", ["quad4", "tri3"])
-@pytest.mark.parametrize("at", [0.0, 2.0])
-def test_the_height_of_a_ring_is_that_of_its_section(cells, at):
-    """M w/h, whichever side of the ring is in contact, and however near the axis it is."""
-    for side, wall in [("right", {"point": [at + 1.0, 0.0], "normal": [-1, 0]}),
-                       ("bottom", {"point": [0.0, 0.0], "normal": [0, 1]}),
-                       ("left", {"point": [at, 0.0], "normal": [1, 0]})][: 3 if at else 2]:  # fmt: skip
-        points = model_of(about_the_axis(cells, at, contacts={"c": {"body": f"a.{side}", "wall": wall}})).contact_points
-        assert points.stiffness / points.weight == pytest.approx([4.0] * 5, rel=1e-12)
-
-
 @pytest.mark.parametrize(
     ("keys", "said"),
     [

@@ -147,42 +147,6 @@ def test_energy_and_momentum_are_accounted_for_and_a_dashpot_takes_energy(stiffn
         assert np.diff(result.arrays["external_work"]).max() <= 1e-15
 
 
-def test_a_load_that_follows_counts_the_time_since_it_was_switched_on(tmp_path):
-    text = '''
-from dataclasses import dataclass
-from percuss import FollowingLoad, hookimpl
-
-
-@dataclass(frozen=True)
-class Clock(FollowingLoad):
-    """Formula: ``F = t``."""
-
-    name = "clock"
-    summary = "its own time"
-
-    def numbers(self, end):
-        return ()
-
-    @staticmethod
-    def follow(numbers, time, displacement, velocity):
-        return time
-
-
-@hookimpl
-def percuss_loads():
-    return [Clock]
-'''
-    file = tmp_path / "clock.py"
-    file.write_text(text, encoding="utf-8")
-    for integrator in CORE:
-        loads = {"one": {"clock": {}, "on": "bar.left", "from": 0.1}}
-        case = percuss.load(bar(loads, integrator=integrator, elements=5, courant=0.5, end=0.3), plugins=[file])
-        ramp = bar({"one": {"table": {"time": [0, 1], "value": [0, 1]}, "on": "bar.left", "from": 0.1}},
-                   integrator=integrator, elements=5, courant=0.5, end=0.3)  # fmt: skip
-        found, expected = percuss.run(case).arrays["velocity"], run(ramp).arrays["velocity"]
-        assert np.allclose(found, expected, rtol=0.0, atol=1e-12)
-
-
 # --------------------------------------------------------------------------------------------------- certificates
 
 

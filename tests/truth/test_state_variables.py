@@ -115,15 +115,6 @@ def test_an_examined_step_leaves_state_variables_alone():
     assert step.march.arrays.variables.after.any()
 
 
-def test_a_saved_result_holds_the_state_variables(tmp_path):
-    result = rigid_bounce("walton-braun")
-    result.save(tmp_path / "a.nc")
-    opened = percuss.open_result(tmp_path / "a.nc")
-    assert opened.histories["contact_state"].dims == ("time", "contact", "state_variable")
-    assert np.array_equal(opened.arrays["contact_state"], result.arrays["contact_state"])
-    assert opened.arrays["contact_state"][-1, 0, 2] == opened.arrays["contact_dissipation"][-1] > 0.0
-
-
 COHESIVE = {"name": "cohesive", "strength": 0.04, "length": 0.2}
 
 
