@@ -354,6 +354,17 @@ def test_a_spring_that_is_stiffer_while_unloading_is_unstable_above_the_critical
     assert said(law, 0.999 * critical) == "unknown"
 
 
+def test_the_curve_of_a_force_is_no_growth():
+    """At small overlaps its slope differs a little from one perturbation to the next, which is no growth."""
+    law = {"name": "softened-penalty", "clearance": 0.003, "pressure": 0.02, "epsilon_s": 60.0}
+    case = hunek(6, 0.55, "velocity-verlet", law)
+    case["loads"] = {"drive": {"prescribed-velocity": 0.1, "on": "short.left"}}
+    assert certificate(made(case))["stable"] == "unknown"
+    critical = math.sqrt(2.0 / (1.0 + math.sqrt(5.0)))  # of a penalty as stiff between equal bars without end
+    case["time"]["courant"] = 1.03 * critical
+    assert certificate(made(case))["stable"] == "no"
+
+
 @pytest.mark.parametrize("law", [{"name": "damped-penalty"}, {"name": "energy-conserving-penalty"}, {"name": "uzawa"}])
 def test_a_kernel_of_one_line_is_certain(law):
     assert certificate(made(hunek(10, 0.5, CD, law)))["stable"] == "yes"

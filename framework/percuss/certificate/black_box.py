@@ -132,7 +132,9 @@ def examine(motions: Motions, dt: float, closed: Sequence[int]) -> ClosedStepSta
         # Where an open contact attracts less and less, bodies come apart at any step: this is no matter of the step.
         if other.linear() and set(other.acting) <= set(step.closed):
             on_this = _stability(other)
-            if not on_this.stable:
+            # A curved force counts as a line up to this tolerance: less growth may be that of its slopes.
+            only_curved = on_this.theta is None and on_this.radius <= 1.0 + LINEARITY_TOLERANCE
+            if not (on_this.stable or only_curved):
                 return on_this
         another = "the step is another one at other overlaps or while they open"
         doubt = f"with {which} closed {another}; on none of these lines growth was found"
