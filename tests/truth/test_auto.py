@@ -12,7 +12,7 @@ from percuss.certificate.verdict import certificate
 from percuss.contact.laws import parameters
 from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
-from strategies import hunek, run
+from strategies import hunek
 
 pytestmark = pytest.mark.slow
 
@@ -150,18 +150,6 @@ def unlike(contact, courant=0.8, length=1.0, time=1.0, mass=1.0):
         }  # fmt: skip
     case["method"] = {"integrator": WU, "contact": contact}
     return {**case, "time": {"steps": 200, "courant": courant}}
-
-
-def test_a_stiffness_from_the_step_is_m_over_dt_squared():
-    case = unlike({"name": "penalty", "stiffness": "from-step", "scale": 0.3})
-    result = run(case)
-    half = [0.5 * 2.0 * 0.5 / 7, 0.5 * 0.4 * 2.0 / 12]
-    eps_s = 0.3 / (result.summary["dt"] ** 2 * sum(1.0 / m for m in half))
-    assert result.provenance["resolved"]["contacts"]["ab"]["epsilon_s"] == pytest.approx(eps_s, rel=1e-12)
-    same = run({**case, "method": {"integrator": WU, "contact": {"name": "penalty", "epsilon_s": eps_s}}})
-    force = result.arrays["contact_force"]
-    assert force.max() > 0.0
-    np.testing.assert_allclose(same.arrays["contact_force"], force, atol=1e-10 * force.max())
 
 
 # ------------------------------------------------------------------------------------------------ what is measured

@@ -21,7 +21,7 @@ LAWS = '''
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from percuss import ContactLaw, Doc, Ge, Le, Unit, coupled_gap, coupled_rate
+from percuss import ContactLaw, Doc, Ge, Le, Unit, coupled_rate
 
 
 class Bound(NamedTuple):
@@ -54,34 +54,6 @@ class NewtonImpact(ContactLaw):
                     rate = coupled_rate(trial, multiplier, p) + bound.e * trial.rate[p]
                     multiplier[p] = max(before - rate / (trial.rate_response * trial.delassus[p]), 0.0)
                     moved = max(moved, abs(multiplier[p] - before))
-            if moved <= 1e-14 * multiplier.max():
-                break
-
-
-@dataclass(frozen=True)
-class Apart(ContactLaw):
-    """No overlap at the end of the step.
-
-    Formula: ``0 <= lambda, g_{n+1} >= 0``, one of them zero.
-    """
-
-    name = "apart"
-    summary = "no overlap at the end of the step"
-    uses_coupling = True
-
-    def bind(self, points, dt):
-        return Bound(0.0)
-
-    @staticmethod
-    def multipliers(bound, trial, multiplier):
-        multiplier[:] = 0.0
-        for _ in range(1000):
-            moved = 0.0
-            for p in range(multiplier.size):
-                before = multiplier[p]
-                gap = coupled_gap(trial, multiplier, p)
-                multiplier[p] = max(before - gap / (trial.gap_response * trial.delassus[p]), 0.0)
-                moved = max(moved, abs(multiplier[p] - before))
             if moved <= 1e-14 * multiplier.max():
                 break
 
@@ -129,7 +101,7 @@ def march(case, steps, dt, laws):
         later = gap + dt * (N.T @ ahead)
         right, weight, may = np.zeros(g0.size), np.zeros(g0.size), np.ones(g0.size, dtype=bool)
         for p, law in enumerate(laws):
-            if law["name"] in {"lagrange", "apart"}:
+            if law["name"] == "lagrange":
                 right[p], weight[p] = later[p], dt * dt
             elif law["name"] == "paoli-schatzman":
                 right[p], weight[p] = later[p] + law["restitution"] * (gap[p] - dt * rate[p]), dt * dt
@@ -208,7 +180,7 @@ def stars(draw):
         contacts["wall"] = {"body": "hammer.right", "wall": end + draw(st.integers(1, 40)) * 1.357e-4}
     linear = [{"name": "lagrange"}, {"name": "moreau-jean", "restitution": 0.5},
               {"name": "paoli-schatzman", "restitution": 0.5}]  # fmt: skip
-    kinds = [[{"name": "newton-impact", "e": 0.5}], [{"name": "newton-impact", "e": 0.25}], [{"name": "apart"}], linear]
+    kinds = [[{"name": "newton-impact", "e": 0.5}], [{"name": "newton-impact", "e": 0.25}], linear]
     laws = draw(st.sampled_from(kinds))
     for one in contacts.values():
         one["method"] = draw(st.sampled_from(laws))
@@ -310,7 +282,7 @@ def test_the_certificate_of_contacts_at_one_end_is_that_of_the_documented_iterat
 
 @pytest.mark.parametrize(
     ("other", "found"),
-    [({"name": "newton-impact", "e": 0.5}, "other options"), ("apart", "apart"), ("lagrange", "lagrange"),
+    [({"name": "newton-impact", "e": 0.5}, "other options"), ("lagrange", "lagrange"),
      ("alone", "alone")],
 )  # fmt: skip
 def test_a_law_that_solves_contacts_together_is_refused_where_one_of_the_end_has_another(file, other, found):

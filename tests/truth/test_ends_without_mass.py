@@ -292,18 +292,6 @@ from percuss import ContactLaw, LinearLaw
 
 
 @dataclass(frozen=True)
-class Both(ContactLaw):
-    """A spring that pulls as it pushes. Formula: ``lambda = -eps_s g``."""
-
-    name = "spring"
-    summary = "Spring"
-    at: str = "explicit"
-
-    def bind(self, points, dt):
-        return LinearLaw(at=self.at, sigma=2.0 / points.stiffness, active="all")
-
-
-@dataclass(frozen=True)
 class DashpotBehind(ContactLaw):
     """A spring and a dashpot. Formula: ``lambda = -eps_s (g + tau g')``."""
 

@@ -22,7 +22,7 @@ from percuss.march.model_of_case import model_of
 from percuss.results import exact_only
 from percuss.results.exact_only import run_exact
 from percuss_methods.solutions import _row
-from strategies import REGISTRY, hunek, number
+from strategies import REGISTRY, number
 
 CASES = places.CASES
 MORE = settings(
@@ -1067,27 +1067,6 @@ def test_no_impedance_hides_when_a_contact_is_closed(ratio, push):
     assert heavy_pair.closed[0] == pytest.approx((1.0, 1.5), abs=1e-3 if smooth else 1e-11)
     whole = 1.0 / math.pi if smooth else 0.5
     assert heavy_pair.impulse(np.array(3.0)) == pytest.approx(whole, rel=1e-9 + 2.0 / ratio)
-
-
-@pytest.mark.parametrize("most", [1, 1000, 5000])
-def test_past_the_most_fronts_it_stops_and_says_where(most):
-    case = hunek(n=1, end=12.0)
-    case["bodies"]["long"]["material"] = {"young": 77.0, "density": 0.013}
-    case["bodies"]["short"]["fixed"] = ["left"]
-    problem = contact_problem(model_of(percuss.load(case)))
-    engine = REGISTRY.get("solutions", "bars-in-a-row")
-    whole, short = engine().solve(problem, 12.0), engine(most_fronts=most).solve(problem, 12.0)
-    assert whole.reached == 12.0
-    assert short.reached < 12.0
-    assert short.fronts < 4 * max(most, 1000) < whole.fronts
-    assert short.stopped == f"it takes more than {most} fronts (most_fronts)"
-    assert whole.stopped == ""
-    tip, other = whole.contacts["tip"], short.contacts["tip"]
-    t = np.linspace(0.0, short.reached, 1001)
-    near(other.impulse(t), tip.impulse(t))
-    assert all(a < b <= short.reached for a, b in other.closed)
-    known = [one for one in tip.closed if one[0] < short.reached]
-    assert len(other.closed) == len(known) > 2
 
 
 @pytest.mark.parametrize("fine", [1.0, 1e-3])

@@ -195,36 +195,6 @@ def test_the_scheme_of_the_page_is_of_fourth_order_up_to_the_root_of_twelve(regi
     assert (judged["stable"], judged["courant_critical"]) == ("yes", pytest.approx(math.sqrt(3.0), rel=1e-6))
 
 
-# ------------------------------------------------------------------------------------------------------ identities
-
-
-@pytest.mark.parametrize("apart", [0.0, 0.004])
-@pytest.mark.parametrize("law", [PENALTY, BIPENALTY, "lagrange", "tied"], ids=str)
-def test_velocity_verlet_is_central_difference(law, apart):
-    """To round-off, also where a law at the end of the step presses at t = 0, as the bodies touch and approach."""
-    case = hunek(10, courant=0.7, integrator="velocity-verlet", contact=law)
-    case["bodies"]["long"]["at"] = 10.0 + apart
-    case["loads"] = {
-        "weight": {"gravity": 0.1},
-        "push": {"half-sine": {"peak": 0.02, "duration": 0.3}, "on": "long.left"},
-        "hold": {"prescribed-velocity": 0.1, "on": "short.left"},
-    }
-    leapfrog = {**case, "method": {"integrator": "central-difference", "contact": law}}
-    one, other = run(case), run(leapfrog)
-    for name, scale in (("displacement", "displacement"), ("gap", "displacement"), ("velocity", "velocity")):
-        difference = one.arrays[name] - other.arrays[name]
-        if name == "velocity":
-            difference = difference[1:]  # a leap-frog record at t = 0 has half of the first impulse
-        assert np.abs(difference).max() < 1e-10 * np.abs(other.arrays[scale]).max(), name
-    force = other.arrays["contact_force"]
-    force = np.concatenate([2.0 * force[:1], force[1:]])  # that of central difference acts for half a step at t = 0
-    assert np.abs(force).max() > 0.0
-    mean = 0.5 * (force[1:] + force[:-1])
-    assert np.abs(one.arrays["contact_force"][:-1] - mean).max() < 1e-10 * np.abs(force).max()
-    critical = [certificate(model_of(percuss.load(which)))["dt_critical"] for which in (case, leapfrog)]
-    assert critical[0] == pytest.approx(critical[1], rel=1e-6)
-
-
 # --------------------------------------------------------------------------------------------------------- impacts
 
 

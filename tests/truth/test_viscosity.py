@@ -57,14 +57,6 @@ def test_the_limit_of_the_lagging_rate_is_the_quoted_one(beta_d):
     assert np.abs(np.linalg.eigvals(middle)).max() < 1.0
 
 
-def test_low_modes_have_the_damping_ratio_of_the_text():
-    """The amplitude falls by exp(-xi omega dt) in a step, xi = omega beta_d / 2, up to terms of higher order."""
-    b = 0.3
-    for omega_dt in (1e-2, 1e-3):
-        xi = 0.5 * omega_dt * b
-        assert -math.log(radius(omega_dt**2, b)) / omega_dt == pytest.approx(xi, rel=omega_dt)
-
-
 @pytest.mark.parametrize("viscosity", VISCOSITIES)
 def test_the_certificate_has_that_limit(viscosity):
     case = hunek(20, courant=0.4, integrator=viscous(viscosity))
