@@ -211,7 +211,7 @@ def recommend(
     plugins
         Single-file plug-ins, whose methods take part.
     progress
-        Called with (runs made, largest number of runs).
+        Called with (runs made, runs planned so far).
     outputs
         Files that the caller writes afterwards, checked before any run is made.
     changes
@@ -338,7 +338,7 @@ class _Runs:
         self.refused: dict[tuple[str, str], str] = {}
         self.reason: PercussError = InputError([])
         self.made: Study | None = None
-        self._jobs: dict[str, Job] = {}
+        self._jobs: dict[str, tuple[Candidate, Job]] = {}
         self._rate = 0.0  # the least time of a march for one evaluation
         self._usual: Entries = {}  # methods that fit, to count nodes and steps with
         self._node_steps = functools.cache(self._count_node_steps)
@@ -376,16 +376,13 @@ class _Runs:
         try:
             with plugin_faults():
                 self._model(candidate.changes)
-        except RefusedPair as refusal:
-            self.reason = refusal
-            if not (candidate.integrator_options or candidate.contact_options):
-                self.refused[candidate.pair] = refusal.sentence
-            return False
-        except InputError as error:
+        except (RefusedPair, InputError) as error:
             self.reason = error
+            if isinstance(error, RefusedPair) and not (candidate.integrator_options or candidate.contact_options):
+                self.refused[candidate.pair] = error.sentence
             return False
         except PluginError:
-            return True  # its run fails, and says why
+            pass  # its run fails, and says why
         return True
 
     def meshes(self, candidate: Candidate) -> list[float]:
@@ -407,15 +404,11 @@ class _Runs:
     def ask(self, candidates: Sequence[Candidate]) -> list[float]:
         """Run candidates and return their excess."""
         for one in [one for one in candidates if one.key not in self._jobs][: self.room]:
-            self.tried[one.key] = Tried(one, "", "", None, None, None, None, math.inf, math.inf, "")
-            self._jobs[one.key] = self._bench.job(
-                Task(self._label, one.integrator, one.contact, one.changes, one.changes)
-            )
-        told = self._progress
-        progress = None if told is None else lambda done, _: told(done, self._runs)
-        self.made = self._session.make(list(self._jobs.values()), progress)
-        rows = zip(self.tried.items(), self.made.as_records(), strict=True)
-        self.tried = {key: judged(row, one.candidate, self.bounds) for (key, one), row in rows}
+            task = Task(self._label, one.integrator, one.contact, one.changes, one.changes)
+            self._jobs[one.key] = one, self._bench.job(task)
+        self.made = self._session.make([job for _, job in self._jobs.values()], self._progress)
+        rows = zip(self._jobs.values(), self.made.as_records(), strict=True)
+        self.tried = {one.key: judged(row, one, self.bounds) for (one, _), row in rows}
         self._rate = min((one.seconds / one.evaluations for one in self.tried.values() if one.seconds), default=0.0)
         return [self.tried[one.key].excess if one.key in self.tried else math.inf for one in candidates]
 

@@ -33,7 +33,6 @@ SMALLEST_EXCESS = 1e-9  # smaller ones are round-off, and say nothing of a coars
 LARGEST_STRIDE = 4.0  # from a mesh that misses the bounds to the next
 LAST = 99  # rank of lines that come after those beside another one
 PARTS = 8  # a batch is this part of the runs that are left
-SHARE_OF_NEIGHBOURS = 0.25  # of all runs: in the last of them the lines beside the best come first
 
 
 class Bench(Protocol):
@@ -145,7 +144,6 @@ class Search:
             self._line(one, rank=LAST)
         self.usual = USUAL_ORDER
         self.followed: set[Line] = set()  # those beside which lines take part
-        self.reserved = SHARE_OF_NEIGHBOURS * bench.room
 
     def _line(self, candidate: Candidate, parent: Line | None = None, rank: int = 0) -> Line:
         """Return the line of a candidate, which takes part from now on."""
@@ -187,33 +185,25 @@ class Search:
         between = self.meshes[bisect_right(self.meshes, low) : min(bisect_left(self.meshes, met), cheaper)]
         return [refine for refine in between if refine not in line.runs]
 
-    def around(self, candidate: Candidate) -> list[Line]:
-        """Return the line of a candidate and those beside it, which take part from now on."""
-        line = self._line(candidate)
-        beside = filter(self.bench.fits, self.beside(candidate))
-        return [line, *(self._line(one, line, rank) for rank, one in enumerate(beside, 1))]
-
     def _batch(self) -> list[Candidate]:
         """Return the candidates to run next, of one line each.
 
         They come in turn from two kinds of lines: those that are predicted to be cheaper than the best or differ in the
         step, and those with other options, first from the pair of which fewest have run. All others come last.
         """
-        cost, best = self.best()
+        cost, _ = self.best()
         self.usual = median([order for line in self.lines.values() if (order := line.order())] or [USUAL_ORDER])
         ran = sorted((line for line in self.lines.values() if line.runs), key=self._predicted)
         self._follow({line.candidate.pair: line for line in reversed(ran)}.values())
-        first = set(self.around(best.candidate)) if best is not None and self.bench.room <= self.reserved else set()
-        lines = sorted(self.lines.values(), key=lambda line: (line not in first, self._predicted(line), line.rank))
-        known = [line for line in lines if line.runs]
+        lines = sorted(self.lines.values(), key=lambda line: (self._predicted(line), line.rank))
         near = [line for line in lines if (self._predicted(line) < cost if line.runs else not line.far)]
-        near.sort(key=lambda line: (line not in first, not line.runs and line.rank > 1))
-        tries = Counter(line.candidate.pair for line in known if line.far)
+        near.sort(key=lambda line: not line.runs and line.rank > 1)
+        tries = Counter(line.candidate.pair for line in ran if line.far)
         far = [line for line in lines if line.far and not line.runs]
-        far.sort(key=lambda line: (line not in first, tries[line.candidate.pair], line.rank))
+        far.sort(key=lambda line: (tries[line.candidate.pair], line.rank))
         turns = (near, far) if self.bench.room % 2 else (far, near)
         batch: list[Candidate] = []
-        for line in dict.fromkeys((*filter(None, chain.from_iterable(zip_longest(*turns))), *known)):
+        for line in dict.fromkeys((*filter(None, chain.from_iterable(zip_longest(*turns))), *ran)):
             left = self.left(line, cost)
             if left and self.bench.fits(one := line.on(self._next(line, left))):
                 batch.append(one)
@@ -221,16 +211,17 @@ class Search:
                 line.refused = True
             if len(batch) >= max(1, self.bench.room // PARTS):
                 break
-        if not batch and best is None and self._follow(ran):  # not those of each pair alone
+        if not batch and cost == math.inf and self._follow(ran):  # not those of each pair alone
             return self._batch()
         return batch
 
     def _follow(self, leading: Iterable[Line]) -> bool:
         """Let the lines beside others take part; return whether one of those was not followed before."""
         new = [line for line in leading if line not in self.followed]
+        self.followed.update(new)
         for line in new:
-            self.followed.add(line)
-            self.around(line.candidate)
+            for rank, one in enumerate(filter(self.bench.fits, self.beside(line.candidate)), 1):
+                self._line(one, line, rank)
         return bool(new)
 
     def _predicted(self, line: Line) -> float:
