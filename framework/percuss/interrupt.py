@@ -9,21 +9,15 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-# Events of the contexts that this process is in, from the outermost on, and whether Ctrl-C raises an error there too.
-_WAITING: list[tuple[threading.Event, bool]] = []
+_WAITING: list[threading.Event] = []  # events of the contexts that this process is in
 
 
 @contextmanager
-def interruptible(*, at_once: bool = False) -> Iterator[threading.Event]:
+def interruptible() -> Iterator[threading.Event]:
     """Turn the first Ctrl-C into an event for the caller to check between chunks; a second one interrupts as usual.
 
     Inside another such context the events of both are set, as the inner work may be at its end when Ctrl-C comes. In
     any thread but the main one Ctrl-C is left as it is, and the event is never set.
-
-    Parameters
-    ----------
-    at_once
-        Whether the first Ctrl-C also raises KeyboardInterrupt.
     """
     event = threading.Event()
     if threading.current_thread() is not threading.main_thread():
@@ -32,7 +26,7 @@ def interruptible(*, at_once: bool = False) -> Iterator[threading.Event]:
     usual: Any = signal.getsignal(signal.SIGINT)
     if not _WAITING:
         signal.signal(signal.SIGINT, partial(_set_events, usual))
-    _WAITING.append((event, at_once))
+    _WAITING.append(event)
     try:
         yield event
     finally:
@@ -44,10 +38,8 @@ def interruptible(*, at_once: bool = False) -> Iterator[threading.Event]:
 def _set_events(usual: Callable[..., Any] | int | None, number: int, frame: object) -> None:  # noqa: ARG001
     """Set the events of all contexts, and put back the usual handler of Ctrl-C."""
     signal.signal(signal.SIGINT, usual)
-    for event, _ in _WAITING:
+    for event in _WAITING:
         event.set()
-    if _WAITING[-1][1]:
-        raise KeyboardInterrupt
 
 
 @contextmanager
@@ -56,7 +48,7 @@ def interrupted_afterwards() -> Iterator[None]:
 
     Where somebody around it checks an event of Ctrl-C, that one alone is set.
     """
-    checked = bool(_WAITING) and not _WAITING[-1][1]
+    checked = bool(_WAITING)
     with interruptible() as pressed:
         try:
             yield

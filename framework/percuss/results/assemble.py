@@ -12,7 +12,6 @@ from percuss.certificate.verdict import Certificate
 from percuss.contact.laws import ignored_couplings
 from percuss.contact.model import Model
 from percuss.contact.pairs import unlike_sides
-from percuss.interrupt import interruptible
 from percuss.jit import Stopwatch
 from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
@@ -208,8 +207,7 @@ def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact
         if reason and model.case.reference is not None and outcome.status != "interrupted":
             from percuss.results.reference import finer_runs
 
-            with interruptible(at_once=True):
-                finer = finer_runs(model)
+            finer = finer_runs(model)
             if isinstance(finer, str):
                 reason = f"{reason}; {finer}"
             else:

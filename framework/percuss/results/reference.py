@@ -196,13 +196,13 @@ def _march(case: Case) -> FinerRun:
     PercussError
         If it cannot be run, or did not come to its end.
     """
-    model, criterion = verdict.settled(case)
-    certificate = verdict.verdict_alone(model, criterion)
-    if certificate["stable"] == "no":
-        raise PercussError(f"it is unstable: {certificate['why']}")
-    march = March(recordable(model))
-    march.compile()
     with interruptible() as interrupted:
+        model, criterion = verdict.settled(case)
+        certificate = verdict.verdict_alone(model, criterion)
+        if certificate["stable"] == "no":
+            raise PercussError(f"it is unstable: {certificate['why']}")
+        march = March(recordable(model))
+        march.compile()
         outcome = march.run(marginal=certificate["stable"] == "marginal", interrupted=interrupted)
     if interrupted.is_set():  # also in its last steps
         raise KeyboardInterrupt
