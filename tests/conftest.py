@@ -11,6 +11,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: th
 
 import pytest
 from hypothesis import HealthCheck, find, settings
+from hypothesis.internal.conjecture import providers
 from hypothesis.strategies import booleans
 
 # Tests, types and compiled functions are many objects that stay: the search for garbage among them takes long.
@@ -21,7 +22,20 @@ for name, count in {"quick": 8, "ci": 80, "deep": 1000}.items():
         name, max_examples=count, derandomize=name != "deep", deadline=None, print_blob=True,
         suppress_health_check=[HealthCheck.too_slow],
     )  # fmt: skip
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "quick")
+settings.load_profile(PROFILE)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def repeatable_draws():
+    """Draw the same wherever percuss is installed and whatever is loaded, but in the profile that draws anew.
+
+    Hypothesis draws constants that it finds in the modules that are loaded; versions below 6.131 draw none.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if PROFILE != "deep":
+            patch.setattr(providers.HypothesisProvider, "_maybe_draw_constant", lambda *_, **__: None, raising=False)
+        yield
 
 
 @pytest.hookimpl(tryfirst=True)
