@@ -204,12 +204,6 @@ def test_a_law_that_cannot_run_is_told_on_one_screen_and_its_case_written(verifi
     assert "has no attribute 'stifness'" in percuss_command("run", case, cwd=tmp_path).stderr
 
 
-def test_there_must_be_something_to_verify(tmp_path):
-    done = percuss_command("verify", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "nothing to verify" in done.stderr
-
-
 def test_without_hypothesis_the_kit_says_what_to_install():
     code = (
         "import sys; sys.modules['hypothesis'] = None\n"

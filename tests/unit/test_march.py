@@ -2,7 +2,6 @@
 
 import copy
 import os
-import re
 import signal
 import threading
 
@@ -58,20 +57,6 @@ def test_fewer_records_hold_the_same_numbers(every):
     equal(all_of_them, result, rows)
     for part in ("contacts", "momentum"):
         assert result.summary[part] == all_of_them.summary[part]
-
-
-def test_the_shape_of_the_histories():
-    for end, steps in ((0.01, 10), (0.0101, 11), (0.0099999999999, 10), (0.0001, 1)):
-        assert run(one_bar({"end": end, "step": 0.001})).summary["steps"] == steps
-    result = run(hunek(20))
-    histories = result.histories
-    assert dict(histories.sizes) == {"time": 321, "contact": 1, "probe": 3, "component": 1}
-    assert histories.contact_force.dims == ("time", "contact")
-    assert histories.velocity.dims == ("time", "probe", "component")
-    np.testing.assert_allclose(histories.time_half - histories.time, 0.5 * result.summary["dt"], rtol=1e-12)
-    force = histories.contact_force.sel(contact="tip").to_numpy()
-    impulse = result.summary["dt"] * force[:-1].sum()
-    assert result.summary["contacts"]["tip"]["impulse"] == pytest.approx(impulse, rel=1e-13)
 
 
 @pytest.mark.parametrize("chunk", [1, 7])
@@ -156,26 +141,6 @@ def test_an_end_that_moves_freely_is_caught_by_a_drive():
     wanted = 0.3 * np.minimum((midpoint - 100 * dt) / 0.01, 1.0)
     np.testing.assert_allclose(step[100:], wanted[100:], rtol=1e-10)
     assert result.summary["energy"]["ledger_error"] < 1e-13
-
-
-def test_an_end_is_driven_by_one_load_after_another():
-    dt = 0.0005
-    loads = {
-        "out": {"prescribed-velocity": 0.2, "on": "a.left", "until": 40 * dt},
-        "back": {"prescribed-velocity": -0.1, "on": "a.left", "from": 40 * dt, "until": 80 * dt},
-    }
-    result = run(one_bar({"step": dt, "steps": 120}, loads))
-    left = result.arrays["displacement"][:, 0, 0] / dt
-    assert left[40] == pytest.approx(8.0, rel=1e-12)
-    assert left[80] == pytest.approx(4.0, rel=1e-12)
-
-
-def test_a_wall_meets_a_driven_end_only_while_it_is_free():
-    """A driven bar end cannot answer a contact; the contact is refused while both sides are held."""
-    contact = {"w": {"body": "a.right", "wall": 1.1}}
-    drive = {"drive": {"prescribed-velocity": 0.2, "on": "a.right", "from": 0.01, "until": 0.02}}
-    with pytest.raises(percuss.InputError, match="expected a contact that can move"):
-        run(one_bar({"end": 0.1, "courant": 0.5}, drive, contacts=contact))
 
 
 # ------------------------------------------------------------------------------------------------ interruption
@@ -282,33 +247,6 @@ def test_the_stop_does_not_depend_on_chunks_or_records(monkeypatch):
         equal(whole, parts)
 
 
-BROKEN = '''
-from dataclasses import dataclass
-import numpy as np
-from percuss import Load
-
-@dataclass(frozen=True)
-class Broken(Load):
-    """Not a number after a while."""
-    name = "broken"
-    summary = "Broken"
-
-    def amplitude(self, time):
-        return np.where(time > 0.01, np.nan, 1.0)
-'''
-
-
-@pytest.mark.parametrize("acts", ["force", "acceleration", "velocity"])
-def test_a_load_that_is_no_number_stops_the_run(tmp_path, acts):
-    file = tmp_path / "my_load.py"
-    file.write_text(BROKEN, encoding="utf-8")
-    case = one_bar({"end": 0.05, "courant": 0.5}, {"bad": {"broken": {}, "on": "a.left", "as": acts}})
-    with pytest.raises(percuss.PercussError, match=r"my_load\.py:\d+: load broken: amplitude returned nan") as caught:
-        percuss.run(percuss.load(case, plugins=[file]))
-    time = float(re.search(r"at the time (\S+)", str(caught.value))[1])
-    assert 0.01 < time < 0.011
-
-
 @pytest.mark.parametrize("integrator", CORE)
 @pytest.mark.parametrize(
     "load", [{"ramp": {"value": 2.0, "duration": 0.1}}, {"half-sine": {"peak": 2.0, "duration": 0.1}}], ids=str
@@ -354,30 +292,6 @@ def test_a_saved_result_is_read_back_whole(tmp_path):
         np.testing.assert_array_equal(again.field_arrays[name], values)
     again.save(tmp_path / "again.nc")
     equal(result, percuss.open_result(tmp_path / "again.nc"))
-
-
-def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "out.nc"
-    run(hunek(10)).save(path)
-    before = path.read_bytes()
-    result = run(hunek(20))
-
-    def full(*args, **kwargs):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(type(result.histories), "to_netcdf", full)
-    with pytest.raises(percuss.PercussError, match="No space left on device; what was there is as it was"):
-        result.save(path)
-    assert path.read_bytes() == before
-    assert os.listdir(tmp_path) == ["out.nc"]
-
-
-def test_results_of_runs_without_contact_or_probes_are_saved_too(tmp_path):
-    result = run(one_bar({"steps": 10, "courant": 0.5}, probes=()))
-    result.save(tmp_path / "out.nc")
-    again = percuss.open_result(tmp_path / "out.nc")
-    equal(result, again)
-    assert again.arrays["contact_force"].shape == (11, 0)
 
 
 @pytest.mark.parametrize("every", [1, 4])

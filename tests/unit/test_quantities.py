@@ -1,7 +1,4 @@
-"""The table of quantities is the only one, and what stands in it is what a run really has."""
-
-import ast
-from pathlib import Path
+"""What stands in the table of quantities is what a run really has."""
 
 import numpy as np
 import pytest
@@ -21,13 +18,8 @@ from percuss.reporting.run_figure import figure_of
 from percuss.reporting.tables import show
 from percuss.reporting.terminal import result_lines
 from percuss.studies.columns import metric
-from percuss.testing.draws import POWERS, unit_factor
+from percuss.testing.draws import unit_factor
 from strategies import hunek
-
-PACKAGES = [Path(percuss.__file__).parent, Path(percuss.__file__).parents[2] / "plugins"]
-# Some words are quantities and words of units at once: a dictionary of units may have them.
-NAMES = set(QUANTITIES) - set(POWERS)
-
 
 SPRING = {"name": "walton-braun", "beta_s": 0.5}  # it has state variables
 
@@ -60,16 +52,6 @@ def of_blocks():
 # No result of bars with an exact solution has them.
 OF_BLOCKS = ("hourglass_energy", "von_mises", "contact_pressure", "contact_area", "contact_force_finer", "gap_finer")
 OF_OTHER_BODIES = ("internal_work", "dissipated_energy")  # no result with linear bodies has them
-
-
-def test_no_other_module_has_a_table_of_quantities():
-    others = []
-    for file in (file for package in PACKAGES for file in package.rglob("*.py") if file.name != "quantities.py"):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            items = node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else []
-            names = [item.value for item in items if isinstance(item, ast.Constant) and item.value in NAMES]
-            others += [f"{file}:{node.lineno}: {', '.join(names)}"] if len(names) >= 3 else []
-    assert not others, "\n".join(["take these from percuss.case.quantities:", *others])
 
 
 @pytest.mark.parametrize("name", [name for name, quantity in QUANTITIES.items() if quantity.axis])

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import percuss
-import percuss_methods
 from percuss.cli.scaffold import KINDS, new
 
 USER = """
@@ -52,11 +51,6 @@ import percuss
 percuss.run("case.yaml")
 percuss.laws
 """
-
-
-def test_both_packages_say_that_they_are_typed():
-    for package in (percuss, percuss_methods):
-        assert (Path(package.__file__).parent / "py.typed").is_file()
 
 
 def test_every_public_name_is_there_and_in_the_list_once():
