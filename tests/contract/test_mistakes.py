@@ -78,12 +78,6 @@ def test_a_mistake_costs_its_own_rows_of_a_study_alone(tmp_path, monkeypatch):
     assert re.search(rf"my-method\.py:\d+: {said}", bad["reason"])
 
 
-def test_a_mistake_of_a_measure_fails_its_row(tmp_path, monkeypatch):
-    (row,) = rows(tmp_path, monkeypatch, ("measure.of", "return float('nan')"), measure=["my-method"])
-    assert row["status"] == "failed"
-    assert re.search(r"my-method\.py:\d+: .*of returned nan", row["reason"])
-
-
 def test_what_a_plug_in_prints_is_no_part_of_the_output(tmp_path):
     case, _ = written(tmp_path, "mass.nodal", "print('HELLO')")
     done = percuss_command("run", case, "--json", cwd=tmp_path, plain=True)

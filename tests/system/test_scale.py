@@ -1,7 +1,6 @@
 """The memory that a node takes, which the framework states, and the fit of the benchmark of growth."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -28,37 +27,6 @@ def test_certificate_and_run_of_a_million_elements_take_less_memory_than_is_stat
     assert measured["nodes"] == 1_000_002
     # more than displacement, velocity, mass and its inverse, and stiffness: else nothing was measured
     assert 40 < measured["memory"] / measured["nodes"] < BYTES_PER_NODE
-
-
-SOLID = """
-import json, sys
-import percuss
-from benchmarks.scale import peak_memory
-
-def block(across, cells):
-    body = {"block": {"size": [1, 1], "elements": [across, across], "cells": cells}, "at": [0.0, 0.0],
-            "material": {"young": 1, "density": 1, "poisson": 0.3}, "velocity": [0.0, -0.01]}
-    contact = {"floor": {"body": "a.bottom", "wall": [0.0, 0.0]}}
-    time = {"courant": 0.5, "steps": 9}
-    return percuss.load({"percuss": 1, "bodies": {"a": body}, "contacts": contact, "time": time})
-
-percuss.run(block(4, sys.argv[2]))
-before, case = peak_memory(), block(int(sys.argv[1]), sys.argv[2])
-found = percuss.check(case).data["estimate"]["bytes"]
-percuss.run(case)
-print(json.dumps([found, peak_memory() - before]))
-"""
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(("across", "cells"), [(60, "quad4"), (200, "tri3")])
-def test_the_estimated_memory_of_a_body_in_two_dimensions_is_near_that_of_its_run(across, cells):
-    pytest.importorskip("resource")
-    command = [sys.executable, "-c", SOLID, str(across), cells]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT / "tests")}
-    told = subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout
-    estimated, taken = json.loads(told.splitlines()[-1])
-    assert 0.5 < estimated / taken < 2.0
 
 
 def test_the_estimate_follows_elements_steps_and_records():
