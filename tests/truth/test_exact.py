@@ -170,43 +170,26 @@ class GridRow:
     pushed: tuple[tuple[int, int, int, int, float], ...]  # bar, end, first step, one past the last, force
     steps: int
 
-    def mapping(self):
-        bodies, contacts, loads = {}, {}, {}
-        x = 0.0
-        for k, (bar, gap) in enumerate(zip(self.bars, self.gaps[:-1], strict=True)):
-            if k:
-                x += gap
-                contacts[f"c{k}"] = {"between": [f"b{k - 1}.right", f"b{k}.left"]}
-            elif gap is not None:
-                contacts["c0"] = {"body": "b0.left", "wall": -gap}
-            bodies[f"b{k}"] = {
-                "bar": {"length": bar.length, "elements": 1},
-                "at": x,
-                "area": 0.5,
-                "material": {"young": 2 * bar.impedance * bar.wave, "density": 2 * bar.impedance / bar.wave},
-                "velocity": bar.start,
-            }
-            x += bar.length
-        if self.gaps[-1] is not None:
-            last = len(self.bars)
-            contacts[f"c{last}"] = {"body": f"b{last - 1}.right", "wall": x + self.gaps[-1]}
-        sides = ("left", "right")
-        for (b, end), speed in self.held.items():
-            if speed:
-                loads[f"drive{b}{end}"] = {"prescribed-velocity": speed, "on": f"b{b}.{sides[end]}"}
+    def row(self):
+        bars = tuple(
+            {"length": bar.length, "young": 2 * bar.impedance * bar.wave, "density": 2 * bar.impedance / bar.wave,
+             "area": 0.5, "velocity": bar.start}
+            for bar in self.bars
+        )  # fmt: skip
+        ends = [{} if gap is None else {"wall": gap} for gap in (self.gaps[0], self.gaps[-1])]
+        extra, last = [], len(bars) - 1
+        for (_, end), speed in self.held.items():
+            ends[end] |= {"drive": {"constant": speed}} if speed else {"fixed": True}
+        for b, end, first, stop, force in self.pushed:
+            load = {"constant": force, "from": first * STEP, "until": stop * STEP}
+            if b == (0, last)[end]:
+                ends[end].setdefault("loads", []).append(load)
             else:
-                bodies[f"b{b}"]["fixed"] = [*bodies[f"b{b}"].get("fixed", []), sides[end]]
-        for k, (b, end, first, stop, force) in enumerate(self.pushed):
-            loads[f"push{k}"] = {
-                "constant": force, "on": f"b{b}.{sides[end]}", "from": first * STEP, "until": stop * STEP
-            }  # fmt: skip
-        return {
-            "percuss": 1, "bodies": bodies, "contacts": contacts, "loads": loads,
-            "time": {"end": self.steps * STEP, "step": STEP},
-        }  # fmt: skip
+                extra.append((b, ("left", "right")[end], load))
+        return Row(bars, self.gaps[1:-1], *ends, tuple(extra), 0.0, {}, self.steps * STEP)
 
     def reference(self):
-        """Return the contact's names and the march on the grid."""
+        """Return the march on the grid."""
         bars = []
         for b, bar in enumerate(self.bars):
             one = characteristics.Bar(bar.cells, bar.impedance, bar.start)
@@ -223,8 +206,7 @@ class GridRow:
         contact_pairs = [
             (k - 1 if k else None, k if k < last else None, gap) for k, gap in enumerate(self.gaps) if gap is not None
         ]
-        names = [f"c{k}" for k, gap in enumerate(self.gaps) if gap is not None]
-        return names, characteristics.march(bars, contact_pairs, STEP, self.steps)
+        return characteristics.march(bars, contact_pairs, STEP, self.steps)
 
     @property
     def speed(self):
@@ -277,15 +259,15 @@ def grid_rows(draw):
 @MORE
 @given(grid_rows())
 def test_agrees_with_the_march_on_a_grid_until_a_contact_closes_off_it(row):
-    names, grid = row.reference()
-    assume(names)
-    solution = solve(row.mapping(), row.steps * STEP)
+    drawn, grid = row.row(), row.reference()
+    assume(drawn.names)
+    solution = solved(drawn)
     n = grid.exact
     middle = (np.arange(n) + 0.5) * STEP
     times = np.arange(n + 1) * STEP
     hardest = max(bar.impedance for bar in row.bars)
     length = max(row.speed * row.steps * STEP, *[gap or 0.0 for gap in row.gaps])
-    for k, name in enumerate(names):
+    for k, name in enumerate(drawn.names):
         contact = solution.contacts[name]
         assert np.abs(contact.force(middle) - grid.force[k, :n]).max(initial=0.0) <= 1e-12 * row.speed * hardest
         impulse = np.append(0.0, np.cumsum(grid.force[k, :n])) * STEP
