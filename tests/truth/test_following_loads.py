@@ -106,12 +106,33 @@ class Friction(FollowingLoad):
         return numbers[0] if velocity < 0.0 else 0.0
 
 
+@dataclass(frozen=True)
+class Clock(FollowingLoad):
+    """Formula: ``F = t``, counted since the load was switched on."""
+
+    name = "clock"
+    summary = "its own time"
+
+    def numbers(self, end):
+        return ()
+
+    @staticmethod
+    def follow(numbers, time, displacement, velocity):
+        return time
+
+
 @hookimpl
 def percuss_loads():
-    return [Friction]
+    return [Friction, Clock]
 '''
     file = tmp_path / "friction.py"
     file.write_text(text, encoding="utf-8")
+    since = {"on": "bar.left", "from": 0.1}
+    own, ramp = (
+        percuss.run(percuss.load(bar({"one": {**load, **since}}, elements=5, courant=0.5, end=0.3), plugins=[file]))
+        for load in ({"clock": {}}, {"table": {"time": [0, 1], "value": [0, 1]}})
+    )
+    assert np.allclose(own.arrays["velocity"], ramp.arrays["velocity"], rtol=0.0, atol=1e-12)
     case = bar({"drag": {"friction": {}, "on": "bar.left"}}, elements=1, velocity=1.0, length=1.0, courant=0.1, end=0.2)
     case["bodies"]["bar"]["material"] = {"young": 1e4, "density": 0.02}
     result = percuss.run(percuss.load(case, plugins=[file]))

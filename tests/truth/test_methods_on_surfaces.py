@@ -216,6 +216,7 @@ def test_a_node_at_the_end_of_the_other_face_has_the_area_that_lies_over_it(pair
     [
         ({"name": "cohesive", "strength": 0.04, "length": 0.2}, ("strength",), ("energy_to_break",)),
         ({"name": "damped-penalty", "damping": 0.1}, (), ("coefficient",)),
+        ({"name": "penalty", "beta_s": "auto"}, (), ()),
         ({"name": "walton-braun", "restitution": 0.5}, (), ()),
         ({"name": "softened-penalty", "clearance": 0.01, "pressure": 0.02}, ("pressure",), ()),
     ],
@@ -238,3 +239,12 @@ def test_the_parameters_of_a_contact_of_surfaces_are_those_of_bars_of_its_area(l
     for name, value in of_blocks.items():
         times = 1.0 if name in {*totals, "beta_s"} else area
         assert times * value == pytest.approx(of_bars[name], rel=1e-12), name
+
+
+@pytest.mark.parametrize(("key", "values"), [("thickness", (1.0, 2.0)), ("plane", ("strain", "stress"))])
+def test_two_bodies_of_unequal_thickness_or_plane_are_noted(key, values):
+    one, other = (
+        block([at, 0.0], [0.0, 0.0], (2, 2), **{key: value}) for at, value in zip((0, 1), values, strict=True)
+    )
+    found = case({"a": one, "b": other}, {"c": {"between": ["a.right", "b.left"]}}, end=0.1)
+    assert sum("unequal" in note for note in percuss.run(found).summary["notes"]) == 1

@@ -298,6 +298,12 @@ REFUSED = {
 }  # fmt: skip
 
 
+def test_a_wall_that_is_oblique_to_a_bar_is_refused():
+    line = {**bar(0.0, 0.5), "at": [0.0, 0.0]}
+    with pytest.raises(percuss.InputError, match="expected a wall across the bar, found one of the normal"):
+        model_of(alone(line, {"point": [1.1, 0.0], "normal": [1, 1]}))
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_is_not_built_is_refused_with_its_reason(name):
     changes, said = REFUSED[name]
