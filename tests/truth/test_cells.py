@@ -8,7 +8,6 @@ import percuss
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.matrices import operator_of
-from percuss.certificate.verdict import certificate
 from percuss.contact.laws import points_of_law
 from percuss.march.model_of_case import model_of
 from percuss.mesh.stresses import stress_field
@@ -239,23 +238,6 @@ def test_linear_laws_and_black_box_agree_on_the_critical_step(element, law, inte
     rows, step = linear_laws(model).critical_step, BlackBox(model).critical_step
     assert rows == pytest.approx(step, rel=1e-5)
     assert rows < 2.0 / model.bodies.omega
-
-
-def test_a_ratio_of_one_keeps_the_free_step():
-    # as of two-node bars: the contact is measured by m omega^2 / 2 of the end
-    for element in ELEMENTS:
-        model = made(impact(element, {"name": "bipenalty", "beta_s": 50.0, "ratio": 1.0}))
-        assert linear_laws(model).critical_step == pytest.approx(2.0 / model.bodies.omega, rel=1e-8)
-
-
-def test_theta_is_twice_the_penalty_at_courant_number_one():
-    # s = 1/m at a wall, eps_s = beta_s m omega^2 / 2: theta = 2 C^2 beta_s whatever the element
-    for element in ELEMENTS:
-        case = bar(element, 4)
-        case["contacts"] = {"w": {"body": "a.right", "wall": 2.0}}
-        case["method"] = {"integrator": "wu-predictor-corrector", "contact": {"name": "penalty", "beta_s": 0.3}}
-        case["time"]["courant"] = 0.8
-        assert certificate(made(case))["theta"] == pytest.approx(2 * 0.8**2 * 0.3, rel=1e-12)
 
 
 @pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)

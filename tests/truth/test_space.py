@@ -7,7 +7,6 @@ import percuss
 from blocks import block, impact
 from hertz import WHOLE, over_hertz
 from percuss.march.model_of_case import model_of
-from percuss.methods.registry import Registry
 
 WU = "wu-predictor-corrector"
 
@@ -114,22 +113,6 @@ def test_balls_have_the_volume_of_their_polyhedron_and_no_slivers(cells):
         assert a.mass.sum() == pytest.approx(volumes[-1], rel=1e-12)
     errors = 4.0 / 3.0 * np.pi - np.array(volumes)
     assert errors[1] / errors[0] == pytest.approx(0.25, abs=0.02)
-
-
-@pytest.mark.parametrize("grading", [4.0, 16.0, 1 / 16.0])
-def test_graded_balls_keep_the_sphere_and_the_shapes_of_cells(grading):
-    """The sphere is kept; at the lowest point lengths are grading^(1/2) times smaller, in all directions alike."""
-    shape, even = (Registry.load().get("shapes", "ball")(1.0, 16, "hex8", each) for each in (grading, 1.0))
-    mesh, before = shape.mesh(np.zeros(3), 1), even.mesh(np.zeros(3), 1)
-    skin = list(mesh.regions["skin"].nodes)
-    assert np.linalg.norm(mesh.nodes[skin], axis=1) == pytest.approx(1.0, rel=1e-14)
-    lowest = int(np.argmin(before.nodes[:, 2]))
-    assert mesh.nodes[lowest] == pytest.approx([0.0, 0.0, -1.0], abs=1e-14)
-    cells = before.cells["hexahedron"]
-    near = np.setdiff1d(cells[(cells == lowest).any(axis=1)], [lowest])
-    found, old = (np.linalg.norm(one.nodes[near] - one.nodes[lowest], axis=1) for one in (mesh, before))
-    assert found / old == pytest.approx(grading**-0.5, rel=0.25)
-    assert np.abs(mesh.nodes[:, :2].sum(axis=0)).max() < 1e-12
 
 
 @pytest.mark.deep
