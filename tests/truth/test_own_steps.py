@@ -7,8 +7,6 @@ import pytest
 
 import dense
 import percuss
-from percuss.certificate.black_box import examine
-from percuss.certificate.closed_step import Motions
 from percuss.certificate.verdict import certificate, settled
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
@@ -96,34 +94,6 @@ def test_the_ledger_closes_whatever_the_contact_does(element):
     result = run(case)
     assert result.summary["energy"]["ledger_error"] < 1e-11
     assert result.summary["certificate"]["energy"] == "not guaranteed"
-
-
-def period_matrix(case, stiffness):
-    """Return the amplification of (u, dt v) over a period of 10 steps, from full matrices and the formula alone."""
-    system = dense.System(case)
-    dt = case["time"]["courant"] * 0.1 / 1000.0
-    size, mass = system.bars.x.size, np.diag(system.bars.M)
-    own = np.where(np.arange(size) < system.bars.stop["stiff"], 1, 10)
-    spring = stiffness * system.N @ system.N.T
-    whole = np.eye(2 * size)
-    for n in range(10):
-        acts = np.where(n % own == 0, own, 0)
-        kick = -(dt**2) / mass[:, None] * (acts[:, None] * system.bars.K + spring)
-        whole = np.block([[np.eye(size) + kick, np.eye(size)], [kick, np.eye(size)]]) @ whole
-    return whole
-
-
-@pytest.mark.parametrize("courant", [0.3, 0.7])
-@pytest.mark.parametrize("beta", [0.5, 20.0, 200.0])
-def test_the_amplification_is_that_of_full_matrices(courant, beta):
-    case = two_bars({"name": "penalty", "beta_s": beta}, courant=courant, on_unstable="warn", steps=10)
-    model = model_of(percuss.load(case))
-    for closed in ((), (0,)):
-        radius = np.abs(np.linalg.eigvals(period_matrix(case, len(closed) * beta * 1000.0))).max()
-        found = examine(Motions(model), model.dt, closed)
-        assert not found.doubt
-        # two translations in full matrices are defective, and leave the root of round-off
-        assert found.radius == pytest.approx(radius, rel=1e-6)
 
 
 def test_one_mass_between_two_springs_has_the_resonance_of_the_text():

@@ -17,10 +17,8 @@ from scipy.special import ellipk
 
 import percuss
 from percuss import Lumping
-from percuss_methods.elements.green_bar import GreenBarElement
 from percuss_methods.masses.scaled import Scaled
 from percuss_methods.materials.ramberg_osgood import RambergOsgood
-from strategies import hunek
 
 YOUNG, DENSITY, SCALE = 100.0, 0.01, 0.05
 STEEL = {"young": YOUNG, "density": DENSITY}
@@ -171,23 +169,6 @@ def test_a_bar_that_swings_through_large_angles_is_a_pendulum():
     assert result.summary["energy"]["ledger_error"] < 1e-13
     # of order dt^2: the energy between two displacements leaves out ``S |change of d|^2 / 4``, S the stress
     assert result.summary["energy"]["bodies_error"] < 2e-5
-
-
-def test_a_rigid_rotation_leaves_a_green_bar_without_force():
-    from percuss.mesh.element_probe import ElementProbe
-    from percuss.testing.demands.bodies import line
-
-    material = percuss.load(hunek(2)).bodies["short"].material
-    mesh = line(1, 2)
-    probe = ElementProbe(GreenBarElement(), material, percuss.BodyMesh(mesh, 1.3))
-    for angle in (1e-3, 0.5, 2.0, math.pi):
-        turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-        moved = mesh.nodes @ turn.T + np.array([0.3, -0.1])
-        assert np.abs(probe.force(0, (moved - mesh.nodes).ravel())).max() < 1e-13
-        axis = turn @ mesh.direction
-        stretched = (moved + np.outer([0.0, 0.5 * mesh.lengths[0]], axis) - mesh.nodes).ravel()
-        expected = 1.3 * YOUNG * 1.5 * (1.5**2 - 1.0) / 2.0 * axis
-        assert probe.force(0, stretched) == pytest.approx(np.concatenate([expected, -expected]), abs=1e-11)
 
 
 # --------------------------------------------------------------------------------------------------- scaled masses

@@ -125,29 +125,6 @@ def test_the_roots_meet_where_the_paper_says(name, options):
         np.testing.assert_allclose(found, -0.5, atol=1e-4)
 
 
-def test_what_the_docstrings_say_of_the_alpha_methods():
-    def quoted(rho):
-        return math.sqrt(12 * (1 + rho) ** 3 * (2 - rho) / (10 + 15 * rho - rho**2 + rho**3 - rho**4))
-
-    # a polynomial that is quoted for Omega_s holds for rho_b of 0 and 1; between them the scheme grows there
-    for rho in (0.0, 1.0):
-        assert quoted(rho) == pytest.approx(limit("hulbert-chung", rho_b=rho)[0], rel=1e-14)
-    for rho in (0.2, 0.4, 0.5, 0.8):
-        assert 1.0005 < quoted(rho) / limit("hulbert-chung", rho_b=rho)[0] < 1.004
-        assert radius("hulbert-chung", {"rho_b": rho}, quoted(rho)) > 1.002
-    for x in (0.1, 2.0, 3.4):  # the scheme of Chung and Lee is a member of that of Hulbert and Chung
-        np.testing.assert_allclose(matrix("hulbert-chung", {"rho_b": 0.5}, x), matrix("chung-lee", {}, x), atol=1e-15)
-    for omega in (0.1, 1.0, 1.9):  # velocities swing for ever
-        assert np.abs(roots("hulbert-chung", {"rho_b": 1.0}, omega) + 1).min() < 1e-14
-
-    def period_error(rho, omega=0.02):
-        return omega / np.angle(roots("hulbert-chung", {"rho_b": rho}, omega)).max() - 1
-
-    # the leading error of the period vanishes at rho_b = .3665, and nowhere else
-    assert period_error(0.366) > 0 > period_error(0.367)
-    assert abs(period_error(0.3665)) < 1e-3 * abs(period_error(0.8))
-
-
 def end_of_march(integrator, dt, end=6.0):
     """March u'' + u = sin(2 t + .4) from u = .3 and v = 1 with the kernel in plain Python; return the largest error."""
     stages, time = integrator.bind(dt), [0.0]
