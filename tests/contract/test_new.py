@@ -4,7 +4,6 @@ import ast
 import json
 import os
 import re
-from pathlib import Path
 
 import jsonschema
 import pytest
@@ -14,7 +13,6 @@ import percuss
 from command_line import percuss_command
 from percuss.cli import scaffold
 from percuss.errors import InputError
-from percuss.methods.interfaces import FAMILIES
 from percuss.methods.registry import Registry
 from percuss.results.verify import verify
 from percuss.testing import checks
@@ -30,10 +28,6 @@ def written(tmp_path_factory):
     for kind in KINDS:
         scaffold.new(f"some-{kind}", kind, folder)
     return folder
-
-
-def test_every_family_has_its_kind():
-    assert list(dict.fromkeys(scaffold.KINDS.values())) == list(FAMILIES)
 
 
 # These compile a loop or kernels of cells of their own.
@@ -68,12 +62,6 @@ def test_a_method_conforms(written, kind):
     method = registry.get(scaffold.KINDS[kind], f"some-{kind}")
     outcomes = [outcome_of(check) for _, check in checks(method, registry=registry)]
     assert not [str(one) for one in outcomes if one.status == "failed"]
-
-
-def test_a_measure_is_used_by_a_study(written):
-    study = percuss.study(written / "some-measure.study.yaml", written / "rows.sqlite", workers=1)
-    assert list(study.columns) == ["some-measure", "node_steps", "seconds"]  # what each run costs stands in every row
-    assert all(abs(row["some-measure"] - 0.2) < 0.01 for row in study.as_records())
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -124,20 +112,6 @@ def test_every_mistake_is_said_at_once(tmp_path):
     done = percuss_command("new", "1st", "--kind", "contakt", "-o", "nowhere", "--json", cwd=tmp_path)
     assert done.returncode == 2
     assert [one["place"] for one in json.loads(done.stdout)["problems"]] == ["--kind contakt", "1st", "nowhere"]
-
-
-def test_what_fails_half_way_leaves_nothing(tmp_path, monkeypatch):
-    write = Path.write_text
-
-    def fails(self, text, **given):
-        if self.suffix != ".py":
-            raise OSError(28, "No space left on device")
-        return write(self, text, **given)
-
-    monkeypatch.setattr(Path, "write_text", fails)
-    with pytest.raises(InputError, match="No space left"):
-        scaffold.new("mine", "contact", tmp_path)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_next_commands_are_told_and_work(tmp_path):

@@ -27,7 +27,7 @@ BIN = "Scripts" if os.name == "nt" else "bin"
 
 
 class World:
-    """A folder with a fresh environment, and the packages `soft-stop`, `leaper`, `crooked` and `misnamed` in it."""
+    """A folder with a fresh environment, and the packages `soft-stop`, `leaper` and `crooked` in it."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -63,12 +63,10 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     world.pip("wheel", "-q", "--no-deps", "--no-build-isolation", "-w", "wheels", str(ROOT))
     (wheel,) = world.wheels("percuss")
     world.pip("install", "-q", "--no-compile", f"{wheel}[kit]", "pytest")  # most modules are never imported
-    made = {"soft-stop": "contact", "leaper": "integrator", "crooked": "load", "misnamed": "mass"}
+    made = {"soft-stop": "contact", "leaper": "integrator", "crooked": "load"}
     for name, kind in made.items():
         package(world, name, kind)
     edit(world, "crooked/crooked.py", "from percuss import Doc, Floats,", "from percuss import Doc, Float,")
-    with (world.folder / "misnamed" / "misnamed.py").open("a") as file:
-        file.write("\n\nfrom percuss import hookimpl\n\n\n@hookimpl\ndef percuss_mass():\n    return [Misnamed]\n")
     folders = [f".{os.sep}{name}" for name in made]
     world.pip("wheel", "-q", "--no-deps", "--no-build-isolation", "-w", "wheels", *folders)
     world.pip("install", "-q", "--no-deps", *world.wheels(*made))
@@ -119,22 +117,16 @@ def test_a_package_is_listed_with_where_it_is_from(world: World) -> None:
         assert Path(one["file"]).is_relative_to(world.folder / "venv")
         assert Path(one["file"]).name == f"{module}.py"
         assert one["contract_version"] == world.json("plugins")["contract"] == percuss.CONTRACT
-    assert told["penalty"]["distribution"] == "percuss"
-    assert f"soft-stop 0.1.0, contract {percuss.CONTRACT}" in world.run("plugins").stdout
 
 
 def test_a_broken_package_costs_only_itself(world: World) -> None:
     told = world.json("plugins")
-    crooked, misnamed = told["broken"]
+    (crooked,) = told["broken"]
     assert crooked["source"] == "crooked 0.1.0"
     assert "has no 'Float' in percuss; did you mean 'Floats'?" in crooked["error"]
     assert crooked["file"].endswith("crooked.py:8")
-    assert misnamed["source"] == "misnamed 0.1.0"
-    assert misnamed["error"] == "percuss_mass: no such hook; did you mean percuss_masses?"
-    line = (world.folder / "misnamed" / "misnamed.py").read_text().splitlines().index("@hookimpl") + 1
-    assert misnamed["file"].endswith(f"misnamed.py:{line}")
-    assert {"crooked", "misnamed"} & {one["name"] for one in told["components"]} == set()
-    assert world.run("plugins").stdout.count("not usable") == 2
+    assert "crooked" not in {one["name"] for one in told["components"]}
+    assert world.run("plugins").stdout.count("not usable") == 1
 
 
 def test_a_case_runs_with_it(world: World) -> None:
@@ -144,29 +136,6 @@ def test_a_case_runs_with_it(world: World) -> None:
     assert ran["status"] == "done"
     assert abs(ran["contacts"]["tip"]["impulse"] - 0.01) < 3e-4
     assert ran["energy"]["ledger_error"] < 1e-12
-
-
-def test_a_case_that_names_a_broken_one_says_why_it_is_not_there(world: World) -> None:
-    done = world.run("run", "case.yaml", cwd="crooked")
-    assert done.returncode == 2
-    assert "crooked" in done.stderr
-    assert "did you mean 'Floats'?" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_a_study_sweeps_it_on_two_workers(world: World) -> None:
-    (world.folder / "study.yaml").write_text(
-        "percuss-study: 1\ntitle: A sweep\ncases: [soft-stop/case.yaml]\n"
-        "methods: {integrators: [leaper, central-difference], contacts: [soft-stop]}\n"
-        "vary: {method.contact.beta_s: [0.5, 1, 2, 4]}\nmeasure: [force_error_l2, contacts.*.impulse]\n"
-    )
-    told = world.json("study", "study.yaml", "--workers", "2")
-    assert (told["complete"], told["counts"]) == (True, {"done": 8})
-    assert {(row["integrator"], row["contact"]) for row in told["rows"]} == {
-        ("leaper", "soft-stop"),
-        ("central-difference", "soft-stop"),
-    }
-    assert all(abs(row["contacts.*.impulse"] - 0.01) < 5e-4 for row in told["rows"])
 
 
 @pytest.mark.parametrize("name", ["soft-stop", "leaper"])
@@ -185,8 +154,5 @@ def test_once_uninstalled_it_is_gone(world: World) -> None:
         done = world.run("run", "case.yaml", cwd="soft-stop")
         assert done.returncode == 2
         assert "case.yaml:20:19: method.contact.name: unknown contact law" in done.stderr
-        assert "soft-stop" in done.stderr
-        assert "Traceback" not in done.stderr
-        assert world.run("run", "case.yaml", "--set", "method.contact=penalty", cwd="soft-stop").returncode == 0
     finally:
         world.pip("install", "-q", "--no-deps", *world.wheels("soft-stop"))

@@ -16,18 +16,13 @@ STABILITY = "stability case.yaml --vary method.contact.ratio=1,2 --by linear-law
 STUDY = "study study.yaml --workers 1"
 RECOMMEND = "recommend case.yaml --error 1% --runs 10 --workers 1"
 ALL = [
-    ("run case.yaml -o {}", "out.nc", "case case.yaml"),
     ("run case.yaml -o {}", "out.nc", "plug-in {}/my-law.py"),
     ("run case.yaml -o {}", "out.nc", "data file record.csv"),
-    ("run case.yaml --exact-only --plot {}", "out.svg", "case case.yaml"),
     ("run case.yaml --animate {}", "out.gif", "case case.yaml"),
     ("compare case.yaml --contact penalty --plot {}", "out.svg", "case case.yaml"),
-    (f"{STABILITY} --plot {{}}", "out.svg", "case case.yaml"),
     (f"{STABILITY} -o {{}}", "out.csv", "case case.yaml"),
     ("waves case.yaml --plot {}", "out.svg", "case case.yaml"),
     (f"{STUDY} -o new.sqlite --export {{}}", "out.csv", "case case.yaml"),
-    (f"{STUDY} -o {{}}", "out.sqlite", "case case.yaml"),
-    (f"{RECOMMEND} --plot {{}}", "out.svg", "case case.yaml"),
     (f"{RECOMMEND} -o {{}}", "out.sqlite", "case case.yaml"),
 ]
 
@@ -92,7 +87,6 @@ def test_no_output_takes_the_place_of_an_input(bench, command, name, role):
         (f"{STUDY} -o study.yaml", "study.yaml: expected a file to write, found the study"),
         (f"{STUDY} -o my-law.yaml", "expected the file of a study, found a case"),
         (f"{STUDY} -o new.csv --export new.csv", "found the file of rows new.csv, which is read"),
-        (f"{STUDY} -o new.sqlite --export nowhere/rows.csv", "expected a folder nowhere"),
         (f"{RECOMMEND} --plot nowhere/a.svg", "expected a folder nowhere"),
     ],
 )
@@ -129,22 +123,6 @@ def test_a_report_does_not_take_the_place_of_its_study(bench):
             assert "rows.html: expected a file to write, found the study rows.html, which is" in refused(bench, command)
     finally:
         rows.unlink()
-
-
-@pytest.mark.parametrize("name", ["result", "result.nc.bak"])
-def test_the_ending_of_a_result_says_what_it_is(bench, name):
-    told = refused(bench, f"run case.yaml -o {name}")
-    found = "no ending" if name == "result" else name[name.rindex(".") :]
-    assert told.startswith(f"{name}: expected a result ending in .nc or .vtkhdf, found {found}\n  Name it result.nc.")
-
-
-def test_a_link_to_another_file_is_replaced_as_before(bench, tmp_path):
-    (tmp_path / "old.nc").write_text("old")
-    (tmp_path / "link.nc").symlink_to("old.nc")
-    done = percuss_command("run", bench / "case.yaml", "-o", tmp_path / "link.nc", plain=True)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "old.nc").read_text() == "old"
-    assert percuss.open_result(tmp_path / "link.nc").status == "done"
 
 
 @pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])

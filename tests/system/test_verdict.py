@@ -8,7 +8,6 @@ import pytest
 import percuss
 import places
 from command_line import percuss_command
-from percuss.reporting.terminal import _best_runs
 from percuss.reporting.verdict import best_words, error_words, failures, rows_verdict, run_verdict
 from percuss.results.true_error import largest_error
 from percuss.studies.columns import metric
@@ -172,22 +171,6 @@ def test_ties_and_the_best_at_equal_mesh_are_told_before_the_best() -> None:
     assert last_bit[1]["energy_kept"] != 0.5
     assert not any(" tie: " in line for line in rows_verdict(last_bit, ["force_error_l1", "energy_kept"]))
     assert next(rows_verdict(ROWS[:3], ["steps"]), "") == ""
-
-
-def test_a_table_of_the_best_rows_has_one_case() -> None:
-    """Errors of unlike cases are no ranking."""
-    tables = list(_best_runs(ROWS, ["force_error_l1", "steps"], list(ROWS[0])))
-    assert [table.title for table in tables] == ["one: smallest force_error_l1", "two: smallest force_error_l1"]
-    errors = [next(column.cells for column in table.columns if column.head == "force_error_l1") for table in tables]
-    assert errors == [["2 %", "2 %", "3 %", "4 %", "5 %", "5 %"], ["10 %", "20 %", "20 %"]]
-
-
-def test_an_unknown_error_has_a_reason() -> None:
-    done = percuss_command("run", CASES / "doyen-bounce.yaml", "--set=record.every=5")
-    expected = (
-        "The true error is unknown: the force is compared where each step is recorded (record.every: 1, not 5).\n"
-    )
-    assert expected in done.stdout
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 import percuss
 import places
 from percuss.case.options import options_of
-from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, settled
+from percuss.certificate.verdict import settled
 from percuss.contact.contact_problem import contact_problem
 from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import FAMILIES, ContactProblem
@@ -122,16 +122,6 @@ def test_what_lagrange_multipliers_answer():
     row = found.data["contacts"]["tip"]["row"]
     assert (row["sigma"], row["sign"], row["active"], row["at"]) == (0.0, ">= 0", "all", "end")
     assert row["w"] == pytest.approx(found.data["step"]["dt"] ** 2, rel=1e-12)
-
-
-def test_what_chose_itself_is_told_with_its_reason():
-    found = told(hunek(20, contact="penalty"), {"time.courant": "auto"})
-    critical = found.data["certificate"]["dt_critical"]
-    assert found.data["step"]["dt"] == pytest.approx(SHARE_OF_CRITICAL_STEP * critical)
-    assert f"chosen as {SHARE_OF_CRITICAL_STEP} of the critical step {critical:.9g}" in found.text
-    assert re.search(r"beta_s auto: 0\.\d+, ", found.text)
-    assert found.data["contacts"]["tip"]["chosen"]["beta_s"].startswith("auto")
-    assert "as given" in told(hunek(20), {"time": {"end": 0.1, "step": 1e-4}}).text
 
 
 def test_why_no_exact_solution_judges_it():

@@ -68,18 +68,6 @@ def test_a_wrong_argument_is_refused_with_its_name(call, words):
     assert str(refused.value).startswith(words)
 
 
-def test_a_case_shows_itself_in_a_few_lines_and_lists_public_names_only(case):
-    assert repr(case).splitlines() == [
-        "<percuss.Case 'Impact of two bars of different lengths'",
-        "  bodies: short, long",
-        "  contacts: tip (bipenalty)",
-        "  integrator: wu-predictor-corrector",
-        "  time: end 0.8, courant 0.5>",
-    ]
-    assert {"bodies", "with_overrides", "notes"} <= set(dir(case))
-    assert not [name for name in dir(case) if name.startswith("_")]
-
-
 def test_a_result_draws_itself_and_a_notebook_shows_the_figure(case, tmp_path):
     result = run(case, compiled=False)
     assert run_exact(case)._repr_png_().startswith(b"\x89PNG")
