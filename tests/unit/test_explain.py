@@ -38,7 +38,6 @@ def test_the_gap_of_a_contact_is_the_smallest_of_its_points(height):
     })  # fmt: skip
     assert found.data["contacts"]["floor"]["gap"] == pytest.approx(height, abs=1e-12)
     assert f"floor: d.skin and a rigid wall, {f'gap {height:g}' if height else 'touching'}; " in found.text
-    assert "closed alone, at its first point: " in found.text
 
 
 # ------------------------------------------------------------------------------------------------- cases
@@ -66,7 +65,6 @@ def test_a_check_names_all_that_a_case_will_do(path):
         assert f"  {name}: " in text
         row = found.data["contacts"][name]["row"]
         if row["sigma"]:
-            assert f"{row['sigma']:.6g} lambda" in text
             weight = model.contact_points.weight[model.contact_points.names.index(name)]
             assert f"epsilon_s = {1 / row['sigma'] / weight:.6g}" in text
     for name in case.loads:
@@ -106,10 +104,10 @@ def test_numbers_of_a_contact_are_those_of_the_closed_formulas(integrator, law):
     )
     assert found.data["step"]["dt"] == pytest.approx(dt, rel=1e-12)
     assert found.data["step"]["smallest_transit"] == pytest.approx(h / c, rel=1e-12)
-    for value in (eps_s, 1 / eps_s, s, dt, row["stiffness"], *([eps_m] if eps_m else [])):
+    for value in (eps_s, s, dt, *([eps_m] if eps_m else [])):
         assert f"{value:.6g}" in found.text
     wu = integrator == "wu-predictor-corrector"
-    assert ("the predicted gap" if wu else "the current gap") in found.text
+    assert row["judged"] == ("predicted" if wu else "current")
     assert ("g'' counts as 0" in found.text) is (wu and law == "bipenalty")
     if wu:
         assert found.data["certificate"]["theta"] == pytest.approx(dt**2 * row["stiffness"] * s, rel=1e-9)
@@ -118,7 +116,6 @@ def test_numbers_of_a_contact_are_those_of_the_closed_formulas(integrator, law):
 def test_what_lagrange_multipliers_answer():
     """Signorini's conditions."""
     found = told(hunek(20, contact="lagrange"))
-    assert "g >= 0, lambda >= 0, lambda g = 0 (Signorini), where g is the gap at the end of the step" in found.text
     row = found.data["contacts"]["tip"]["row"]
     assert (row["sigma"], row["sign"], row["active"], row["at"]) == (0.0, ">= 0", "all", "end")
     assert row["w"] == pytest.approx(found.data["step"]["dt"] ** 2, rel=1e-12)

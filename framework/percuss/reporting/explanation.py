@@ -89,7 +89,6 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
         "any_of": np.any,
         "assigned": _assigned,
         "per_area": partial(_per_area, model),
-        "linear_law_lines": _linear_law_lines,
         "found": found,
         "cells_of": cells_of,
         "takes": duration,
@@ -248,49 +247,6 @@ OF_RECORD = {
     "acceleration": "weight_acceleration",
     "w": "response",
 }
-
-
-def _linear_law_lines(law: ContactLaw, row: Data | None, points: int | None) -> Iterator[str]:
-    """Yield the linear law of a contact with its numbers, and the multiplier if only this contact is closed.
-
-    Parameters
-    ----------
-    law
-        The contact law.
-    row
-        Its linear law; None where it has a kernel of its own.
-    points
-        Number of contact points, if there are several.
-    """
-    if row is None:
-        yield f"{law.name} is no row of the contact equation: its own kernel gives the force"
-        return
-    terms = [(row["sigma"], "lambda"), (row["gap"], "g"), (row["rate"], "g'"), (row["acceleration"], "g''")]
-    own, *others = [f"{'' if weight == 1.0 else f'{weight:.6g} '}{name}" if weight else "" for weight, name in terms]
-    parts = [other for other in others if other]
-    right = f"-{' - '.join(parts)}" if parts else "0"
-    state = {
-        "balanced": "the gap at t_n, in static balance of the end without mass, whatever the integrator",
-        "current": "the current gap",
-        "predicted": "the gap at the end of the step" if row["at"] == "end" else "the predicted gap",
-    }[row["judged"]]
-    unseen = row["acceleration"] and not row["sees_acceleration"]
-    remark = ", g'' counts as 0" if unseen else ""
-    when = " while g < 0" if row["active"] == "gap < 0" else ""
-    if row["sign"] == "free":
-        yield f"{own or 0} = {right}{when}, where g is {state}{remark}; lambda may have either sign"
-    else:
-        total = " + ".join(filter(None, [own, *parts]))
-        product = f"lambda {f'({total})' if ' ' in total else total}"
-        yield f"{total} >= 0, lambda >= 0, {product} = 0 (Signorini){when}, where g is {state}{remark}"
-    if unseen:
-        right = f"-{' - '.join(parts[:-1])}"
-    yield (
-        f"closed alone{', at its first point' if points else ''}: lambda = ({right}) / (sigma + w s) = "
-        f"{row['stiffness']:.6g} ({right}), sigma = {row['sigma']:.6g}, w = {row['w']:.6g}"
-    )
-    if unseen:
-        yield f"g'' counts as 0: {law.needs_only_response_of['acceleration']}"
 
 
 # ------------------------------------------------------------------------------------------- loads, methods
