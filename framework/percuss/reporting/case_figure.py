@@ -75,8 +75,7 @@ def case_figure(model: Model) -> Figure:
         else:
             axes.set_axis_off()
         figures.legend_below(figure, {label: Line2D([], [], **style) for label, (_, _, style) in drawn.items()})
-    with figures.drawing():
-        _write_names(axes, model, size, signs)
+        _write_names(axes, model, size)
     return figure
 
 
@@ -164,45 +163,29 @@ def _loads(model: Model, size: float) -> Drawn:
     return drawn
 
 
-def _write_names(axes: Axes, model: Model, size: float, taken: Signs) -> None:
-    """Write the names of the bodies and of their regions where they hide no arrow, no mark and no other name."""
-    from matplotlib.transforms import Bbox
-
-    corners = [axes.transData.transform(polygon) for part in taken for polygon in solids.on_page(part.polygons)]
-    boxes = [Bbox([each.min(axis=0), each.max(axis=0)]) for each in corners]
-
-    def write(words: str, places: list[Floats], **style: Any) -> None:
-        box = {**figures.PAPER, "alpha": 0.7, "pad": 1.0}
-        text = axes.text(0.0, 0.0, words, ha="center", va="center", bbox=box, zorder=5, **style)
-
-        def hidden(place: Floats) -> int:
-            text.set_position((place[0], place[1]))
-            return int(text.get_window_extent().count_overlaps(boxes))
-
-        hidden(min(places, key=hidden))
-        boxes.append(text.get_window_extent())
-
+def _write_names(axes: Axes, model: Model, size: float) -> None:
+    """Write the names of the bodies into their middles, and those of their regions beside what is seen of them."""
+    style: Any = {"ha": "center", "va": "center", "bbox": {**figures.PAPER, "alpha": 0.7, "pad": 1.0}, "zorder": 5}
     for body in model.bodies.values():
         middle = solids.on_page(body.mesh.nodes.mean(axis=0))
-        places = [middle + STEP * size * np.array([x, y]) for y in (0, 1, -1, 2, -2) for x in (0, 1, -1, 2, -2)]
-        write(figures.one_line(body.name), places, size=11, weight="bold", color=INK)
-    for body in model.bodies.values():
+        axes.text(*middle, figures.one_line(body.name), size=11, weight="bold", color=INK, **style)
         for region in body.mesh.regions:
-            write(region, _beside(body, region, STEP * size), size=8.5, color=SOFT)
+            axes.text(*_beside(body, region, STEP * size), region, size=8.5, color=SOFT, **style)
 
 
-def _beside(body: Body, region: str, step: float) -> list[Floats]:
-    """Return places for the name of a region, from the middle of what is seen of it: in the body if that is thick."""
+def _beside(body: Body, region: str, step: float) -> Floats:
+    """Return the place for the name of a region: a step from the facet in the middle of what is seen of it.
+
+    In two dimensions it is in the body, if that is thick there.
+    """
     surface = body.surface(region).surface
     middles, normals = surface.positions[surface.facets].mean(axis=1), surface.normals
-    ways = [1.0, 2.0, 3.0]  # steps along the normal
-    seen = np.full(len(middles), fill_value=True) if middles.shape[1] == 2 else normals @ solids.TO_CAMERA > 0.1
+    flat = middles.shape[1] == 2
+    seen = np.full(len(middles), fill_value=True) if flat else normals @ solids.TO_CAMERA > 0.1
     if seen.any():
         first = np.where(seen, np.linalg.norm(middles - middles[seen].mean(axis=0), axis=1), np.inf)
-        thick = middles.shape[1] == 2 and np.ptp(body.mesh.nodes @ normals[first.argmin()]) > 5.0 * step
-        ways = [-1.0, -2.0, -3.0, *ways] if thick else ways if middles.shape[1] == 2 else [0.0, *ways]
     else:
         first = -middles @ solids.TO_CAMERA  # its nearest edge is seen
-    facets = np.argsort(first, kind="stable")
-    some = facets[:: max(1, len(facets) // 8)]
-    return [solids.on_page(middles[facet] + way * step * normals[facet]) for facet in some for way in ways]
+    facet = int(first.argmin())
+    inside = flat and np.ptp(body.mesh.nodes @ normals[facet]) > 5.0 * step
+    return solids.on_page(middles[facet] + (-step if inside else step) * normals[facet])

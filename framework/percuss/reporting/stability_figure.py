@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
 
 Axis = Mapping[str, Sequence[Any]]
-MOST_MAPS = 4
 MARKS = ("o", "s", "^", "D", "v", "P")
 WORDS = {
     "courant_critical": QUANTITIES["courant_critical"].label,
@@ -43,7 +41,7 @@ def stability_figure(rows: list[Entries], vary: Axis, curves: Axis, title: str, 
     """
     subject = "stability of the closed linear step, in the worst combination of contacts"
     drawn = _Drawn.of(rows, vary, curves)
-    with new_figure(9.6, 6.4, title, [methods, subject, *_notes_on_omissions(rows, drawn)]) as figure:
+    with new_figure(9.6, 6.4, title, [methods, subject, *_notes(rows, drawn)]) as figure:
         if not any(row["courant_critical"] is not None for row in rows):
             write_reason(figure.subplots(), f"nothing to draw: {rows[0]['reason']}")
         elif len(vary) == 2:
@@ -86,19 +84,12 @@ class _Drawn(NamedTuple):
         return cls(quantity, vary, list(dict.fromkeys(row["by"] for row in rows)), by_label)
 
 
-def _notes_on_omissions(rows: list[Entries], drawn: _Drawn) -> list[str]:
-    """Return notes on parts that are not drawn: points without a number, curves without a map, and further criteria."""
-    without_number = [row["reason"] or "no reason given" for row in rows if row.get(drawn.quantity) is None]
-    words = []
-    for reason, count in Counter(without_number).most_common(1):
-        often = f" ({count} of them)" if count < len(without_number) else ""
-        words.append(f"{len(without_number)} of {len(rows)} points have no number and are left blank: {reason}{often}")
+def _notes(rows: list[Entries], drawn: _Drawn) -> list[str]:
+    """Return notes on what is not drawn: points without a number, and on maps the criteria after the first."""
+    missing = [row["reason"] or "no reason given" for row in rows if row.get(drawn.quantity) is None]
     first, *others = drawn.criteria
-    if len(drawn.vary) == 2 and len(drawn.curves) > MOST_MAPS:
-        words.append(f"the first {MOST_MAPS} of {len(drawn.curves)} curves have a map")
-    if len(drawn.vary) == 2 and others:
-        words.append(f"the maps are those of the {first}; not drawn: {', '.join(others)}")
-    return words
+    words = [f"{len(missing)} of {len(rows)} points have no number and are left blank: {missing[0]}"] if missing else []
+    return words + ([f"the maps are those of the {first}"] if len(drawn.vary) == 2 and others else [])
 
 
 def _draw_curves(figure: Figure, drawn: _Drawn) -> None:
@@ -121,7 +112,7 @@ def _draw_curves(figure: Figure, drawn: _Drawn) -> None:
 
 def _draw_maps(figure: Figure, drawn: _Drawn) -> None:
     first, second = drawn.vary
-    maps = list(drawn.curves.items())[:MOST_MAPS]
+    maps = list(drawn.curves.items())
     panels = figure.subplots(1, len(maps), sharey=True, squeeze=False)[0]
     grids = []
     for _, rows in maps:
