@@ -168,9 +168,10 @@ def _write_names(axes: Axes, model: Model, size: float) -> None:
     style: Any = {"ha": "center", "va": "center", "bbox": {**figures.PAPER, "alpha": 0.7, "pad": 1.0}, "zorder": 5}
     for body in model.bodies.values():
         middle = solids.on_page(body.mesh.nodes.mean(axis=0))
-        axes.text(*middle, figures.one_line(body.name), size=11, weight="bold", color=INK, **style)
+        axes.text(middle[0], middle[1], figures.one_line(body.name), size=11, weight="bold", color=INK, **style)
         for region in body.mesh.regions:
-            axes.text(*_beside(body, region, STEP * size), region, size=8.5, color=SOFT, **style)
+            place = _beside(body, region, STEP * size)
+            axes.text(place[0], place[1], region, size=8.5, color=SOFT, **style)
 
 
 def _beside(body: Body, region: str, step: float) -> Floats:
