@@ -8,7 +8,7 @@ import pytest
 import percuss
 import places
 from command_line import percuss_command
-from percuss.cli.main import PANELS
+from percuss.cli.main import COMMANDS
 
 ROOT = places.ROOT
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
@@ -18,7 +18,7 @@ def test_help_names_every_command() -> None:
     done = percuss_command("--help")
     assert done.returncode == 0
     shown = {words[0]: " ".join(words[1:]) for line in done.stdout.splitlines() if (words := line.split())}
-    for command in (command for commands in PANELS.values() for command in commands):
+    for command in COMMANDS:
         assert shown[command.__name__] == command.__doc__.splitlines()[0]  # whole, in a terminal of 80 columns
     assert max(map(len, done.stdout.splitlines())) <= 80
 

@@ -6,7 +6,6 @@ import errno
 import gc
 import os
 import sys
-from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
@@ -32,16 +31,11 @@ from percuss.version import CONTRACT, __version__
 
 GARBAGE_THRESHOLD = 50_000  # new objects after which Python looks for garbage
 
-LINE_OF_HELP = 62  # characters of a command in the help, on 80 columns
-PANELS: dict[str, tuple[Callable[..., None], ...]] = {
-    "One case": (run, check, compare, stability, waves),
-    "Many runs": (study, recommend, report),
-    "Methods and files": (plugins, new, verify, schema),
-}
+COMMANDS = (run, check, compare, stability, waves, study, recommend, report, plugins, new, verify, schema)
 
 
 class Commands(TyperGroup):
-    """The commands, which the help lists under the headings of `PANELS`."""
+    """The commands."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command; Ctrl-C ends it, with the line of the plug-in in which it was at work, if it was in one."""
@@ -52,12 +46,9 @@ class Commands(TyperGroup):
             print(f"interrupted{f' in {where}' if where else ''}", file=sys.stderr)
             raise typer.Exit(INTERRUPTED) from None
 
-    def format_commands(self, ctx: object, formatter: Any) -> None:  # noqa: ARG002
-        """Write the name and the first line of each command."""
-        for panel, functions in PANELS.items():
-            commands = [(one.__name__, self.commands[one.__name__]) for one in functions]
-            with formatter.section(panel):
-                formatter.write_dl([(name, command.get_short_help_str(LINE_OF_HELP)) for name, command in commands])
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+        """Return the names of the commands in the order of the help."""
+        return [command.__name__ for command in COMMANDS]
 
 
 app = typer.Typer(
@@ -69,7 +60,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (command for commands in PANELS.values() for command in commands):
+for command in COMMANDS:
     app.command()(command)
 
 

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from percuss.results.result import Result
 
 RESULTS = (".nc", ".vtkhdf")
-SEARCHED = ("method.contact", "method.integrator", "refine", "time.courant")  # values that a recommendation finds
 
 
 def run(
@@ -85,7 +84,7 @@ def run(
             common.tell(f"error: {failure}")
         answer.exit_code = 1 if result.status != "done" or open_accounts(result.summary) else 0
         if result.marched:
-            search = "" if tied or row or loaded.bonds else _search(case, set_ or [], plugin or [], reference)
+            search = "" if tied or row or loaded.bonds else f"`percuss recommend {shlex.quote(str(case))} --error 1%`"
             answer.conclude(run_verdict(result, search))
             if result.status == "interrupted":
                 answer.exit_code = INTERRUPTED
@@ -125,11 +124,3 @@ def _outcome(case: Case, *, exact_only: bool, nudge: bool, resume: bool) -> tupl
             if error.result is None:  # a plug-in raised it
                 raise
             return error.result, error
-
-
-def _search(case: Path, sets: list[str], plugins: list[Path], reference: str) -> str:
-    """Return the command that finds better methods for a case, in words."""
-    options = [*(f"--plugin={file}" for file in plugins), *([f"--reference={reference}"] if reference else [])]
-    words = shlex.join(["percuss", "recommend", str(case), "--error", "1%", *options])
-    lost = any(not change.startswith(SEARCHED) for change in sets)
-    return f"`{words}`{' (first write the values of --set into the case)' if lost else ''}"
