@@ -203,10 +203,8 @@ def test_title_and_marks_tell_methods_steps_and_what_went_wrong(good, unstable):
     told = words(run_figure.figure_of(unstable))
     assert "UNSTABLE, no valid result: stopped at step" in told
     assert "Likely cause: " in told
-    assert "unstable: not computed" in told
     told = words(run_figure.figure_of(fresh(good, status="interrupted", steps=100)))
     assert f"INTERRUPTED at step 100 of {good.summary['steps']}" in told
-    assert "interrupted: not computed" in told
     result = fresh(good)
     result.provenance["case"]["title"] = "costs $1 and $\\nonsense{ 2\nin two lines"  # is never mathematics
     figure = run_figure.figure_of(result)
@@ -508,10 +506,6 @@ def test_an_animation_shows_motion_stress_and_pressure_of_solids_and_not_those_t
     for one, other in itertools.pairwise(frames):
         assert (np.abs(one - other).sum(axis=2) > 60)[60:].mean() > 0.005
     assert [path.name for path in tmp_path.iterdir()] == ["a.gif"]
-    for name in ("node_position", "point_position"):
-        fields[name] = fields[name] * [0.3, 1.0]
-    bodies, force, *_ = animation.frames_of(result)[0].axes
-    assert bodies.get_position().x1 < force.get_position().x0
 
 
 def test_an_animation_that_cannot_be_made_is_refused_before_the_run(good, tmp_path, monkeypatch):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from percuss.errors import InputError, PercussError, Problem
 from percuss.files import replacing
 from percuss.jsonable import Entries
 from percuss.reporting import figures
-from percuss.reporting.figures import COLOURS, DASHES, SOFT
-from percuss.reporting.run_figure import body_names, contact_positions, contacts_left_out, strips_of
+from percuss.reporting.figures import COLOURS, DASHES
+from percuss.reporting.run_figure import body_names, contacts_left_out, strips_of
 from percuss.reporting.solids import colour_bar, last_whole, moving_parts, scene_of, still_parts, write_names
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 SUFFIXES = (".gif", ".mp4")
 MOST_FRAMES = 100
 FRAMES_PER_SECOND = 15
-WIDE = 1.5  # width over height from which bodies stand above the forces, not beside them
 SIZE, DOTS_PER_INCH = (9.6, 6.0), 100  # inches; 960 x 600 pixels
 
 
@@ -104,10 +103,7 @@ def frames_of(result: Result) -> tuple[Figure, Callable[[int], None], list[int]]
 def _deformed_bodies(figure: Figure, result: Result, frames: list[int]) -> tuple[Axes, Callable[[int], None]]:
     """Draw solids; return the panel for the forces and the function that shows a snapshot."""
     scene = scene_of(result, frames)
-    width, height = scene.high - scene.low
-    rows: Any = {"nrows": 2, "height_ratios": (1.9, 1.0)}
-    columns: Any = {"ncols": 2, "width_ratios": (1.4, 1.0)}
-    axes, force = figure.subplots(**(rows if width > WIDE * height else columns))
+    axes, force = figure.subplots(2, 1, height_ratios=(1.9, 1.0))
     still_parts(axes, scene)
     colour_bar(figure, [axes], scene, result.units)
     moving: list[Artist] = []
@@ -125,29 +121,20 @@ def _stress_lines(figure: Figure, result: Result, _: list[int]) -> tuple[Axes, C
     axes, force = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
     fields = result.field_arrays
     strips, label = strips_of(fields, result.provenance["geometry"]["bodies"])
-    time, stress = np.asarray(fields["time"], dtype=float), np.asarray(fields["stress"], dtype=float)
+    stress = np.asarray(fields["stress"], dtype=float)
     largest = float(np.abs(stress[np.isfinite(stress)]).max(initial=0.0)) or 1.0
     lines = []
     for strip in strips.values():
         line = axes.stairs(stress[0, strip.columns], strip.edges, baseline=None, color=COLOURS[0], linewidth=1.8)
         lines.append((line, strip.columns))
         axes.axvspan(*strip.edges[[0, -1]], facecolor="#f4f4f4", edgecolor=figures.FAINT, zorder=0)
-    contacts = result.provenance["geometry"]["contacts"]
-    places = [contact_positions(contacts[name], strips) for name in result.coordinates["contact"]]
-    # A contact presses in a snapshot if it carries a force at the recorded time that is nearest.
-    nearest = np.abs(result.arrays["time"][:, None] - time).argmin(axis=0) if result.arrays["time"].size else time
-    (pressed,) = axes.plot([], [], "o", color=figures.INK, markersize=7)
     body_names(axes, strips)
     axes.set_ylim(-1.1 * largest, 1.1 * largest)
     figures.set_labels(axes, result.units, xlabel=(label, "length"), ylabel=figures.STRESS)
-    axes.set_title("compression is negative; ● contact with force", loc="right", size=9, color=SOFT, y=1.1)
 
     def show(frame: int) -> None:
         for line, columns in lines:
             line.set_data(stress[frame, columns])
-        forces = result.arrays["contact_force"][nearest[frame]]
-        here = [place for force, at in zip(forces, places, strict=True) if force > 0 for place in at]
-        pressed.set_data(here, np.zeros(len(here)))
 
     return force, show
 

@@ -286,21 +286,13 @@ def axis_end(result: Result) -> float:
     return float(max(min(planned, 1.3 * result.end), result.summary["dt"]))
 
 
-def hatch_after_stop(axes: Axes, result: Result, until: float, *, word: bool = True, upwards: bool = False) -> None:
+def hatch_after_stop(axes: Axes, result: Result, until: float, *, upwards: bool = False) -> None:
     """Hatch the part of the time axis from the stop of a run that is not done up to `until`, the end of the axis."""
-    stopped = result.end
-    if result.status == "done" or stopped >= until:
+    if result.status == "done" or result.end >= until:
         return
     span, line = (axes.axhspan, axes.axhline) if upwards else (axes.axvspan, axes.axvline)
-    span(stopped, until, facecolor="#f3f3f3", edgecolor=FAINT, hatch="///", linewidth=0)
-    line(stopped, color=ALARM, linewidth=1.5)
-    if not word:
-        return
-    middle = 0.5 * (stopped + until)
-    anchor = (0.5, middle) if upwards else (middle, 0.5)
-    frame = axes.get_yaxis_transform() if upwards else axes.get_xaxis_transform()
-    style: Entries = {"rotation": 0 if upwards else 90, "ha": "center", "va": "center", "color": ALARM}
-    axes.text(*anchor, f"{result.status}: not computed", transform=frame, bbox=PAPER, **style)
+    span(result.end, until, facecolor="#f3f3f3", edgecolor=FAINT, hatch="///", linewidth=0)
+    line(result.end, color=ALARM, linewidth=1.5)
 
 
 def thinned(time: Floats, values: Floats, most: int = MOST_POINTS) -> tuple[Floats, Floats]:

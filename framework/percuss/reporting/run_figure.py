@@ -55,9 +55,9 @@ def figure_of(result: Result) -> Figure:
             _energies(panels[-1], result)
         figures.set_labels(panels[-1], result.units, xlabel=figures.TIME)
         panels[0].set_xlim(0, until)
-        for k, axes in enumerate(panels):
+        for axes in panels:
             axes.tick_params(labelbottom=axes is panels[-1])
-            figures.hatch_after_stop(axes, result, until, word=k == 0)
+            figures.hatch_after_stop(axes, result, until)
         if "cell_nodes" in result.field_arrays:
             deformed(figure, grid[:, 1], result)
         else:

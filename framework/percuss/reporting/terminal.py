@@ -285,10 +285,8 @@ def stability_lines(title: str, rows: list[Entries], *, whole: bool = False) -> 
     if len(shown) < len(lines):
         yield f"{len(shown)} of {len(lines)} combinations: --all prints every one, -o FILE.csv saves them"
     reasons = Counter(f"{row['by']}: {row['reason']}" for row in rows if row["reason"])
-    for reason, count in list(reasons.items())[: None if whole else STABILITY_REASONS]:
+    for reason, count in reasons.most_common(None if whole else STABILITY_REASONS):
         yield f"{f'{count} times ' if count > 1 else ''}{reason}"
-    if not whole and len(reasons) > STABILITY_REASONS:
-        yield f"and {len(reasons) - STABILITY_REASONS} other reasons: --all prints them"
     for criterion in criteria:
         yield _summary_of(criterion, [row for row in rows if row["by"] == criterion], paths)
 
@@ -327,13 +325,8 @@ def waves_lines(title: str, waves: Waves) -> Iterator[Piece]:
     yield Table([Column(head, [number_text(row[key], 5) for row in rows]) for head, key in heads.items()], title)
     if waves.reason:
         yield waves.reason
-    kept, passed = waves.kept, abs(waves.transmitted)
-    verdict = f"Of the energy of a wave, {percent(kept.min())} to {percent(kept.max())} leaves the contact again"
-    if passed.any():
-        lowest, highest = percent(passed[0]), percent(passed[-1])
-        amplitude = f"{lowest} of the amplitude at the lowest frequency and {highest} at the highest"
-        verdict = f"The second bar receives {amplitude}. {verdict}"
-    yield f"{verdict}."
+    low, high = percent(waves.kept.min()), percent(waves.kept.max())
+    yield f"Of the energy of a wave, {low} to {high} leaves the contact again."
 
 
 def check_lines(cases: list[Entries]) -> Iterator[Piece]:
