@@ -198,6 +198,12 @@ def test_a_ball_on_a_wall_over_the_ball_of_hertz(speed, poisson, time, force, de
     assert result.summary["momentum"]["balanced"]
 
 
+@pytest.mark.deep
+def test_a_ball_of_triangles_is_near_that_of_quadrilaterals():
+    forces = [percuss.run(ball(1e-2, 48, 6.0, 0.3, cells)).arrays["contact_force"].max() for cells in ("quad4", "tri3")]
+    assert forces[1] == pytest.approx(forces[0], rel=0.02)
+
+
 def test_uniform_pressure_on_a_cylinder_is_hydrostatic():
     """Under pressure on all sides the static displacement is u = -p (1 - 2 nu) / E x: a trap of coupled hoop strain."""
     pressure, poisson = 0.01, 0.3
