@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from bisect import bisect_left, bisect_right
@@ -91,24 +92,24 @@ def meshes(counts: Sequence[int]) -> list[float]:
 
 
 def defaults(integrators: list[str], contacts: list[str], registry: Registry, pairing: str = "") -> list[Candidate]:
-    """Return every pair with its default options on the mesh of the case with its pairing, with two steps."""
-    required = {
-        name: required_options(registry.get(family, name))
-        for family, names in (("integrators", integrators), ("contacts", contacts))
-        for name in names
-    }
+    """Return every pair on the mesh of the case with its pairing, with two steps, and with the options of its defaults.
+
+    Options without a default are those of the first example of a method.
+    """
+
+    def required(component: type[Component]) -> Entries:
+        example = component.examples[0] if component.examples else {}
+        return {
+            key: example[key] for key, option in options_of(component).items() if option.required and key in example
+        }
+
+    laws = {name: required(registry.get("contacts", name)) for name in contacts}
+    schemes = {name: required(registry.get("integrators", name)) for name in integrators}
+    pairs = itertools.product(schemes.items(), laws.items(), (FIRST_COURANT, SAFE_COURANT))
     return [
-        Candidate(integrator, contact, required[integrator], required[contact], courant, pairing=pairing)
-        for integrator in integrators
-        for contact in contacts
-        for courant in (FIRST_COURANT, SAFE_COURANT)
+        Candidate(scheme, law, options, options_of_law, courant, pairing=pairing)
+        for (scheme, options), (law, options_of_law), courant in pairs
     ]
-
-
-def required_options(component: type[Component]) -> Entries:
-    """Return the options of a method that have no default, as its first example has them."""
-    example = component.examples[0] if component.examples else {}
-    return {key: example[key] for key, option in options_of(component).items() if option.required and key in example}
 
 
 def needed_quantities(component: type[Component]) -> list[str]:

@@ -163,10 +163,8 @@ def orders(runs: list[Run]) -> list[Entries]:
 
 
 def _order(refine: list[float], errors: Sequence[float | None]) -> float | None:
-    points = [
-        (factor, error) for factor, error in zip(refine, errors, strict=True) if error is not None and error > ROUND_OFF
-    ]
+    points = [one for one in zip(refine, errors, strict=True) if one[1] is not None and one[1] > ROUND_OFF]
     if len({factor for factor, _ in points}) < 2:
         return None
-    slope = np.polyfit(np.log([factor for factor, _ in points]), np.log([error for _, error in points]), 1)[0]
-    return float(-slope)
+    factors, values = np.log(np.array(points, dtype=float)).T
+    return -float(np.polyfit(factors, values, 1)[0])
