@@ -339,7 +339,6 @@ def test_a_bound_is_a_number_or_percent():
         (["--error", "abc"], "--error: expected a number, found 'abc'"),
         (["--error", "-1"], "--error: expected a finite number greater than 0, found -1"),
         ([], "expected a bound on the error or on the energy, found none"),
-        (["--error", "1%", "--measure", "noise"], "--measure: expected a true error, found 'noise'"),
         (["--error", "1%", "--contact", "cohesive"], "'cohesive' needs a value of strength and length, which no"),
         (["--error", "1%", "--runs", "3"], "--runs: expected a number of at least 10, found 3"),
     ],

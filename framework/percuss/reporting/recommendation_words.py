@@ -9,6 +9,7 @@ from percuss.case.quantities import METRICS, percent
 from percuss.case.yaml_text import flow
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
 from percuss.reporting.verdict import failures
+from percuss.studies.recommendation import MEASURE
 
 if TYPE_CHECKING:
     from percuss.studies.recommendation import Bounds, Recommendation, Tried
@@ -20,7 +21,7 @@ def recommendation_lines(found: Recommendation) -> Iterator[Piece]:
     tried = f"{len(found.tried)} runs of {pairs} pairs; {len(found.refused)} pairs are refused, --json has the reasons"
     yield (found.study.title, "bold"), f": {bounds_in_words(found.bounds)}: {tried}"
     judge = f"an estimate, against a finer run ({'; '.join(found.judges)})" if found.judges else "true"
-    yield f"the error is {judge}: {METRICS[found.bounds.measure].metric}"
+    yield f"the error is {judge}: {METRICS[MEASURE].metric}"
     columns = [
         words("methods", map(methods_in_words, found.front)),
         Column("error", [percent(one.error) for one in found.front]),
@@ -57,7 +58,7 @@ def bounds_in_words(bounds: Bounds) -> str:
     """Return what was asked, in words."""
     kept = "kept to" if bounds.energy is not None else "grown by at most"
     parts = [
-        f"{METRICS[bounds.measure].label} of at most {percent(bounds.error, 4)}" if bounds.error is not None else "",
+        f"{METRICS[MEASURE].label} of at most {percent(bounds.error, 4)}" if bounds.error is not None else "",
         f"energy {kept} {percent(bounds.growth, 4)}",
         f"a march of at most {bounds.seconds:.4g} s" if bounds.seconds is not None else "",
     ]

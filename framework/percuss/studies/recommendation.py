@@ -22,10 +22,10 @@ import numpy as np
 
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, load
-from percuss.case.quantities import JUDGED_BY, METRICS
+from percuss.case.quantities import JUDGED_BY
 from percuss.certificate.closed_laws import NEVER_GROWS
 from percuss.contact.model import Model
-from percuss.errors import InputError, PercussError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
+from percuss.errors import InputError, PercussError, PluginError, Problem, RefusedPair, refuse_if_any
 from percuss.files import expect_no_input, expect_writable
 from percuss.jsonable import Data, Entries
 from percuss.march.model_of_case import model_of
@@ -34,13 +34,13 @@ from percuss.methods.registry import Registry
 from percuss.results.exact import exact_solution
 from percuss.studies.bench import Bench, Job
 from percuss.studies.candidates import Candidate, defaults, evaluations, meshes, needed_quantities, neighbours
-from percuss.studies.pool import number_of_workers
 from percuss.studies.search import Search
 from percuss.studies.spec import read_study
 from percuss.studies.study import Progress, Session, session
 from percuss.studies.study_table import Study
 from percuss.studies.tasks import Task, second_reference
 
+MEASURE = "force_error_l1"  # the error that is bounded
 FEWEST_RUNS = 10
 SHARE_OF_FIRST_RUNS = 1 / 3  # of all runs; of more pairs than that some are drawn, and the others wait
 STABLE, GUARANTEE, UNJUDGED = "certificate.stable", "certificate.energy", "exact_reason"  # of the summary of a run
@@ -57,19 +57,16 @@ class Bounds:
     Attributes
     ----------
     error
-        Largest value of `measure`.
+        Largest error of the force in L1, of the worst contact.
     energy
         Largest share of the energy put in that contacts, scheme and materials may take or add; None lets them take any.
     seconds
         Longest time of the march.
-    measure
-        Name of the measured error.
     """
 
     error: float | None = None
     energy: float | None = None
     seconds: float | None = None
-    measure: str = "force_error_l1"
 
     @property
     def growth(self) -> float:
@@ -180,7 +177,6 @@ def recommend(
     error: float | None = None,
     energy: float | None = None,
     seconds: float | None = None,
-    measure: str = "force_error_l1",
     integrators: Sequence[str] = (),
     contacts: Sequence[str] = (),
     runs: int = 400,
@@ -198,7 +194,7 @@ def recommend(
     ----------
     path
         File of the case.
-    error, energy, seconds, measure
+    error, energy, seconds
         As in `Bounds`; at least one of the first two.
     integrators, contacts
         Names of the methods to choose from; by default all that are registered.
@@ -225,10 +221,9 @@ def recommend(
         If the case or a bound is wrong, `out` holds something else, or an output cannot be written or is a file that
         the search reads.
     """
-    bounds, set_ = Bounds(error, energy, seconds, measure), {**(changes or {})}
+    bounds, set_ = Bounds(error, energy, seconds), {**(changes or {})}
     case = load(Path(path), set_, plugins=plugins)
     _check(bounds, runs)
-    number_of_workers(workers)
     model = model_of(case)
     if error is not None and case.reference is None and exact_solution(model, (model.steps + 1) * model.dt)[2]:
         set_["reference.refine"] = FINER
@@ -251,7 +246,7 @@ def recommend(
         "title": f"recommendation for {Path(path).name}",
         "cases": [str(path)],
         "set": set_,
-        "measure": [measure, "energy_kept", "energy_max", STABLE, GUARANTEE, UNJUDGED],
+        "measure": [MEASURE, "energy_kept", "energy_max", STABLE, GUARANTEE, UNJUDGED],
     }
     spec = read_study(plan, [Path(plugin) for plugin in plugins])
     bench = Bench.of(spec.cases, spec.rows)
@@ -287,10 +282,6 @@ def _check(bounds: Bounds, runs: int) -> None:
     if bounds.error is None and bounds.energy is None:
         advice = "Give --error, as 1%, or --energy."
         problems.append(Problem("recommend", "", "expected a bound on the error or on the energy, found none", advice))
-    errors = [name for name, quantity in METRICS.items() if quantity.is_error and quantity.against_exact]
-    if bounds.measure not in errors:
-        advice = suggestion(bounds.measure, errors)
-        problems.append(Problem("--measure", "", f"expected a true error, found '{bounds.measure}'", advice))
     if runs < FEWEST_RUNS:
         problems.append(Problem("--runs", "", f"expected a number of at least {FEWEST_RUNS}, found {runs}"))
     refuse_if_any(problems)
@@ -417,7 +408,7 @@ def judged(row: Data, candidate: Candidate, bounds: Bounds) -> Tried:
     """Return the run of a candidate, judged by the bounds, from its row in the table of a study."""
     ran = row["status"] == "done" and row["seconds"] is not None
     doubt = why_never(row) if ran else ""
-    kept, most, error = row["energy_kept"], row["energy_max"], row[bounds.measure]
+    kept, most, error = row["energy_kept"], row["energy_max"], row[MEASURE]
     energy = None if kept is None else abs(1.0 - kept)
     growth = None if None in (kept, most) else max(kept, most) - 1.0
     seconds = row["seconds"] if ran else None
