@@ -393,11 +393,6 @@ def error_of(case, candidate):
     return max(one["force_error_l1"] for one in result.summary["exact"]["contacts"].values())
 
 
-def test_neighbours_between_surfaces_have_the_other_pairings():
-    beside = neighbours(Candidate("chung-lee", "penalty", pairing="mortar"), REGISTRY)
-    assert {one.pairing for one in beside} == set(REGISTRY.names("pairings"))
-
-
 @pytest.mark.deep
 def test_a_search_between_surfaces_tries_the_pairings_by_a_finer_run(tmp_path):
     """The finer run judges meshes at most half as fine, so that no finer mesh is tried."""
