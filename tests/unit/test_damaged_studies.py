@@ -103,6 +103,7 @@ def test_a_process_that_is_killed_while_it_begins_leaves_a_file_that_can_be_begu
         path = tmp_path / f"{len(nothing)}.sqlite"
         path.touch()
         change(path, nothing)
+        assert percuss.open_study(path).as_records() == []  # for who watches it
         assert contents(stored(path))
 
 

@@ -56,7 +56,7 @@ class Store:
         if self._there:
             ((found,),) = self.select("PRAGMA user_version")
             ((tables,),) = self.select("SELECT count(*) FROM sqlite_master")
-            self._there = not new or tables > 0  # a process that was killed while it began leaves an empty database
+            self._there = tables > 0  # a study that begins, or was killed then, has none yet
             if self._there and found != FORMAT:
                 what = "one of an earlier version" if 0 < found < FORMAT else "another SQLite file"
                 raise self._error(f"expected the file of a study of format {FORMAT}, found {what}", ANOTHER)
