@@ -129,24 +129,14 @@ class Bench:
     def _case(self, label: str) -> Case:
         """Return a case, which is read once per process, if all is here as it was where the study began."""
         if label not in self.cases:
-            registry = Registry.load(self.plugins[label])
-            self._check_environment(registry, self.components[label])
+            registry, components = Registry.load(self.plugins[label]), self.components[label]
+            here = {"/".join(key): source.digest for key, source in registry.sources.items()}
+            differ = [name for name, digest in components.items() if here.get(name) != digest]
+            if differ or self.surroundings != _surroundings():
+                what = differ[0] if differ else "the versions of Python and its packages"
+                raise PluginError(f"expected {what} as where the study was started, found another here")
             self.cases[label] = load(self.sources[label], registry=registry)
         return self.cases[label]
-
-    def _check_environment(self, registry: Registry, components: Mapping[str, str]) -> None:
-        """Raise PluginError if numbers computed here could differ from those where the study began."""
-        digests = {"/".join(key): source.digest for key, source in registry.sources.items()}
-        for name, digest in components.items():
-            if name not in digests:
-                raise PluginError(f"{name} is not installed here, but was where the study was started")
-            if digests[name] != digest:
-                raise PluginError(f"the sources of {name} differ here from those where the study was started")
-        here, there = _surroundings(), self.surroundings
-        for name in sorted({*here, *there}):
-            if here.get(name) != there.get(name):
-                here_and_there = [place.get(name, "not set") for place in (here, there)]
-                raise PluginError("{} is {} here, and {} where the study was started".format(name, *here_and_there))
 
 
 def _surroundings() -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 from collections.abc import Generator, Sequence
 from concurrent.futures import CancelledError
@@ -13,7 +12,6 @@ from percuss.studies.bench import Bench, Job
 from percuss.studies.perform import LOST, WORKER, Record
 
 CONNECT_SECONDS = 5.0  # until a scheduler counts as absent
-LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
 
 
 def made_on_cluster(address: str, bench: Bench, jobs: Sequence[Job], stop: threading.Event) -> Generator[list[Record]]:
@@ -37,43 +35,34 @@ def made_on_cluster(address: str, bench: Bench, jobs: Sequence[Job], stop: threa
     RunError
         If the scheduler goes away meanwhile, or a worker has no percuss.
     """
+    from distributed import KilledWorker, wait
+
     client = _client(address)
     try:
         with client.as_current():
-            yield from _made_by(client, bench, jobs, address, stop)
-    except (CancelledError, OSError) as error:
-        message = "the scheduler is gone; the rows made so far are kept, and the same command continues"
-        raise RunError(f"{address}: {message} ({type(error).__name__})") from error
-    except ImportError as error:  # raised on a worker and passed on by the scheduler
-        raise RunError(f"{address}: a worker lacks a package: {error}; install percuss there too") from error
+            held = client.scatter(bench, broadcast=True, direct=False)
+            waiting: dict[Any, Job] = {
+                client.submit(Bench.record_elsewhere, held, job, pure=False): job for job in jobs
+            }
+            while waiting and not stop.is_set():
+                try:
+                    done = wait(list(waiting), timeout=0.5, return_when="FIRST_COMPLETED").done
+                except TimeoutError:
+                    continue
+                records = []
+                for future in done:
+                    job = waiting.pop(future)
+                    try:
+                        records.append(future.result())
+                    except KilledWorker as error:  # it killed several workers
+                        records.append(Record(job.key, LOST, str(error), WORKER))
+                yield records
+            client.cancel(list(waiting))
+    except (CancelledError, OSError, ImportError) as error:  # an ImportError is that of a worker
+        message = "the scheduler is gone, or a worker lacks a package; the same command continues"
+        raise RunError(f"{address}: {message} ({type(error).__name__}: {error})") from error
     finally:
         client.close()
-
-
-def _made_by(
-    client: Any, bench: Bench, jobs: Sequence[Job], address: str, stop: threading.Event
-) -> Generator[list[Record]]:
-    from distributed import KilledWorker, wait
-
-    if not client.nthreads():
-        LOG.warning("%s: the scheduler has no workers yet: start some with `dask worker %s`", address, address)
-    held = client.scatter(bench, broadcast=True, direct=False) if client.nthreads() else bench
-    waiting: dict[Any, Job] = {client.submit(Bench.record_elsewhere, held, job, pure=False): job for job in jobs}
-    while waiting and not stop.is_set():
-        try:
-            done = wait(list(waiting), timeout=0.5, return_when="FIRST_COMPLETED").done
-        except TimeoutError:
-            continue
-        records = []
-        for future in done:
-            job = waiting.pop(future)
-            try:
-                records.append(future.result())
-            except KilledWorker:  # it killed several workers
-                reason = "its worker process died several times while it made this run"
-                records.append(Record(job.key, LOST, reason, WORKER))
-        yield records
-    client.cancel(list(waiting))
 
 
 def _client(address: str) -> Any:

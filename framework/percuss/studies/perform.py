@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -24,7 +23,7 @@ from percuss.studies.columns import RowSettings
 from percuss.studies.tasks import TIED, Task
 
 WAITING = "waiting"  # status of a run that is still to be made
-LOST = "lost"  # status of a run whose failure does not come from its methods: it is made again
+LOST = "lost"  # status of a run that the machine failed: it is made again
 WORKER = "worker"  # `said_by` of a run that was lost with its worker
 
 # Errors of the machine, whichever code raises them: a missing file, no memory, a missing package.
@@ -42,8 +41,8 @@ class Run:
     varied
         Value of each varied path.
     status
-        ``done``, ``interrupted``, ``unstable``, ``refused``, ``failed``; or `LOST` where the machine or percuss
-        itself failed and nothing is known of the methods.
+        ``done``, ``interrupted``, ``unstable``, ``refused``, ``failed``; or `LOST` where the machine failed and
+        nothing is known of the methods.
     reason
         Why the run is not ``done``, or doubts about a run that is ``done``; else empty.
     said_by
@@ -119,27 +118,19 @@ def perform(case: Case, task: Task, make: Callable[[Case], Result] = run) -> tup
         lost = isinstance(error, TooLargeError) and not unread
         return Run(*names, LOST if lost else "failed", str(error)), error
     except Exception as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
-        return Run(*names, *failure_status(error, case.registry)), None
+        return Run(*names, *failure_status(error)), None
     reason = "; ".join(note for note in result.summary["notes"] if note.startswith((AGAINST_CERTIFICATE, NOT_VALID)))
     reason = "Ctrl-C" if result.status == "interrupted" else reason
     return Run(*names, result.status, reason, result=result), None
 
 
-def failure_status(error: BaseException, registry: Registry) -> tuple[str, str]:
-    """Return status and reason of a run ended by an unexpected error: `LOST` unless the code of a plug-in raised it."""
-    if isinstance(error, PercussError) and not isinstance(error.__cause__, ENVIRONMENT):
-        return "failed", str(error)
+def failure_status(error: BaseException) -> tuple[str, str]:
+    """Return status and reason of a run ended by an unexpected error: `LOST` for one of the machine, else failed."""
     where = line_in_plugin(error)
     message = str(error) if isinstance(error, PercussError) else f"{where + ': ' if where else ''}{described(error)}"
-    files = {source.file for source in registry.sources.values() if source.file}
-    packages = {source.module.partition(".")[0] for source in registry.sources.values() if source.distribution}
-    in_plugin = any(
-        frame.f_code.co_filename in files or str(frame.f_globals.get("__name__")).partition(".")[0] in packages
-        for frame, _ in traceback.walk_tb(error.__traceback__)
-    )
-    if in_plugin and not isinstance(error, ENVIRONMENT):
-        return "failed", message
-    return LOST, f"the machine or percuss itself failed, not the methods: {message}"
+    if isinstance(error, ENVIRONMENT) or isinstance(error.__cause__, ENVIRONMENT):
+        return LOST, f"the machine failed, not the methods: {message}"
+    return "failed", message
 
 
 class _NoTwin(PercussError):
@@ -249,7 +240,7 @@ def record(key: str, run: Run, settings: RowSettings, registry: Registry) -> Rec
             with plugin_faults():
                 measures[column.name] = plain(column.take(run.result, registry))
         except Exception as error:  # noqa: BLE001 - an error of a plug-in's measure costs this run alone
-            status, reason = failure_status(error, registry)
+            status, reason = failure_status(error)
             return replace(stored, status=status, reason=f"measure {column.name}: {reason}", said_by=column.name)
     histories = _packed(run.result, settings.histories) if settings.histories else b""
     return replace(

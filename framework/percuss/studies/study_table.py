@@ -104,7 +104,7 @@ class Study:
         """The table of the study: one row per run, in the order of the study.
 
         Columns are ``case``, ``integrator``, ``contact``, the varied paths (nothing where the methods have no such
-        option), ``status`` (done, unstable, refused, failed; lost where the machine or percuss itself failed; waiting
+        option), ``status`` (done, unstable, refused, failed; lost where the machine failed; waiting
         where the run is still to be made), ``reason``, ``said_by``, ``fragile``, the measures, ``node_steps``
         (steps times stages times nodes), ``seconds`` (of the march alone, the smallest of its repeats) and ``key``.
         """
