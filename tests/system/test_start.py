@@ -34,7 +34,7 @@ MAY_IMPORT = {
     "run {case}": SOLVE | {"rich"},
 }
 # Libraries that no distribution below declares as its own dependency, but that take long to import.
-OTHERS = {"dask", "distributed", "llvmlite", "matplotlib", "pandas", "pyarrow", "tornado"}
+OTHERS = {"dask", "distributed", "llvmlite", "matplotlib", "pandas", "tornado"}
 
 SCRIPT = """
 import json, sys

@@ -12,7 +12,7 @@ import places
 from fake_studies import TWO_BARS
 
 # A file instead of each of these modules tells that it was imported, and fails.
-THIRD_PARTY = {"matplotlib", "numba", "numpy", "pyarrow", "rich", "scipy", "typer", "xarray", "yaml"}
+THIRD_PARTY = {"matplotlib", "numba", "numpy", "rich", "scipy", "typer", "xarray", "yaml"}
 STRAY = """with open({sentinel!r}, "a") as file:
     file.write({name!r} + chr(10))
 raise ImportError({name!r} + " is imported from the current folder")

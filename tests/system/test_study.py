@@ -273,10 +273,9 @@ def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path):
     last = subprocess.run(command(file, "-o", out, "--json"), capture_output=True, text=True, check=True)
     told = json.loads(last.stdout)
     assert told["found"] == (counts[-1] if counts else 0)
-    assert f"{told['found']} of {RUNS} runs are stored already" in last.stderr or not told["found"]
     assert same(percuss.open_study(out).table, whole)
     done = subprocess.run(command(file, "-o", out), capture_output=True, text=True, check=True)
-    assert f"{RUNS} of {RUNS} runs are stored already" in done.stderr  # said too when nothing is left to do
+    assert f"{RUNS} found done" in done.stdout
 
 
 def children(pid):
@@ -637,13 +636,9 @@ def test_every_mistake_is_told_at_once(tmp_path, monkeypatch):
         (["nowhere.yaml"], "no such file"),
         (["study.yaml", "--workers", "0"], "--workers: expected a number of at least 1, found 0"),
         (["study.yaml", "--again", "faild"], "--again: expected one of failed, unstable, refused, done, found 'faild'"),
-        (["study.yaml", "--export", "a.xls"], "expected a table ending in .csv or .parquet, found .xls"),
+        (["study.yaml", "--export", "a.xls"], "expected a table ending in .csv, found .xls"),
         (["study.yaml", "-o", "nowhere/a.sqlite"], "expected a folder nowhere"),
         (["study.yaml", "-o", "study.yaml"], "study.yaml: expected a file to write, found the study study.yaml"),
-        *(
-            (["study.yaml", "--dry-run", option], f"expected --dry-run or {option.partition('=')[0]}, found both")
-            for option in ("--export=rows.csv", "--out=rows.sqlite", "--again=failed")
-        ),
     ],
     ids=str,
 )
@@ -682,9 +677,6 @@ def test_the_table_can_be_exported(tmp_path):
     table, whole = pd.read_csv(tmp_path / "a.csv"), percuss.open_study(tmp_path / "study.sqlite").table
     assert list(table.columns) == list(whole.columns)
     assert (table.impulse == whole.impulse).all()
-    pytest.importorskip("pyarrow")
-    percuss.open_study(tmp_path / "study.sqlite").export(tmp_path / "a.parquet")
-    assert (pd.read_parquet(tmp_path / "a.parquet").impulse == whole.impulse).all()
 
 
 BOX = {"count": 10**9, "of": {"method.contact.beta_s": {"from": 0.1, "to": 1}}}

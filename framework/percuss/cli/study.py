@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from percuss.case.arguments import expect_suffix
 from percuss.cli import common
 from percuss.cli.common import option
-from percuss.errors import Problem, refuse_if_any
 from percuss.process import INTERRUPTED
 
 
@@ -29,7 +28,7 @@ def study(
         list[str] | None,
         option("--again STATUS", "Make the runs of a status again, for example failed. Repeatable."),
     ] = None,
-    export: Annotated[Path | None, option("--export FILE", "Write the table as csv or parquet.")] = None,
+    export: Annotated[Path | None, option("--export FILE", "Write the table as csv.")] = None,
     dry_run: Annotated[bool, option("--dry-run", "Check the study and count its runs; make none.")] = False,
     as_json: common.AsJson = False,
 ) -> None:
@@ -41,32 +40,25 @@ def study(
         from percuss.studies.spec import read_study
         from percuss.studies.study import planned
         from percuss.studies.study import study as make_study
-        from percuss.studies.study_table import exportable
 
         if dry_run:
-            of_rows = {"--out": out, "--export": export, "--again": again, "--scheduler": scheduler}
-            message, advice = "expected --dry-run or {}, found both", "A dry run makes no rows."
-            given = [name for name, value in of_rows.items() if value]
-            refuse_if_any([Problem("percuss study", "", message.format(name), advice) for name in given])
             number_of_workers(workers)
             spec = read_study(file, plugin or [], common.reference_of(reference))
             title, runs = str(spec.data.get("title", "")), len(planned(spec)[0])
             answer.show({"title": title, "runs": runs}, [f"{title or 'untitled study'}: {runs} runs; none was made"])
             return
         if export is not None:
-            exportable(export)
+            expect_suffix(export, "a table", (".csv",), "Name it table.csv.")
         with common.progress_bar("runs") as progress:
-            notice = _ResumeNotice(progress)
-            tables = [export] if export is not None else []
             made = make_study(
                 file,
                 out,
                 workers,
                 scheduler,
-                notice,
+                progress,
                 plugins=plugin or [],
                 again=again or [],
-                outputs=tables,
+                outputs=[export] if export is not None else [],
                 changes=common.reference_of(reference),
                 longest=longest,
             )
@@ -84,16 +76,3 @@ def study(
             common.tell(
                 f"{len(lost)} of {len(rows)} runs lost; the same command makes them again. The first: {lost[0]}"
             )
-
-
-class _ResumeNotice:
-    """A progress callback that prints at its first call how many runs are done already, and passes every call on."""
-
-    def __init__(self, progress: Callable[[int, int], None]) -> None:
-        self.progress, self.announced = progress, False
-
-    def __call__(self, done: int, total: int) -> None:
-        if not self.announced and done:
-            common.tell(f"{done} of {total} runs are stored already")
-        self.announced = True
-        self.progress(done, total)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from percuss.case.arguments import expect_suffix
-from percuss.errors import wrong_input
 from percuss.files import replacing
 from percuss.jsonable import Entries
 from percuss.studies.perform import LOST, WAITING, Record, unpacked
@@ -161,22 +160,15 @@ class Study:
         return unpacked(found[0][0]) if found else None
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write the table as csv or parquet, by suffix, to a temporary file that is then renamed.
+        """Write the table as csv, to a temporary file that is then renamed.
 
         Raises
         ------
         InputError
-            If the suffix is another, the folder cannot be written to, or pyarrow is missing.
+            If the suffix is another, or the folder cannot be written to.
         """
-        suffix = exportable(path)
-        table = self.table
-        with replacing(path, suffix) as beside:
-            if suffix == ".csv":
-                table.to_csv(beside, index=False)
-            else:
-                # A column of words and numbers is written as words, as parquet has one type per column.
-                mixed = [name for name in table if len({type(value) for value in table[name] if value is not None}) > 1]
-                table.astype(dict.fromkeys(mixed, str)).to_parquet(beside, index=False)
+        with replacing(path, expect_suffix(path, "a table", (".csv",), "Name it table.csv.")) as beside:
+            self.table.to_csv(beside, index=False)
 
     def __repr__(self) -> str:
         words = ", ".join(f"{count} {status}" for status, count in self.counts.items())
@@ -192,20 +184,3 @@ def open_study(path: str | os.PathLike[str]) -> Study:
         If there is no such file, or it is not the file of a study.
     """
     return Study(path)
-
-
-def exportable(path: str | os.PathLike[str]) -> str:
-    """Return the suffix of a file to which a table can be written.
-
-    Raises
-    ------
-    InputError
-        If the suffix is another, or the package that writes it is not installed.
-    """
-    from importlib.util import find_spec
-
-    suffix = expect_suffix(path, "a table", (".csv", ".parquet"), "Name it table.csv.")
-    if suffix == ".parquet" and find_spec("pyarrow") is None:
-        advice = "Install percuss[study], or write csv."
-        raise wrong_input(str(path), "parquet needs pyarrow, which is not installed", advice)
-    return suffix
