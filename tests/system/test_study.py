@@ -575,11 +575,6 @@ WRONG = [  # a study, of which the first two lines are often these, and what is 
         HEAD + "measure: [{name: a, quantity: gap, contact: tip, take: mean, at: 0.1}]\n",
         "3:62: measure.0.at: mean is taken over an interval, not at a time",
     ),
-    (
-        HEAD + "vary: {time.courant: [0.5, 0.9]}\n"
-        "measure: [{name: a, quantity: contact_force, contact: tip, during: [5, 6], take: mean}]\n",
-        "4:68: measure.0.during: expected an interval that begins at or before the end of the run, 0.8",
-    ),
     (HEAD + "where: [{path: refine, op: <, value: 2}]\n", "3:16: where.0.path: 'refine' is not varied"),
     (
         HEAD + "sample: {count: 4, of: {time.courant: {from: 1, to: 0.5}}}\n",

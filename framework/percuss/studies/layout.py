@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from operator import eq, ge, gt, le, lt, ne
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -37,6 +38,9 @@ class MethodsSection(Section):
     contacts: Annotated[
         tuple[Any, ...], NAMES, Doc("names of contact laws, or {name: ..., option: ...}; by default the case's own")
     ] = ()
+
+
+OPERATORS = {"<": lt, "<=": le, ">": gt, ">=": ge, "==": eq, "!=": ne}
 
 
 @dataclass(frozen=True)
@@ -110,15 +114,11 @@ class Condition(Section):
         """Return whether the row fulfils the condition; a row without the path does."""
         if self.path not in row:
             return True
-        actual, value = row[self.path], self.value
-        if self.op in {"==", "!="}:
-            return bool(actual == value) == (self.op == "==")
         try:
-            order = int(actual > value) - int(actual < value)
+            return bool(OPERATORS[self.op](row[self.path], self.value))
         except TypeError:
             # A word and a number have no order: `auto` among numbers is kept, a wrong bound keeps nothing.
-            return isinstance(actual, str)
-        return {"<": order < 0, "<=": order <= 0, ">": order > 0, ">=": order >= 0}[self.op]
+            return isinstance(row[self.path], str)
 
 
 @dataclass(frozen=True)

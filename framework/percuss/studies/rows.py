@@ -88,8 +88,7 @@ class StoredRows:
         """Return the case of a label as the study has it, and the settings of its rows; see `case_inside`."""
         if label not in self._read:
             case = case_inside(self._about[label], plugins=self._plugins, name=str(self.study.path))
-            varied = dict.fromkeys(path for row in self.plan.values() for path in row["varied"])
-            self._read[label] = case, settings_of(self._spec, {label: case}, varied)
+            self._read[label] = case, settings_of(self._spec, {label: case})
         return self._read[label]
 
 

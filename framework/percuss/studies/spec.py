@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from percuss.case.case import Case, load
-from percuss.case.cross_checks import after_the_end, misfits
+from percuss.case.cross_checks import misfits
 from percuss.case.hints import name_advice
 from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two, ranking
 from percuss.case.source import Source
-from percuss.case.specs import MeasureSection
 from percuss.case.type_words import found
 from percuss.case.validation import Mistake, Reader
 from percuss.case.yaml_text import KeyPath, flow
@@ -27,7 +25,6 @@ from percuss.studies.tasks import FAMILIES, Task, method_name, two_references
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 COST = "node_steps"
-PATHS_OF_END = {"time", "time.end", "time.step", "time.steps"}  # on which the end of a run depends
 Places = Mapping[str, KeyPath]  # where the study writes out a value, by the path that it is set at
 NAMES = ("case", "integrator", "contact")  # columns of every row, besides the varied paths
 
@@ -101,7 +98,7 @@ def read_study(given: str | Path | Data, plugins: list[Path] | None = None, chan
     return _StudyReader(source, plugins or []).study()
 
 
-def settings_of(data: Data, cases: Mapping[str, Case], varied: Iterable[str]) -> RowSettings:
+def settings_of(data: Data, cases: Mapping[str, Case]) -> RowSettings:
     """Return the settings of the rows of a study that was read before, from its plain data.
 
     Parameters
@@ -110,11 +107,9 @@ def settings_of(data: Data, cases: Mapping[str, Case], varied: Iterable[str]) ->
         The study as plain data.
     cases
         Its cases by label, or some of them.
-    varied
-        The varied paths.
     """
     reader = _StudyReader(Source.of(data), [])
-    return reader.checked(reader.reader.read(StudySection), reader.columns(dict(cases), list(varied)))[1]
+    return reader.checked(reader.reader.read(StudySection), reader.columns(dict(cases)))[1]
 
 
 def mistake_in_study(problem: Problem, places: Places) -> Mistake | None:
@@ -177,7 +172,7 @@ class _StudyReader:
         points = [{path: value} for path, values in varied.items() for value in values]
         cases = {label: two_references(case, contacts, [*points, *paired]) for label, case in cases.items()}
         self.check_conditions([*NAMES, *dict.fromkeys(paths)])
-        section, rows = self.checked(section, self.columns(cases, paths))
+        section, rows = self.checked(section, self.columns(cases))
         return StudySpec(cases, integrators, contacts, varied, paired, rows, section, self.source)
 
     def checked(self, section: StudySection | None, columns: tuple[Column, ...]) -> tuple[StudySection, RowSettings]:
@@ -306,12 +301,11 @@ class _StudyReader:
                 self.reader.wrong((section,), f"{path} is varied twice", "Give each path once.")
             seen |= set(paths)
 
-    def columns(self, cases: dict[str, Case], varied: Sequence[str]) -> tuple[Column, ...]:
-        """Return the measured columns; `varied` are the paths that differ between runs."""
+    def columns(self, cases: dict[str, Case]) -> tuple[Column, ...]:
+        """Return the measured columns."""
         out: dict[str, Column] = {}
         for i, measure in enumerate(self.items("measure")):
             column_of_measure = self.column(("measure", i), measure, cases)
-            self.refuse_after_all_ends(("measure", i), cases, varied)
             if column_of_measure is None:
                 continue
             name = column_of_measure.name
@@ -328,17 +322,6 @@ class _StudyReader:
         two = any(judge is not None and judge.second is not None for judge in judges)
         names += [path for error in errors for path in by_two(error)] if two else []
         return tuple({**out, **{name: column_by_name(name) for name in names}}.values())
-
-    def refuse_after_all_ends(self, at: KeyPath, cases: dict[str, Case], varied: Sequence[str]) -> None:
-        """Report a measure of a time that no run reaches, where the cases alone say when all runs end."""
-        section = self.reader.part(at)
-        ends = [case.time.known_end for case in cases.values()]
-        if not isinstance(section, MeasureSection) or not ends or set(varied) & PATHS_OF_END:
-            return
-        late = [after_the_end(section.during, section.at, math.inf if end is None else end) for end in ends]
-        if all(late) and late[0] is not None:
-            key, message, advice = late[0]
-            self.reader.wrong((*at, key), message, advice)
 
     def column(self, at: KeyPath, measure: object, cases: dict[str, Case]) -> Column | None:
         """Return the column of a measure, or None if the measure is wrong."""
