@@ -172,18 +172,6 @@ def test_options_that_a_later_change_drops_do_not_return(tmp_path, monkeypatch):
     expect_same_runs(percuss.study(plan, workers=1), tmp_path)
 
 
-@pytest.mark.deep
-def test_a_study_may_set_a_plug_in_and_vary_numbers_and_words(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    plan = bench(
-        tmp_path,
-        set={**SMALL, "plugins": ["../mine.py"]},
-        methods={"contacts": ["penalty", "mine"]},
-        vary={"method.contact.beta_s": [0.3], "method.mass": ["lumped", {"name": "lumped"}], "refine": [1, 2]},
-    )
-    expect_same_runs(percuss.study(plan, workers=1), tmp_path)
-
-
 # ---------------------------------------------------------------------------------------------- in the page
 
 
@@ -199,16 +187,4 @@ def test_the_page_has_the_command_of_each_row(browser, page_of_rows, whole):
         for row, key in enumerate(whole.study.table["key"]):
             opened.page.evaluate("(row) => pick(row)", row)
             assert opened.page.inner_text("#command") == whole.study.command(key)
-        assert opened.complaints == []
-
-
-def test_names_stay_in_sight(browser, page_of_rows):
-    with Opened(browser, page_of_rows) as opened:
-        place = """(field) => document.querySelector(`.tabulator-row .tabulator-cell[tabulator-field="${field}"]`)
-            .getBoundingClientRect().x"""
-        names = ["case", "integrator", "contact", "status"]
-        before = [opened.page.evaluate(place, name) for name in names]
-        opened.page.evaluate('document.querySelector(".tabulator-tableholder").scrollLeft = 250')
-        after = [opened.page.evaluate(place, name) for name in names]
-        assert after == [*before[:3], before[3] - 250]
         assert opened.complaints == []

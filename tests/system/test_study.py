@@ -18,14 +18,11 @@ import percuss
 import places
 from command_line import percuss_command
 from percuss.errors import InputError
-from percuss.interrupt import interruptible
 from percuss.methods.registry import Registry
 from percuss.reporting.tables import show
 from percuss.reporting.terminal import study_lines
-from percuss.studies import bench
 from percuss.studies.columns import metric
 from percuss.studies.layout import RangeSection, SampleSection, study_schema
-from percuss.studies.perform import Run
 from percuss.studies.spec import read_study
 
 pytestmark = pytest.mark.slow
@@ -296,32 +293,13 @@ def ended(pids, within=20.0):
     return True
 
 
-@pytest.mark.deep
-def test_a_worker_that_dies_costs_nothing(whole, tmp_path):
-    file, out = write(tmp_path, **MANY), tmp_path / "a.sqlite"
-    process = subprocess.Popen(command(file, "-o", out, "--workers", 2, "--json"), stdout=subprocess.PIPE, text=True)
-    killed = 0
-    begun = time.monotonic()
-    while killed < 2 and process.poll() is None and time.monotonic() - begun < 60:
-        time.sleep(0.1)
-        counts = percuss.open_study(out).counts if out.exists() else {}
-        if counts.get("done", 0) > 20 * (1 + killed):
-            workers = [
-                pid for pid in children(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
-            ]
-            os.kill(workers[-1], signal.SIGKILL)
-            killed += 1
-    told = json.loads(process.communicate(timeout=120)[0])
-    assert killed
-    assert told["counts"] == {"done": RUNS}
-    assert same(percuss.open_study(out).table, whole)
-
-
-def test_a_run_that_always_ends_its_worker_is_a_lost_row(tmp_path):
-    fate = "os._exit(7) if 0.9 < self.beta_s < 1.1 and dt < 0.01 else None"
+def test_a_run_that_ends_its_worker_once_is_made_again_and_one_that_always_does_is_lost(tmp_path):
+    fate = """if dt < 0.01 and (0.9 < self.beta_s < 1.1 or self.beta_s < 0.15 and not os.path.exists("died")):
+            open("died", "w").close()
+            os._exit(7)"""
     file, out = law(tmp_path, fate=fate), tmp_path / "a.sqlite"
     text = write(tmp_path, methods={"contacts": ["mine"]}, vary={"method.contact.beta_s": [0.1, 0.2, 1.0, 0.4]})
-    done = percuss_command("study", text, "-o", out, "--workers", 2, "--plugin", file)
+    done = percuss_command("study", text, "-o", out, "--workers", 2, "--plugin", file, cwd=tmp_path)
     assert done.returncode == 1, done.stderr
     reason = "its worker process ended with exit code 7, twice, while it made this run"
     assert f"1 of 4 runs lost; the same command makes them again. The first: {reason}\n" in done.stderr
@@ -356,26 +334,6 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path):
         before = percuss.open_study(out).counts["done"]
     uninterrupted = percuss.study(given(**given_study), tmp_path / "whole.sqlite", workers=1, plugins=[slow])
     assert same(percuss.study(file, out, plugins=[slow]).table, uninterrupted.table)
-
-
-def test_a_run_cut_short_is_no_row(tmp_path, monkeypatch):
-    real, made = bench.perform, []
-
-    def perform(case, task, asked):
-        made.append(task)
-        if len(made) != 5:
-            return real(case, task, asked)
-        with interruptible():  # as in any run
-            os.kill(os.getpid(), signal.SIGINT)
-        return Run(task.integrator, task.contact, task.varied, "interrupted", "Ctrl-C"), None
-
-    study = given(vary={"method.contact.beta_s": "0.1:0.5:8"})
-    with monkeypatch.context() as patched:
-        patched.setattr(bench, "perform", perform)
-        first = percuss.study(study, tmp_path / "a.sqlite", workers=1)
-    assert (first.counts, first.complete) == ({"done": 4, "waiting": 4}, False)
-    again = percuss.study(study, tmp_path / "a.sqlite", workers=1)
-    assert (again.found, again.counts) == (4, {"done": 8})
 
 
 def test_what_changed_is_run_again_and_only_that(tmp_path):
@@ -474,7 +432,7 @@ def scheduler(tmp_path):
     begun = time.monotonic()
     while not said.exists() and time.monotonic() - begun < 60:
         time.sleep(0.1)
-    yield json.loads(said.read_text())["address"], started[1:]
+    yield json.loads(said.read_text())["address"]
     for process in reversed(started):
         process.send_signal(signal.SIGTERM)
     for process in started:
@@ -483,22 +441,6 @@ def scheduler(tmp_path):
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-
-
-@pytest.mark.deep
-def test_workers_of_a_scheduler_give_the_same_though_one_is_killed(whole, scheduler, tmp_path):
-    address, workers = scheduler
-    killed = []
-
-    def progress(done, total):
-        if done > 30 and not killed:
-            workers[0].kill()
-            killed.append(done)
-
-    study = percuss.study(given(**MANY), tmp_path / "a.sqlite", scheduler=address, progress=progress)
-    assert killed
-    assert killed[0] < RUNS
-    assert same(study.table, whole)
 
 
 @pytest.mark.deep
@@ -516,7 +458,7 @@ def test_cases_and_tables_travel_to_the_workers(scheduler, tmp_path):
     def gone(done, total):  # as on another machine: the file is not there
         (home / "pulse.csv").unlink(missing_ok=True)
 
-    there = percuss.study(made, tmp_path / "there.sqlite", scheduler=scheduler[0], progress=gone)
+    there = percuss.study(made, tmp_path / "there.sqlite", scheduler=scheduler, progress=gone)
     assert list(there.table.status) == ["done", "done"]
     assert same(there.table, here)
 
@@ -543,10 +485,6 @@ WRONG = [  # a study, of which the first two lines are often these, and what is 
         "3:56: methods.contacts.1.beta_s: expected a number greater than 0 or 'auto', found [1, 2]",
     ),
     (
-        HEAD + "methods: {integrators: [{name: velocity-verlet, beta: 1}]}\n",
-        "3:49: methods.integrators.0.beta: unknown key 'beta' of the integrator velocity-verlet",
-    ),
-    (
         HEAD + "vary:\n  method.contact.beta: [1, 2]\n",
         "4:3: vary.method.contact.beta: unknown key 'beta' of the contact law bipenalty",
     ),
@@ -555,19 +493,10 @@ WRONG = [  # a study, of which the first two lines are often these, and what is 
         "3:20: vary.refine.1: expected a number greater than 0 and less than 1e18, found 0",
     ),
     (
-        HEAD + "vary: {refine: [-1.5], time.courant: [0.1, 0.2, 0.3]}\n",
-        "3:17: vary.refine.0: expected a number greater than 0 and less than 1e18, found -1.5",
-    ),
-    (
-        HEAD + "vary: {refine: [1], time: [0.1]}\n",
-        "3:28: vary.time.0: expected a mapping as {end: 1, courant: 0.5}, found 0.1",
-    ),
-    (
         HEAD + "vary: {time.courant: [0.1, 0.2]}\npaired: [{refine: 0}, {refine: 1}]\n",
         "4:19: paired.0.refine: expected a number greater than 0 and less than 1e18, found 0",
     ),
     (HEAD + "vary: {refine: '1:2'}\n", "3:16: vary.refine: expected a range, found '1:2'"),
-    (HEAD + "set: {refin: 2}\n", "3:7: set.refin: unknown key 'refin' of the case"),
     (HEAD + "measure: [impuls]\n", "3:11: measure.0: unknown measure 'impuls'"),
     (HEAD + "measure: [energy.finl]\n", "3:11: measure.0: the summary of a run has no 'energy.finl'"),
     (HEAD + "measure: [{name: a, quantity: gap}]\n", "3:11: measure.0.at: missing (the time of the value)"),
