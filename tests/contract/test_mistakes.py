@@ -141,14 +141,14 @@ def test_a_study_goes_on_whatever_a_plug_in_does(tmp_path):
         "raises": ("failed", f"fates.py:{line_of('raise Run')}: RuntimeError: plan B"),
         "leaves": ("failed", f"fates.py:{line_of('sys.exit')}: SystemExit: 4"),
         "exits": ("lost", "its worker process ended with exit code 3, twice"),
-        "endless": ("failed", "no result after 20 s (--longest)"),
+        "endless": ("failed", "no result after 8 s (--longest)"),
         "crashes": ("lost", "its worker process was killed by SIGSEGV, twice"),
         "is killed": ("lost", "its worker process was killed by SIGKILL, twice"),
         "prints": ("done", ""),
     }
     study = {"percuss-study": 1, "cases": ["case.yaml"], "vary": {"method.contact.fate": [*fates]}}
     (tmp_path / "study.yaml").write_text(json.dumps(study))
-    options = ["--plugin", "fates.py", "--json", "--workers", "2", "--longest", "20"]
+    options = ["--plugin", "fates.py", "--json", "--workers", "2", "--longest", "8"]
     command = [sys.executable, "-m", "percuss", "study", "study.yaml", *options]
     plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run(command, cwd=tmp_path, env=plain, capture_output=True, text=True, check=False, timeout=300)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import faulthandler
 import functools
+import logging
 import os
 import pickle
 import signal
 import sys
 import threading
+import time
 from collections import Counter
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import resource_tracker
@@ -20,6 +22,7 @@ from typing import TYPE_CHECKING
 
 from percuss.blas import ONE_THREAD
 from percuss.errors import RunError, wrong_input
+from percuss.jit import NOTICES
 from percuss.process import processes_with
 from percuss.studies.bench import Bench, Job
 from percuss.studies.perform import LOST, WORKER, Record
@@ -27,7 +30,10 @@ from percuss.studies.perform import LOST, WORKER, Record
 if TYPE_CHECKING:
     from pebble import ProcessPool
 
+LATE = 75  # exit code of a worker whose run has taken too long
 MOST_RUNS = 1000  # of one process, which keeps the machine code of every kernel that it has met
+SILENCE = 600.0  # seconds without an answer after which a run is named
+LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
 # The variable of Python's option -P, and what it is where the user has not set it.
 SAFE_PATH, SET_HERE = "PYTHONSAFEPATH", "set by percuss"
 
@@ -61,7 +67,7 @@ class Workers:
         Parameters
         ----------
         longest
-            Seconds that a run may take, compiling included; None for any time.
+            Seconds that a run may take; None for any time.
         bench
             Everything the workers need.
         jobs
@@ -81,20 +87,21 @@ class Workers:
             with processes_with({**_variables(), **quiet}):
                 resource_tracker.ensure_running()
             self._pool = ProcessPool(self._number, max_tasks=MOST_RUNS, initializer=_begin, context=_Context())
-        give, packed = functools.partial(self._pool.schedule, _made, timeout=longest), pickle.dumps(bench)
-        waiting: dict[Future[Record], Job] = {give(args=[packed, job]): job for job in jobs}
-        deaths = Counter[str]()
+        give, packed = functools.partial(self._pool.schedule, _made), pickle.dumps(bench)
+        waiting: dict[Future[Record], Job] = {give(args=[packed, job, longest]): job for job in jobs}
+        deaths, since = Counter[str](), dict[Future[Record], float]()
         try:
             while waiting and not stop.is_set():
                 records = []
                 for future in wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED).done:
                     job, error = waiting.pop(future), future.exception()
-                    deaths[job.key] += isinstance(error, ProcessExpired)
+                    deaths[job.key] += isinstance(error, ProcessExpired) and error.exitcode != LATE
                     if deaths[job.key] == 1 and error is not None:  # somebody else may have killed it
-                        waiting[give(args=[packed, job])] = job
+                        waiting[give(args=[packed, job, longest])] = job
                     else:
                         records.append(_record_of(future, job, longest))
                 yield records
+                _name_silent(waiting, since)
         except BrokenProcessPool:
             raise RunError("worker processes die before they make a run: --workers 1 shows the reason") from None
 
@@ -105,12 +112,22 @@ def _record_of(future: Future[Record], job: Job, longest: float | None) -> Recor
 
     try:
         return future.result()
-    except TimeoutError:
-        return Record(job.key, "failed", f"no result after {longest:g} s (--longest)", WORKER)
     except ProcessExpired as death:
         code = death.exitcode
+        if code == LATE:
+            return Record(job.key, "failed", f"no result after {longest:g} s (--longest)", WORKER)
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
         return Record(job.key, LOST, f"its worker process {how}, twice, while it made this run", WORKER)
+
+
+def _name_silent(waiting: Mapping[Future[Record], Job], since: dict[Future[Record], float]) -> None:
+    """Name each run that has begun and has not ended for `SILENCE` seconds in the log, once."""
+    now = time.monotonic()
+    for future, job in waiting.items():
+        if future.running() and now - since.setdefault(future, now) > SILENCE:
+            since[future] = float("inf")
+            methods = f"{job.task.case}: {job.task.integrator} + {job.task.contact}"
+            LOG.warning("%s has not answered for %.0f s: --longest SECONDS ends such runs", methods, SILENCE)
 
 
 def number_of_workers(given: int | None) -> int:
@@ -173,6 +190,27 @@ def _unpacked(packed: bytes) -> Bench:
     return pickle.loads(packed)  # type: ignore[no-any-return]  # noqa: S301 - from the process that started this one
 
 
-def _made(packed: bytes, job: Job) -> Record:
-    """Return the record of a run."""
-    return _unpacked(packed).record_elsewhere(job)
+def _made(packed: bytes, job: Job, longest: float | None) -> Record:
+    """Return the record of a run; end this process after `longest` seconds, in which compiling does not count."""
+    ended = threading.Event()
+    if longest is not None:
+        threading.Thread(target=_end_late, args=(longest, ended), daemon=True).start()
+    try:
+        return _unpacked(packed).record_elsewhere(job)
+    finally:
+        ended.set()
+
+
+def _end_late(longest: float, ended: threading.Event) -> None:
+    compiling, spent, last = [False], 0.0, time.monotonic()
+
+    def notice(begun: bool) -> None:
+        compiling[0] = begun
+
+    NOTICES.append(notice)
+    while not ended.wait(0.1):
+        now = time.monotonic()
+        spent, last = spent + (0.0 if compiling[0] else now - last), now
+        if spent > longest:
+            os._exit(LATE)
+    NOTICES.remove(notice)
