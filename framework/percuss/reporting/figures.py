@@ -121,6 +121,8 @@ def new_figure(
             axes.yaxis.OFFSETTEXTPAD = 8
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
+        for axes in figure.axes:  # the solver of the layout leaves round-off that differs from one figure to the next
+            axes.set_position(np.round(axes.get_position().bounds, 9))
 
 
 def _head(figure: Figure, title: str | None, small: Sequence[str], loud: Sequence[str]) -> float:
