@@ -215,9 +215,11 @@ def test_no_words_of_a_command_end_badly(data, work, without_marches):
 @inputs(16)
 @given(data=st.data())
 def test_no_damaged_result_or_study_ends_badly(data, work):
-    name = data.draw(st.sampled_from(["result.nc", "result.nc", "store.sqlite"]))
-    bad = work / f"bad-{name}"
-    bad.write_bytes(data.draw(damaged_bytes((work / name).read_bytes())))
+    """A result is cut short: other bytes in the structure of an HDF5 file can make HDF5 itself break the process."""
+    name = data.draw(st.sampled_from(["result.nc", "store.sqlite"]))
+    bad, content = work / f"bad-{name}", (work / name).read_bytes()
+    cut = st.integers(0, len(content) - 1).map(lambda length: content[:length])
+    bad.write_bytes(data.draw(cut if name == "result.nc" else damaged_bytes(content)))
     with refused(bad.name):
         if name == "result.nc":
             json.dumps(percuss.open_result(bad).summary)
