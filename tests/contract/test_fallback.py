@@ -240,3 +240,18 @@ def test_an_edit_is_seen_by_the_next_run(tmp_path):
     assert after == pytest.approx(truth, rel=1e-12)
     file.write_text(text, encoding="utf-8")
     assert peak(file) == before
+
+
+@pytest.mark.deep
+def test_laws_of_both_kinds_work_side_by_side(tmp_path):
+    """A kernel at one end of the bar, rows at the other; and both at one end, where they are coupled."""
+    file = spring(tmp_path)
+    for other in ("lagrange", "bipenalty", "penalty"):
+        truth_case = struck({"name": "penalty", "beta_s": 0.25})
+        truth_case["contacts"]["foot"]["method"] = other
+        truth_case["contacts"]["third"] = {"body": "short.right", "wall": 10.00002, "method": other}
+        case = struck("spring")
+        case["contacts"] = truth_case["contacts"]
+        truth = run(truth_case)
+        assert truth.summary["contacts"]["third"]["impulse"] > 0
+        nearly_equal(truth_case, truth, run_with(file, case))

@@ -302,3 +302,27 @@ def test_an_absorbing_end_has_the_impedance_of_the_bar(element):
     energy = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
     assert energy[-1] < 1e-3 * energy[0]
     assert result.summary["energy"]["ledger_error"] < 1e-11
+
+
+@pytest.mark.deep
+def test_a_smooth_wave_converges_faster_with_a_higher_order():
+    """One period of a raised cosine, whose displacement has a jump in its third derivative, at equal numbers of nodes.
+
+    The order of every element is at most that of the jump, about 3; the step is so short that its error is far less.
+    """
+    errors = {}
+    for element in ("bar", "quadratic-bar", SPECTRAL[3]):
+        order = 1 if element == "bar" else order_of(element)
+        for nodes in (24, 96):
+            case = bar(element, nodes // order)
+            pulse = {"value": 0.5, "frequency": 1.0 / 0.012, "phase": -0.5 * np.pi, "mean": 0.5}
+            case["loads"] = {"pulse": {"harmonic": pulse, "on": "a.left", "until": 0.012}}
+            case["time"] = {"step": 0.018 / 4000, "steps": 4000}
+            case["record"]["every"] = 4000
+            errors[order, nodes] = run(case).summary["exact"]["displacement_error"]
+    observed = {order: np.log2(errors[order, 24] / errors[order, 96]) / 2 for order in (1, 2, 4)}
+    assert observed[1] == pytest.approx(2.0, abs=0.05)
+    assert observed[2] == pytest.approx(3.0, abs=0.3)
+    assert observed[4] > 2.8
+    assert errors[2, 96] < 0.05 * errors[1, 96]
+    assert errors[4, 96] < 0.5 * errors[2, 96]

@@ -379,3 +379,79 @@ def test_the_stiffness_limit_of_a_contact_is_that_of_dense_matrices(consistency,
         step = min(model.dt, 0.99 * 2.0 / math.sqrt(eigh(stiffness, body, eigvals_only=True)[-1]))
         softness += np.linalg.inv(4.0 / step**2 * body - stiffness)[end, end]
     assert points_of_law(model, [0], model.dt).stiffness_limit == pytest.approx([1.0 / softness], rel=1e-8)
+
+
+SOURCE = '''
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from percuss import Mass
+
+
+@dataclass(frozen=True)
+class Mine(Mass):
+    """A mass of a test.
+
+    Formula: as it says.
+    """
+
+    name = "mine"
+    summary = "a mass of a test"
+    references = ("none",)
+
+    def nodal(self, element_mass, lumping):
+        return lumping.at_nodes(element_mass)
+
+    def inverse(self, element_mass, lumping):
+        lumped = lumping.at_nodes(element_mass)
+        full = np.diag(lumped)
+{body}
+        full = full / np.outer(lumped, lumped)
+        found = csr_array(full + np.tril(full, -1).T)
+        return {answer}
+'''
+
+
+PENTADIAGONAL = """
+        second = np.zeros((lumped.size - 2, lumped.size))
+        for i in range(lumped.size - 2):
+            second[i, i : i + 3] = 1.0, -2.0, 1.0
+        full = full + np.tril(0.1 * element_mass.mean() * second.T @ second)
+"""
+
+
+def plugin(tmp_path, body="", answer="found"):
+    path = tmp_path / "mine.py"
+    path.write_text(SOURCE.format(body=body, answer=answer))
+    return path
+
+
+def test_an_inverse_of_five_diagonals_moves_bars_as_dense_matrices_do(tmp_path):
+    case = hunek(7, courant=0.2)
+    case["bodies"]["short"]["bar"]["grading"] = 0.5
+    case["loads"] = {"push": {"constant": 0.02, "on": "short.left"}, "weight": {"gravity": 0.1}}
+    case["method"]["mass"] = "mine"
+
+    def mass(bars):
+        lumped, total = np.diag(bars.M), bars.M.copy()
+        for name, lengths in bars.lengths.items():
+            given, nodes = bars.given[name], slice(bars.start[name], bars.stop[name])
+            second = np.diff(np.eye(lengths.size + 1), 2, axis=0)
+            element = given["material"]["density"] * given["area"] * lengths
+            total[nodes, nodes] += 0.1 * element.mean() * second.T @ second
+        return np.linalg.inv(total / np.outer(lumped, lumped))
+
+    loaded = percuss.load(case, plugins=[plugin(tmp_path, PENTADIAGONAL)])
+    result = percuss.run(loaded, compiled=False)
+    dense = dense_march(case, mass=mass)
+    assert dense.force.max() > 0.01
+    assert np.abs(result.arrays["contact_force"] - dense.force).max() < 1e-10
+    ends = [dense.bars.node(probe) for probe in case["record"]["probes"]]
+    assert np.abs(result.arrays["displacement"][..., 0] - dense.u[:, ends]).max() < 1e-10
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+    held = np.delete(np.arange(dense.bars.x.size), dense.bars.node("long.right"))
+    full = dense.bars.M[np.ix_(held, held)]
+    free = 2.0 / math.sqrt(eigh(dense.bars.K[np.ix_(held, held)], full, eigvals_only=True)[-1])
+    assert result.summary["certificate"]["dt_critical_free"] == pytest.approx(free, rel=1e-9)

@@ -1061,3 +1061,34 @@ def test_a_row_that_falls_freely_does_not_press(fine):
     )  # fmt: skip
     solution = solve(falling.mapping(units=(1.0, fine, 1.0)), fine)
     assert [contact.closed for contact in solution.contacts.values()] == [()] * 3
+
+
+@st.composite
+def records(draw):
+    """Straight lines through points whose distances differ by many orders of ten, on and off any time."""
+    gaps = draw(st.lists(st.sampled_from([1e-9, 1e-7, 1e-5, 1e-3, 0.1, 0.37]), min_size=1, max_size=8))
+    time = draw(st.sampled_from([0.0, 0.5, 0.3])) + np.cumsum(gaps)
+    values = draw(st.lists(st.sampled_from([0.0, 0.0, 1.0, 0.25, 1e-3]), min_size=time.size, max_size=time.size))
+    return time.tolist(), values
+
+
+@MORE
+@given(records(), st.sampled_from([0.0, -0.2, 0.4]), st.sampled_from([1.0, 1e3, 1e-6]))
+def test_straight_lines_are_exact_whatever_their_slope(record, start, unit):
+    """The force between two bars is the load a transit later, and its impulse the area below the lines."""
+    time, values = record
+    load = {"table": {"time": [t * unit for t in time], "value": values}, "from": start * unit}
+    case = pushed(load, 2.9 * unit)
+    for body in case["bodies"].values():
+        body["material"] = {"young": 1.0 / unit, "density": unit}
+    solution = solve(case, 2.9 * unit)
+    joint = solution.contacts["ab"]
+    t = np.linspace(0.0, 2.9, 1777)
+    clock = t - 1.0 - start
+    impulse = np.where(t > 1.0 + max(start, 0.0), area_below(time, values, np.maximum(clock, -start)), 0.0)
+    first = area_below(time, values, np.maximum(np.array([0.0]), -start))[0]
+    impulse = np.where(t > 1.0 + max(start, 0.0), impulse - first, 0.0)
+    assert np.abs(joint.impulse(t * unit) / unit - impulse).max() <= 1e-14
+    clear = (np.abs(clock[:, None] - np.array([0.0, -start, *time])) > 1e-4).all(axis=1)
+    force = np.where((clock > 0.0) & (t > 1.0), np.interp(clock, time, values), 0.0)
+    assert np.abs(joint.force(t * unit) - force)[clear].max() <= 1e-12

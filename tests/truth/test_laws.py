@@ -347,3 +347,16 @@ def test_what_is_said_to_keep_the_free_step_does(law, courant):
     found = certificate(model_of(percuss.load(case_with(uniform, law, courant=courant, steps=20))))
     assert found["dt_critical"] == pytest.approx(found["dt_critical_free"], rel=1e-6)
     assert found["stable"] == "yes"
+
+
+def test_nitsche_adds_energy_in_an_impact_and_less_stiffness_adds_much_more():
+    """The automatic gamma lies where the force is nearest to the exact one."""
+    gained, error = {}, {}
+    for beta_s in ("auto", 0.5, 2.0):
+        result = run(hunek(20, integrator=CD, contact={"name": "nitsche", "beta_s": beta_s}))
+        energy = bodies_energy(result)
+        gained[beta_s] = energy.max() / energy[0] - 1.0
+        error[beta_s] = result.summary["exact"]["contacts"]["tip"]["force_error_l1"]
+    assert 0.01 < gained["auto"] < 0.2
+    assert gained[0.5] > 1.0
+    assert error["auto"] < 0.12 < 0.4 < min(error[0.5], error[2.0])

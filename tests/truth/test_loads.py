@@ -93,3 +93,26 @@ def test_a_moving_wall_is_a_wall_at_rest_as_seen_by_the_bar():
         forces = moving.arrays["contact_force"]
         assert forces == pytest.approx(still.arrays["contact_force"], abs=1e-9 * forces.max())
         assert moving.summary["exact"]["contacts"]["face"]["closed"] == [pytest.approx([0.0, 2.0 / 3.0])]
+
+
+def test_the_base_of_a_bar_sends_its_motion_to_the_free_end():
+    """At a Courant number of 1 waves keep their shape on the mesh: the free end doubles the motion of the base.
+
+    That of the base is the double integral of its acceleration, but for dt^2 / 24 times the change of that.
+    """
+    step, elements, largest = 0.0005, 20, 40.0
+    times, values = np.array([2, 7, 16]) * step, [0.0, largest, 0.0]
+    load = {"base-excitation": {"time": times.tolist(), "value": values}, "on": "a.left"}
+    probes = {"record": {"probes": ["a.left", "a.right"]}}
+    result = ran(one_bar(load, elements, time={"courant": 1.0, "steps": 2 * elements}, **probes))
+    base, end = result.arrays["displacement"][:, :, 0].T
+    assert end[elements:] == pytest.approx(2.0 * base[:-elements], abs=1e-16)
+    allowed = 1.01 * step**2 / 24.0 * largest
+    for now, place in zip(result.arrays["time"], base, strict=True):
+        breaks = np.clip([0.0, *times, 1.0], 0.0, now)
+        moments = [
+            quad(lambda t, now=now: (now - t) * np.interp(t, times, values), *stretch)[0]
+            for stretch in itertools.pairwise(breaks)
+        ]
+        assert place == pytest.approx(sum(moments), abs=allowed)
+    assert base[-1] > 20.0 * allowed

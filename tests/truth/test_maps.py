@@ -210,3 +210,41 @@ def test_the_chosen_step_is_certified_on_every_case(case, integrator, law):
 def test_a_step_left_open_is_chosen_for_every_point():
     found = percuss.stability(percuss.load(HUNEK), {"method.contact.beta_s": [1, 10], "time.courant": ["auto"]})
     assert [row["margin"] for row in found] == pytest.approx([SHARE_OF_CRITICAL_STEP, SHARE_OF_CRITICAL_STEP], rel=1e-6)
+
+
+def test_a_wave_packet_gets_through_as_the_interface_says():
+    """Two long bars held together by the weight of a load: a packet through the interface, over one through a bar."""
+    courant, n, law = 0.5, 300, {"name": "penalty", "beta_s": 0.5}
+    material = {"young": 1.0, "density": 1.0}
+    bars = {name: {"bar": {"length": n, "elements": n}, "at": n * k, "material": material, "area": 1.0} for k, name in
+            enumerate(("a", "b"))}  # fmt: skip
+    case = {
+        "percuss": 1,
+        "bodies": bars,
+        "contacts": {"tip": {"between": ["a.right", "b.left"]}},
+        "method": {"integrator": CD, "contact": law},
+        "time": {"steps": 1, "courant": courant},
+    }
+    from percuss.certificate.closed_step import ClosedStep, Motions
+
+    model = model_of(percuss.load(case))
+    step = ClosedStep(Motions(model), model.dt, [0])
+    x, omega = np.arange(2 * n + 2) - np.r_[np.zeros(n + 1), np.ones(n + 1)], 0.9
+    k = 2 * np.arcsin(omega / 2)
+    turn = 2 * np.arcsin(courant * omega / 2)
+    speed = np.cos(k / 2) / np.sqrt(1 - (courant * omega / 2) ** 2)
+
+    def packet(time):
+        at = x - 150 - speed * time
+        return np.exp(-((at / 25) ** 2)) * np.cos(k * (x - 150) - turn / courant * time)
+
+    root = np.sqrt(model.bodies.mass)
+    now, before = packet(0.0), packet(-courant)
+    state = np.concatenate([root * now, root * (now - before)])
+    for _ in range(round(300 / speed / courant)):
+        state = step(state)
+    after = state[: 2 * n + 2] / root
+    found = waves(model)
+    expected = abs(np.interp(omega, found.frequency, np.abs(found.transmitted)))
+    energy = (np.diff(after[n + 1 :]) ** 2).sum() / (np.diff(now[: n + 1]) ** 2).sum()
+    assert math.sqrt(energy) == pytest.approx(expected, rel=5e-3)

@@ -449,3 +449,53 @@ def test_the_critical_courant_number_of_a_closed_contact_with_wu(beta_s, ratio):
         return parts[7].max() / parts[1].max()
 
     assert growth(0.999) < 1.0 < growth(1.001)
+
+
+def exact_force(time, dt):
+    """The exact force of Huněk's bars, averaged over a step around each time."""
+
+    def impulse(t):
+        return 0.05 * (np.clip(t, 0.0, 0.2) + np.clip(t - 0.4, 0.0, 0.2))
+
+    return (impulse(time + 0.5 * dt) - impulse(time - 0.5 * dt)) / dt
+
+
+def test_the_papers_penalties_differ_less_among_each_other_than_from_the_truth():
+    runs = {b: run(hunek(contact={"name": "bipenalty", "beta_s": b, "ratio": 1.0})) for b in (0.25, 1.0, 100.0)}
+    force = {b: one.arrays["contact_force"][:, 0] for b, one in runs.items()}
+    one = runs[1.0]
+    exact = exact_force(one.arrays["time"], one.summary["dt"])
+    norm = np.linalg.norm(exact)
+    errors = {b: np.linalg.norm(f - exact) / norm for b, f in force.items()}
+    for a, b in itertools.combinations(force, 2):
+        assert np.linalg.norm(force[a] - force[b]) / norm < max(errors[a], errors[b])
+    assert [force[b].max() / 0.05 for b in (0.25, 1.0, 100.0)] == pytest.approx([1.012, 1.107, 1.138], abs=0.001)
+
+
+def wall_limit(beta_s):
+    return math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + beta_s**2)))
+
+
+@pytest.mark.parametrize(
+    ("beta_s", "ratio", "critical"),
+    [
+        (1.0, math.inf, 0.9102), (10.0, 5.0, 0.6),
+        *(pytest.param(*values, marks=pytest.mark.deep) for values in ((100.0, 2.0, 0.7169), (1.0, 1.5, 0.988))),
+    ],
+)  # fmt: skip
+def test_the_critical_courant_number_of_a_closed_contact_with_central_difference(beta_s, ratio, critical):
+    """Runs below and above some of the published numbers, all of which the certificate gives (`test_stability`)."""
+    law = {"name": "bipenalty", "beta_s": beta_s, "ratio": ratio}
+    if math.isinf(ratio):
+        assert wall_limit(beta_s) == pytest.approx(critical, abs=5e-5)
+        critical = wall_limit(beta_s)
+    below = run(pressed(CD, law, critical * 0.998))
+    assert below.arrays["contact_force"].max() < 1.2 * 0.01
+    with pytest.raises(percuss.RunError, match="not started"):
+        run(pressed(CD, law, critical * 1.002))
+    above = pressed(CD, law, critical * 1.002)
+    above["time"]["on_unstable"] = "warn"
+    try:
+        assert run(above).arrays["contact_force"].max() > 20.0 * 0.01
+    except percuss.RunError as stopped:
+        assert "no longer finite" in str(stopped)  # noqa: PT017

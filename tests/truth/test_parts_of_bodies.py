@@ -17,8 +17,10 @@ from scipy.special import ellipk
 
 import percuss
 from percuss import Lumping
+from percuss_methods.elements.green_bar import GreenBarElement
 from percuss_methods.masses.scaled import Scaled
 from percuss_methods.materials.ramberg_osgood import RambergOsgood
+from strategies import hunek
 
 YOUNG, DENSITY, SCALE = 100.0, 0.01, 0.05
 STEEL = {"young": YOUNG, "density": DENSITY}
@@ -192,3 +194,51 @@ def test_scaled_masses_allow_the_step_that_they_promise_and_add_no_more_than_tha
         needed[i : i + 2] += 0.5 * material_mass[i] * max(1.0, promised / step) ** 2
     assert mass == pytest.approx(needed, rel=1e-12)
     assert 2.0 / math.sqrt(eigh(stiffness, np.diag(mass), eigvals_only=True)[-1]) >= promised * (1.0 - 1e-9)
+
+
+def test_a_rigid_rotation_leaves_a_green_bar_without_force():
+    from percuss.mesh.element_probe import ElementProbe
+    from percuss.testing.demands.bodies import line
+
+    material = percuss.load(hunek(2)).bodies["short"].material
+    mesh = line(1, 2)
+    probe = ElementProbe(GreenBarElement(), material, percuss.BodyMesh(mesh, 1.3))
+    for angle in (1e-3, 0.5, 2.0, math.pi):
+        turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+        moved = mesh.nodes @ turn.T + np.array([0.3, -0.1])
+        assert np.abs(probe.force(0, (moved - mesh.nodes).ravel())).max() < 1e-13
+        axis = turn @ mesh.direction
+        stretched = (moved + np.outer([0.0, 0.5 * mesh.lengths[0]], axis) - mesh.nodes).ravel()
+        expected = 1.3 * YOUNG * 1.5 * (1.5**2 - 1.0) / 2.0 * axis
+        assert probe.force(0, stretched) == pytest.approx(np.concatenate([expected, -expected]), abs=1e-11)
+
+
+def test_a_bar_of_scaled_mass_takes_a_longer_step_and_has_the_momentum_of_its_added_mass():
+    steps = []
+    for mass in ("lumped", {"name": "scaled", "least_step": 0.5}):
+        case = {
+            "percuss": 1,
+            "bodies": {
+                "a": {
+                    "bar": {"length": 1.0, "elements": 20, "grading": 0.1},
+                    "material": STEEL,
+                    "area": 2.0,
+                    "velocity": 0.1,
+                }
+            },
+            "contacts": {"wall": {"body": "a.right", "wall": 1.0}},
+            "method": {"integrator": "central-difference", "contact": "lagrange", "mass": mass},
+            "time": {"end": 0.06, "courant": "auto"},
+        }
+        result = ran(case)
+        summary = result.summary
+        assert summary["certificate"]["stable"] == "yes"
+        assert summary["energy"]["ledger_error"] < 1e-13
+        assert summary["energy_growth"]["kept"] is not False
+        steps.append(summary["dt"])
+        lengths = percuss.load(case).bodies["a"].shape.mesh(np.zeros(1), 1).lengths
+        allowed = 0.5 * lengths.max()
+        heavier = np.where(lengths < allowed, (allowed / lengths) ** 2, 1.0) if isinstance(mass, dict) else 1.0
+        assert summary["momentum"]["initial"] == pytest.approx([0.1 * DENSITY * 2.0 * (heavier * lengths).sum()])
+    assert steps[1] == pytest.approx(5.0 * steps[0], rel=0.1)
+    assert steps[1] > 0.9 * allowed / math.sqrt(YOUNG / DENSITY)

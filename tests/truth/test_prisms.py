@@ -6,6 +6,7 @@ import pytest
 import percuss
 from percuss.contact.contact_problem import contact_problem
 from percuss.march.model_of_case import model_of
+from percuss.results.exact_only import run_exact
 
 MODULUS = 0.7 / (1.3 * 0.4)  # of longitudinal waves, Young's modulus 1 and Poisson's ratio .3
 ROLLERS = [{"on": "bottom", "along": "y"}, {"on": "top", "along": "y"}]
@@ -270,3 +271,63 @@ def test_a_row_of_prisms_meets_acts_and_is_held_with_its_whole_faces_alone(name,
     (tmp_path / "part.py").write_text(PART, encoding="utf-8")
     reason = contact_problem(model_of(case(bodies, contacts, loads, plugins=[tmp_path / "part.py"])))
     assert said in reason if said else not isinstance(reason, str)
+
+
+SHEET = """
+from dataclasses import dataclass
+from percuss import SolidMaterial
+
+@dataclass(frozen=True)
+class Sheet(SolidMaterial):
+    \"\"\"Orthotropic, with the stiffness 1, 4 and .3 of both.
+
+    Formula: ``xx = e_xx + across e_yy``, ``yy = across e_xx + 4 e_yy``.
+    \"\"\"
+
+    name = "sheet"
+    summary = "orthotropic"
+    linear = True
+    across: float = 0.3
+    rho = 1.0
+
+    def solid_parameters(self, plane):
+        return (self.across,)
+
+    def wave_modulus(self, plane):
+        return 4.0
+
+    @staticmethod
+    def stress_2d(parameters, gradient):
+        xx, xy, yx, yy = gradient
+        shear = 0.4 * (xy + yx)
+        return xx + parameters[0] * yy, shear, shear, parameters[0] * xx + 4.0 * yy
+"""
+
+
+@pytest.mark.parametrize(
+    ("axis", "across", "modulus"),
+    [((1.0, 0.0), 0.0, 1.0), ((1.0, 0.0), 0.3, 1.0), ((0.0, 1.0), 0.3, 4.0), ((0.6, 0.8), 0.0, None)],
+)
+def test_the_modulus_of_a_prism_is_that_along_its_axis(axis, across, modulus, tmp_path):
+    """`wave_modulus` is that of the fastest waves, in whatever direction they run."""
+    (tmp_path / "sheet.py").write_text(SHEET, encoding="utf-8")
+    upright, (x, y) = axis == (0.0, 1.0), axis
+    sides = [{"on": side, "along": "xy"[not upright]} for side in (("left", "right") if upright else ("bottom", "top"))]
+    size = {"size": (0.2, 1.0), "elements": (2, 20)} if upright else {"size": (1.0, 0.2), "elements": (20, 2)}
+    material = {"name": "sheet", "across": across}
+    turned = {"angle": float(np.degrees(np.arctan2(y, x)))} if modulus is None else {}
+    bodies = {
+        name: block(at, (way * x, way * y), **size, **turned, **({"fixed": sides} if across else {}))
+        | {"material": material}
+        for name, at, way in (("left", (0.0, 0.0), 1e-3), ("right", axis, -1e-3))
+    }
+    found = percuss.load({
+        "percuss": 1, "bodies": bodies, "contacts": UP if upright else SEAM, "time": {"courant": 0.5, "end": 0.8},
+    }, plugins=[tmp_path / "sheet.py"])  # fmt: skip
+    problem = contact_problem(model_of(found))
+    if modulus is None:
+        assert "shears" in problem
+        return
+    assert {body.modulus for body in problem.bodies.values()} == {modulus}
+    force = run_exact(found).arrays["contact_force"]
+    assert force.max() == pytest.approx(1e-3 * 0.2 * modulus**0.5, rel=1e-9)

@@ -417,3 +417,38 @@ def test_a_body_whose_nodes_are_all_held_is_stable_at_any_step():
     result = run(case)
     assert result.summary["certificate"]["stable"] == "yes"
     assert result.arrays["displacement"][-1, 1, 0] == pytest.approx(2.0 * result.arrays["time"][-1], rel=1e-12)
+
+
+def test_what_the_docstrings_say_of_the_alpha_methods():
+    def quoted(rho):
+        return math.sqrt(12 * (1 + rho) ** 3 * (2 - rho) / (10 + 15 * rho - rho**2 + rho**3 - rho**4))
+
+    # a polynomial that is quoted for Omega_s holds for rho_b of 0 and 1; between them the scheme grows there
+    for rho in (0.0, 1.0):
+        assert quoted(rho) == pytest.approx(limit("hulbert-chung", rho_b=rho)[0], rel=1e-14)
+    for rho in (0.2, 0.4, 0.5, 0.8):
+        assert 1.0005 < quoted(rho) / limit("hulbert-chung", rho_b=rho)[0] < 1.004
+        assert radius("hulbert-chung", {"rho_b": rho}, quoted(rho)) > 1.002
+    for x in (0.1, 2.0, 3.4):  # the scheme of Chung and Lee is a member of that of Hulbert and Chung
+        np.testing.assert_allclose(matrix("hulbert-chung", {"rho_b": 0.5}, x), matrix("chung-lee", {}, x), atol=1e-15)
+    for omega in (0.1, 1.0, 1.9):  # velocities swing for ever
+        assert np.abs(roots("hulbert-chung", {"rho_b": 1.0}, omega) + 1).min() < 1e-14
+
+    def period_error(rho, omega=0.02):
+        return omega / np.angle(roots("hulbert-chung", {"rho_b": rho}, omega)).max() - 1
+
+    # the leading error of the period vanishes at rho_b = .3665, and nowhere else
+    assert period_error(0.366) > 0 > period_error(0.367)
+    assert abs(period_error(0.3665)) < 1e-3 * abs(period_error(0.8))
+
+
+def test_low_frequencies_would_grow_with_the_old_prediction():
+    """What the docstring of `explicit-hht` says of the form with u*_n instead of u_n."""
+    alpha, x = -0.1, 0.25
+    beta, gamma = (1 - alpha) ** 2 / 4, 0.5 - alpha
+    # state (u, dt v, dt^2 a, dt^2 f); f_{n+1} = -omega^2 u*_{n+1}
+    predicted = np.array([1, 1, 0.5 - beta, 0])
+    a = -(1 + alpha) * x * predicted - alpha * np.eye(4)[3]
+    step = np.array([predicted + beta * a, np.array([0, 1, 1 - gamma, 0]) + gamma * a, a, -x * predicted])
+    assert np.abs(np.linalg.eigvals(step)).max() > 1 + 1e-4
+    assert radius("explicit-hht", {}, math.sqrt(x)) < 1 - 1e-4

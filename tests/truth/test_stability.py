@@ -1,6 +1,7 @@
 """The certificate before a run: critical steps against published and closed forms, verdicts, cures."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -188,3 +189,17 @@ def test_bars_with_a_single_free_node_have_a_critical_step():
     assert found["dt_critical_free"] == pytest.approx(
         2.0 / math.sqrt(max(k / m for k, m in zip(stiffness, mass, strict=True))), rel=1e-12
     )
+
+
+@pytest.mark.deep
+def test_a_critical_step_that_was_not_searched_is_not_said_to_be_none():
+    changes = {"method.integrator": "central-difference", "time.courant": 0.9}
+    law = {"name": "walton-braun", "beta_s": 30.0}
+    model = model_of(percuss.load(HUNEK, {**changes, "method.contact": law}))
+    found = certificate(model, with_critical_step=False)
+    assert (found["stable"], found["dt_critical"]) == ("no", None)
+    assert found["cure"].startswith("lower the step: `percuss check` searches how far")
+    (lowered,) = re.findall("^lower the step to ([0-9.e-]+) ", certificate(model)["cure"])
+    stiffest = {"name": "penalty", "beta_s": 30.0 / 0.9**2}  # as it unloads
+    limit = certificate(model_of(percuss.load(HUNEK, {**changes, "method.contact": stiffest})))["dt_critical"]
+    assert float(lowered) == pytest.approx(limit, rel=1e-5)

@@ -13,6 +13,7 @@ from scipy.linalg import eigh
 import dense
 import percuss
 from percuss.certificate.verdict import certificate
+from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from strategies import hunek
 
@@ -163,3 +164,51 @@ def test_bodies_that_are_not_linear_are_refused():
     case["bodies"]["short"]["element"] = "green-bar"
     with pytest.raises(percuss.InputError, match="expected linear bodies with the viscous"):
         percuss.run(percuss.load(case))
+
+
+@pytest.mark.parametrize("dim", [1, 2])
+def test_bodies_of_several_blocks_move_as_one(dim):
+    """The bulk update goes from block to block of nodes; the strain rate of the element between two belongs to both."""
+    count, steps, viscosity = 2500, 40, 0.4
+    direction = np.array([1.0] if dim == 1 else [0.6, -0.8])
+    case = {
+        "percuss": 1,
+        "bodies": {
+            "a": {
+                "bar": {"length": 1.0, "elements": count, "direction": direction.tolist()},
+                "material": {"young": 1.0, "density": 1.0}, "area": 1.0, "velocity": (0.1 * direction).tolist(),
+                "fixed": ["left"],
+            }
+        },
+        "method": {"integrator": viscous(viscosity)},
+        "loads": {"push": {"constant": 0.02, "on": "a.right"}},
+        "time": {"steps": steps, "courant": 0.5},
+    }  # fmt: skip
+    model = model_of(percuss.load(case))
+    march = March(model)
+    start = np.random.default_rng(3).standard_normal((2, count + 1)) * 1e-3
+    march.u[:] = np.outer(start[0], direction).ravel()
+    march.v[:] = np.outer(start[1], direction).ravel()
+    u, v, dt = start[0].copy(), start[1].copy(), model.dt
+    march.compile()
+    march.run()
+    push = np.zeros(count + 1)
+    push[-1] = 0.02
+    for _ in range(steps + 1):
+        stress = count * np.diff(u + viscosity * dt * v)
+        force = push + np.append(stress, 0.0) - np.insert(stress, 0, 0.0)
+        v = v + dt * force / model.bodies.mass
+        v[0] = 0.0
+        u = u + dt * v
+    moved = march.u.reshape(-1, dim) @ direction
+    np.testing.assert_allclose(moved, u, atol=1e-11 * np.abs(u).max())
+
+
+def test_viscosity_takes_the_ripple_of_a_penalty():
+    """What it is for: the force of an impact oscillates less about the exact one."""
+    errors = []
+    for integrator in ("central-difference", viscous(0.3)):
+        case = hunek(50, courant=0.6, integrator=integrator, contact={"name": "penalty", "beta_s": 0.5})
+        result = percuss.run(percuss.load(case))
+        errors.append(result.summary["exact"]["contacts"]["tip"]["force_error_l1"])
+    assert errors[1] < 0.7 * errors[0]
