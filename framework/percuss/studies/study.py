@@ -2,8 +2,8 @@
 
 The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, and `bench` gives each
 a key. A `Session` gives the tasks that are left to workers (`pool`, `cluster`), where `bench` reads their cases,
-`perform` makes the runs, `columns` measures them and `records` says what is kept. `store` keeps the rows, `study_table`
-shows them, and `rows` makes one of them again.
+`perform` makes the runs and says what is kept of each, and `columns` measures them. `store` keeps the rows,
+`study_table` shows them, and `rows` makes one of them again.
 """
 
 from __future__ import annotations
