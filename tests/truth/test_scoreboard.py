@@ -1,4 +1,4 @@
-"""The scoreboard in the pages is what the shipped study gives, and every run of it has a true error."""
+"""The scoreboard in the pages is what the shipped study gives, and its findings are in the data."""
 
 import re
 
@@ -11,6 +11,8 @@ from percuss.methods.registry import Registry
 
 pytestmark = pytest.mark.deep
 
+NUMBER = r"\d+(?:\.\d+)?"
+
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
@@ -20,6 +22,10 @@ def table(tmp_path_factory):
 
 def cells(text):
     return [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in text.strip().splitlines()]
+
+
+def numbers(text):
+    return [float(number) for number in re.findall(NUMBER, text)]
 
 
 def test_the_readme_has_the_scoreboard_of_today(table):
@@ -33,6 +39,33 @@ def test_the_readme_has_the_scoreboard_of_today(table):
                 assert float(one) == pytest.approx(float(two), rel=0.06), (line, other)
             else:
                 assert one == two
+
+
+def test_the_findings_of_the_readme_are_those_of_the_data(table):
+    there, made = pages.shown("findings"), scoreboard.findings(table)
+    assert re.sub(NUMBER, "#", there) == re.sub(NUMBER, "#", made)
+    assert numbers(there) == pytest.approx(numbers(made), rel=0.06)
+
+
+def test_the_findings_are_those_of_the_table_above_them():
+    head, _, *lines = cells(pages.shown("scoreboard"))
+    error = {}
+    for pair, *line in lines:
+        integrator, law = pair.split(" + ")
+        for case, text in zip(head[1:], line, strict=True):
+            error[case, integrator, law] = float(text.rstrip("*"))
+    ratios = scoreboard.Ratios(error)
+    late, lagrange, _, _, wins = pages.shown("findings").strip().split("\n")
+    ends = [
+        end for part in (ratios.late, ratios.penalty_apart, ratios.penalty_pressed) for end in (min(part), max(part))
+    ]
+    # the ratio of two numbers of two digits each; the four numbers between are of the noise, which the table has not
+    assert numbers(late)[:2] + numbers(late)[-4:] == pytest.approx(ends, rel=0.1)
+    ends = [end for part in (ratios.lagrange, ratios.overlap) for end in (min(part), max(part))]
+    assert numbers(lagrange) == pytest.approx(ends, rel=0.1)
+    least, cases, of_penalty, below, again = numbers(wins)
+    assert cases == again == len(head) - 1 == least + of_penalty
+    assert below >= len(ratios.below)  # errors that are equal in two digits may differ
 
 
 def test_the_reference_is_never_called_a_bound():
