@@ -38,7 +38,6 @@ def all_blocks(kind: str) -> list[str]:
 SHELL = pages.blocks(README, "sh")
 PYTHON = all_blocks("python")
 YAML = all_blocks("yaml")
-SAVED = pages.saved_files()
 COMMANDS = list(
     dict.fromkeys(line for text in all_blocks("sh") if text not in SHELL[:2] for line in text.strip().splitlines())
 )

@@ -3,7 +3,6 @@
 import copy
 import hashlib
 import itertools
-import json
 import re
 from html.parser import HTMLParser
 from importlib import resources
@@ -83,10 +82,6 @@ def odd(several):
     study.kept = dict.fromkeys(table["key"][::2], line)
     study.table = table
     return study
-
-
-def data_of(html):
-    return json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', html, re.DOTALL)[1])
 
 
 def print_of(study, name, statistic="best"):

@@ -49,11 +49,11 @@ def operator_of(model: Model) -> Operator:
     ties = rows[:, list(model.tied_points)] if model.tied_points and model.period == 1 else None
     if ties is not None:
         basis = basis @ _without(ties.T @ basis)
-    across = csr_array(basis.T)
-    stiffness, normals = across @ _stiffness(model) @ basis, csr_array(across @ rows)
+    transposed = csr_array(basis.T)
+    stiffness, normals = transposed @ _stiffness(model) @ basis, csr_array(transposed @ rows)
     if not model.bodies.couples_nodes:
-        weighted = across.copy()
-        weighted.data *= model.bodies.mass_of_dofs[across.indices]
+        weighted = transposed.copy()
+        weighted.data *= model.bodies.mass_of_dofs[transposed.indices]
         return Operator(stiffness, weighted @ basis, normals, basis).banded()
     inverse = _inverse_mass(model, basis, ties)
     stiffness, normals = csr_array(inverse @ stiffness @ inverse), csr_array(inverse @ normals)

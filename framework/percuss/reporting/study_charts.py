@@ -121,15 +121,17 @@ def axis(column: pd.Series, label: str, field: str = "", *, is_measure: bool) ->
         words = study_data.in_order(study_data.texts(column))
         return Axis(
             label,
-            *3 * (field,),
-            "nominal",
-            "",
-            {},
-            {"labelAngle": -25},
-            words,
-            "tick",
-            {"field": "pair", "type": "nominal"},
-            "all" if field == "case" else "case",
+            field,
+            drawn=field,
+            place=field,
+            type="nominal",
+            kind="",
+            scale={},
+            axis={"labelAngle": -25},
+            sort=words,
+            joined="tick",
+            aside={"field": "pair", "type": "nominal"},
+            panel="all" if field == "case" else "case",
         )
     # Each refinement halves the elements, so that the mesh is a logarithmic axis however few of its values there are.
     suits = is_measure or column.name == "refine" or study_data.is_log(values)
@@ -139,7 +141,7 @@ def axis(column: pd.Series, label: str, field: str = "", *, is_measure: bool) ->
     few = not is_measure and distinct.size <= MOST_TICKS
     ticks: Entries = {"values": distinct.tolist()} if few else {"tickCount": 5}
     ticks |= {"labelExpr": description()["number"], "labelOverlap": "greedy"}
-    return Axis(label, *3 * (field,), "quantitative", kind, scale, ticks, None)
+    return Axis(label, field, field, field, "quantitative", kind, scale, ticks, sort=None)
 
 
 @dataclass(frozen=True)

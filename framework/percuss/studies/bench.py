@@ -51,7 +51,7 @@ class Bench:
     components
         Digest of each component that some task of a case uses, by label, then by family and name.
     surroundings
-        Versions and variables of the environment where the study began.
+        Versions where the study began, of percuss, of Python and of the packages that compute.
     cases, errors
         The cases that this process has read, by label, and by key the errors of tasks that cannot change their case;
         both stay in this process.

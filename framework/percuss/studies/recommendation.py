@@ -227,6 +227,7 @@ def recommend(
     model = model_of(case)
     if error is not None and case.reference is None and exact_solution(model, (model.steps + 1) * model.dt)[2]:
         set_["reference.refine"] = FINER
+        case = case.with_overrides({"reference.refine": FINER})
     expect_names("percuss.recommend", "integrators", integrators)
     expect_names("percuss.recommend", "contacts", contacts)
     if case.bonds and not contacts:
@@ -236,7 +237,7 @@ def recommend(
     methods = _methods(case.registry, integrators, contacts)
     pairings = case.registry.names("pairings") if case.method.pairing is not None else ()
     end = model.steps * model.dt if case.time.end is None else case.time.end
-    set_ |= _fixed(case, end) | second_reference(load(Path(path), set_, plugins=plugins), methods[1], pairings)
+    set_ |= _fixed(case, end) | second_reference(case, methods[1], pairings)
     file = Path(out) if out is not None else Path(f"{Path(path).stem}-recommend.sqlite")
     expect_no_input(file, case.inputs)
     for output in outputs:
