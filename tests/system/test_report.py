@@ -604,7 +604,7 @@ def test_a_click_shows_the_force_and_the_command_of_a_run(browser, pages, severa
         assert page.evaluate("[...new Set(forces()[0].forces.map((one) => one.row))]") == [0]
         page.evaluate("pick(1)")
         assert "this page has no force of it" in page.inner_text("#chosen")
-        page.locator("#table .tabulator-row").nth(2).click()
+        page.locator("#table .tabulator-row").nth(2).dispatch_event("click")  # wherever a late chart moves it
         assert page.inner_text("#command") == "percuss run fake.sqlite --row s0002"
         assert page.locator("#table .tabulator-row.picked").count() == 3
         assert opened.complaints == []
