@@ -1,4 +1,4 @@
-"""Ends that meet without a contact, and contacts whose ends have slid off each other, are told."""
+"""Ends that meet without a contact are told."""
 
 import pytest
 
@@ -50,17 +50,3 @@ def test_nothing_is_noted_of_a_declared_contact_nor_of_experiments_on_one_line()
     case["bodies"] |= {"c": {**BAR, "velocity": 1.0}, "d": {**BAR, "at": 1.2}}
     assert notes_of(case) == []
     assert foreseen(case) == []
-
-
-def test_a_contact_that_presses_where_its_ends_have_slid_off_each_other_is_noted():
-    """Their faces are squares of side 0.2, and move sideways at 1."""
-    case = two(gap=0.0, contacts={"ab": {"between": ["a.right", "b.left"]}})
-    case["bodies"]["a"] |= {"velocity": [0.1, 1.0]}
-    case["bodies"]["b"] |= {"velocity": [-0.1, 0.0], "at": [1.0, 0.0]}
-    (note,) = notes_of(case)
-    assert note.startswith(
-        "contact 'ab' presses from time 0.25 on although its ends have slid off each other: they are"
-    )
-    assert "and 0.2 wide" in note
-    case["bodies"]["a"]["velocity"] = [0.1, 0.3]
-    assert notes_of(case) == []

@@ -24,8 +24,7 @@ from percuss.methods.interfaces import Component, ContactLaw
 from percuss.reporting.component import Explanation, docs, filled
 from percuss.reporting.tables import duration
 from percuss.reporting.verdict import check_verdict
-from percuss.results.doubtful_solids import why_in_pieces, why_it_must_not_turn, why_too_stiff
-from percuss.results.encounters import expected_meetings
+from percuss.results.doubts import doubts_about, expected_meetings
 from percuss.results.exact import engine_for
 
 if TYPE_CHECKING:
@@ -143,8 +142,7 @@ def _body(body: Body) -> Entries:
 
 def _doubts(body: Body, end: float) -> Iterator[str]:
     """Yield what is known against the mesh and the material of a body in a run of some length."""
-    spin = float(np.linalg.norm(body.spec.spin))
-    yield from filter(None, (why_in_pieces(body), why_too_stiff(body), why_it_must_not_turn(body, spin * end)))
+    yield from doubts_about(body, float(np.linalg.norm(body.spec.spin)) * end)
     if body.why_not_linear:
         yield body.why_not_linear
         yield "c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"

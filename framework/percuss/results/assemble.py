@@ -16,18 +16,9 @@ from percuss.jit import Stopwatch
 from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.march.stop import Stop, likely_cause
-from percuss.mesh.body import Body
-from percuss.mesh.cells import is_solid
 from percuss.methods.interfaces import Exact, Floats
 from percuss.results import ledger, true_error
-from percuss.results.doubtful_solids import (
-    turned_by,
-    why_in_pieces,
-    why_inside_out,
-    why_it_must_not_turn,
-    why_too_stiff,
-)
-from percuss.results.encounters import encounters
+from percuss.results.doubts import doubts
 from percuss.results.exact import exact_solution, sampled
 from percuss.results.fields import fields_of, in_parts
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
@@ -100,7 +91,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         *model.case.notes,
         *unlike_sides(model.case, model.bodies),
         *_warnings(march, outcome, certificate, accounts["energy"]),
-        *encounters(march, outcome, arrays),
+        *doubts(march, outcome, arrays),
         *ledger.growth_notes(march, outcome, growth),
         *ledger.hourglass_notes(arrays, march.noise),
     ]
@@ -143,14 +134,6 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
         )
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of a body may grow with time, with no bound")
-    bodies = march.model.bodies.values()
-    warnings += filter(None, map(why_in_pieces, bodies))
-    if outcome.status != "unstable":
-        warnings += filter(None, (_inside_out(body, march, outcome) for body in bodies))
-    warnings += filter(None, map(why_too_stiff, bodies))
-    moved = outcome.final_displacement.reshape(-1, march.dim)
-    for body in filter(lambda body: body.of_small_strains, bodies):
-        warnings += filter(None, [why_it_must_not_turn(body, turned_by(body, moved[body.start : body.stop]))])
     warnings += ignored_couplings(march.model)
     name = march.model.case.method.integrator.name
     if march.arrays.record.every > 1 and march.model.contact_points:
@@ -169,18 +152,6 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
         work = f"{total.contact_work:.6g}"
         warnings.append(f"{NOT_VALID}: contact added an energy of {work}, far above all that was put in")
     return warnings
-
-
-def _inside_out(body: Body, march: March, outcome: Outcome) -> str:
-    """Return a note on the cells of a solid that are inside out at the first snapshot that shows any, or at the end."""
-    model, every = march.model, outcome.record.field_every
-    nodes = slice(body.start, body.stop)
-    if every and is_solid(body.spec.element):
-        for k, field in enumerate(outcome.record.field[: outcome.done // every + 1]):
-            if note := why_inside_out(body, field.reshape(-1, march.dim)[nodes], k * every * model.dt):
-                return note
-    moved = outcome.final_displacement.reshape(-1, march.dim)[nodes]
-    return why_inside_out(body, moved, outcome.done * model.dt)
 
 
 def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact | None, ExactEntries]:

@@ -1,0 +1,365 @@
+"""Why the result of a run is in doubt: sentences for its notes, of which `check` tells those that can be foreseen.
+
+Meshes may be in pieces or too stiff, and bodies of small strains must not turn. Pairing and normals of contacts are
+those of the start, a contact knows its bodies at its points alone, and bodies without a contact do not know each other:
+a run goes on with forces that no body would feel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import permutations
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from percuss.case.quantities import percent
+from percuss.contact.pairs import walls_of
+from percuss.contact.points import TOUCHING
+from percuss.march.recording import probe_nodes
+from percuss.mesh.body import in_space
+from percuss.mesh.cells import cells_of, is_solid, pieces_of
+from percuss.mesh.surfaces import whole_surface
+from percuss.methods.interfaces import REFERENCE_CELLS, Wall
+from percuss.methods.interfaces.nearest import EVEN
+
+if TYPE_CHECKING:
+    from percuss.contact.model import Model
+    from percuss.jsonable import Entries
+    from percuss.march.march import March, Outcome
+    from percuss.mesh.body import Body
+    from percuss.methods.interfaces import Floats, Surface
+
+MOST_TURNED = 0.05  # rad, which stretches a body of small strains by 0.12 %
+NEARLY_INCOMPRESSIBLE = 3.79  # modulus of longitudinal waves over Young's at a Poisson's ratio of .45
+SLENDER = 5.0  # length over thickness of a body that is expected to bend
+MOST_TOO_STIFF = 0.1  # in bending
+NOT_DECLARED = "no contact is declared between them"
+TOLD = 1e-3  # of a facet: a node that lies deeper inside another body is told
+APART = 1e-2  # of a facet: a larger distance of surfaces that press is told; means over facets err by less
+OF_THE_START = (
+    "pairing and normals are those of the start. Do not trust the forces from then on: shorten the run, or let the "
+    "bodies slide and turn less"
+)
+
+
+def doubts(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
+    """Yield the notes on a run: meshes and motions of its bodies, and what its contacts did not see.
+
+    Bodies that pass through each other are seen where their motion is recorded, and at the end of the run.
+    """
+    model, moved = march.model, outcome.final_displacement.reshape(-1, march.dim)
+    for body in model.bodies.values():
+        turn = turned_by(body, moved[body.start : body.stop]) if body.of_small_strains else 0.0
+        yield from doubts_about(body, turn)
+    if model.bodies.of_lines:
+        yield from _passed_ends(march, outcome, arrays)
+    elif outcome.status != "unstable":
+        sights = list(_sights(march, outcome))
+        for body in model.bodies.values():
+            notes = (_inside_out(body, one.displacement[body.start : body.stop], one.time) for one in sights)
+            yield from filter(None, [next(filter(None, notes), "")])
+        if outcome.done > 0:
+            known = [one for one in sights if one.multiplier is not None]
+            yield from _unseen_by_contacts(model, known, outcome.histories["slid"])
+
+
+# -- meshes and motions of solids -------------------------------------------------------------------------------
+
+
+def doubts_about(body: Body, turn: float) -> Iterator[str]:
+    """Yield what is known against the mesh of a body, and against its material where it turns by an angle [rad]."""
+    if not is_solid(body.spec.element):
+        return
+    counts = np.bincount(pieces_of(body.mesh))
+    if counts.size > 1:
+        yield (
+            f"body '{body.name}' is in {counts.size} pieces without a common node, which move each for itself: the "
+            f"smallest has {counts.min()} of {counts.sum()} cells"
+        )
+    if why := _why_too_stiff(body):
+        yield why
+    if body.of_small_strains and abs(turn) > MOST_TURNED:
+        yield (
+            f"The strains of body '{body.name}' are linear. Its turn of {abs(turn):.2g} rad is seen as a stretch of "
+            f"{percent(math.hypot(1.0, turn) - 1.0, 2)}: the result is wrong. Use a material for large rotations."
+        )
+
+
+def _why_too_stiff(body: Body) -> str:
+    """Return why the cells of a body are stiffer than the body itself; empty if no reason is known."""
+    element, said = body.spec.element, f"body '{body.name}' is"
+    if not getattr(element, "locks", False):
+        return ""
+    material = body.spec.material
+    if material.stress is not None and body.modulus / material.modulus > NEARLY_INCOMPRESSIBLE:
+        return f"{said} almost incompressible, where {element.name} locks: it is too stiff"
+    long = _length_of_cells_over_thickness(body)
+    # Cells that cannot bend shear instead: G (l/h)^2 / E of plane stress, and G / E is a quarter at least.
+    share = long**2 / 4.0
+    if not share > MOST_TOO_STIFF:
+        return ""
+    return (
+        f"{said} slender, and its cells are {long:.2g} times as long as it is thick: if it bends, {element.name} "
+        f"locks, and it is too stiff by {percent(share, 2)} or more"
+    )
+
+
+def _length_of_cells_over_thickness(body: Body) -> float:
+    """Return the mean length of cells along a body over its thickness; 0 of a body that is not slender."""
+    nodes = body.mesh.nodes - body.mesh.nodes.mean(axis=0)
+    along = nodes @ np.linalg.eigh(nodes.T @ nodes)[1]  # the last axis is that of its length
+    extents = np.ptp(along, axis=0)
+    if getattr(body.spec.element, "about_axis", False) or extents[-1] < SLENDER * extents.min():
+        return 0.0
+    return float(np.ptp(along[cells_of(body.mesh), -1], axis=1).mean() / extents.min())
+
+
+def turned_by(body: Body, displacement: Floats) -> float:
+    """Return the angle by which displacements of its nodes, (nodes, dim), turn a body in the mean [rad]."""
+    arm, mass = in_space(body.mesh.nodes - body.centre), body.mass
+    inertia = mass @ (arm**2).sum(axis=1) * np.eye(3) - np.einsum("n,ni,nj->ij", mass, arm, arm)
+    return float(np.linalg.norm(np.linalg.solve(inertia, mass @ np.cross(arm, in_space(displacement)))))
+
+
+def _inside_out(body: Body, displacement: Floats, time: float) -> str:
+    """Return which cells of a solid a displacement of its nodes turns inside out; empty if none."""
+    ((kind, cells),) = body.mesh.cells.items()
+    corners, beside = (body.mesh.nodes + displacement)[cells], REFERENCE_CELLS[kind].beside
+    x = np.moveaxis(corners, 2, 0)
+    a, b, *c = (x[:, :, beside[:, k]] - x[:, :, : len(beside)] for k in range(beside.shape[1]))
+    volumes = a[0] * b[1] - a[1] * b[0]  # quicker than the determinants of LAPACK
+    if c:
+        volumes = volumes * c[0][2] + (a[1] * b[2] - a[2] * b[1]) * c[0][0] + (a[2] * b[0] - a[0] * b[2]) * c[0][1]
+    turned = ~(volumes > 0.0).all(axis=1)
+    if not turned.any():
+        return ""
+    place = ", ".join(f"{value + 0.0:.6g}" for value in corners[turned][0].mean(axis=0))
+    return (
+        f"body '{body.name}' has cells turned inside out, {turned.sum()} of {turned.size} at t = {time:.4g}, the "
+        f"first about ({place}): no body moves so. Take a lower velocity or load, or a stiffer material"
+    )
+
+
+# -- ends of bars -----------------------------------------------------------------------------------------------
+
+
+class End(NamedTuple):
+    """An end of a body: its address in a case, its node in the model, its normal out of the body and its position."""
+
+    name: str
+    body: Body
+    node: int
+    outward: Floats
+    position: Floats
+
+
+def _ends(model: Model) -> Iterator[End]:
+    """Yield the ends of all bodies."""
+    for body in model.bodies.values():
+        for region, (nodes, outward, _) in body.mesh.regions.items():
+            if len(nodes) == 1:
+                yield End(f"{body.name}.{region}", body, body.start + nodes[0], outward, body.mesh.nodes[nodes[0]])
+
+
+def _touching(end: End) -> float:
+    """Return the distance below which another end touches an end."""
+    return TOUCHING * float(end.body.mesh.lengths[end.body.end_element(end.node)])
+
+
+def _undeclared_pairs(model: Model) -> Iterator[tuple[End, End, float]]:
+    """Yield the neighbouring ends on one line that face each other without a contact, and their initial distance.
+
+    Ends that both have a contact with another partner are left out: several experiments may lie on one line.
+    """
+    in_contact, ends = set(model.contact_points.node.tolist()), list(_ends(model))
+    outward, position = (np.array([getattr(end, name) for end in ends]) for name in ("outward", "position"))
+    for end in ends:
+        if next(part for part in end.outward.tolist() if abs(part) > 1e-9) < 0.0:  # the other end of a pair
+            continue
+        along = (position - end.position) @ end.outward
+        beside = np.linalg.norm(position - end.position - np.outer(along, end.outward), axis=1)
+        on_line = beside < 1e-6 * float(end.body.mesh.lengths.sum())
+        facing = on_line & (outward @ end.outward < 1e-9 - 1.0) & (along >= -_touching(end))
+        if facing.any():
+            nearest = int(np.where(facing, along, np.inf).argmin())
+            other, gap = ends[nearest], float(along[nearest])
+            if other.body is not end.body and not {end.node, other.node} <= in_contact:
+                yield end, other, 0.0 if gap <= _touching(end) else gap
+
+
+def expected_meetings(model: Model) -> Iterator[str]:
+    """Yield one sentence for each pair of ends of bars that will meet without a contact at their first velocities."""
+    for end, other, gap in _undeclared_pairs(model) if model.bodies.of_lines else ():
+        closing = float(end.outward @ (end.body.velocity - other.body.velocity))
+        if gap == 0.0:
+            yield f"{end.name} and {other.name} touch, and {NOT_DECLARED}"
+        elif closing * model.steps * model.dt > gap:
+            yield (
+                f"{end.name} and {other.name} will meet at time {gap / closing:.6g} if their bodies keep their first "
+                f"velocities, and {NOT_DECLARED}"
+            )
+
+
+def _passed_ends(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
+    """Yield notes on bars that passed through each other without a contact."""
+    probes = [node for (node, _), *_ in probe_nodes(march.model)]
+    last = outcome.final_displacement.reshape(-1, march.dim)
+    for end, other, gap in _undeclared_pairs(march.model):
+        nodes = end.node, other.node
+        if set(nodes) <= set(probes):
+            first, second = (arrays["displacement"][:, probes.index(node)] for node in nodes)
+        else:
+            first, second = last[[end.node]], last[[other.node]]
+        depth = -float((gap + (second - first) @ end.outward).min(initial=0.0))
+        if depth > _touching(end):
+            yield f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}"
+
+
+# -- contacts of solids -----------------------------------------------------------------------------------------
+
+
+class Sight(NamedTuple):
+    """The model at one time: displacement of all nodes, (nodes, dim), and multiplier of each contact point, (P,).
+
+    The multipliers are None where the case does not record them.
+    """
+
+    time: float
+    displacement: Floats
+    multiplier: Any
+
+
+def _sights(march: March, outcome: Outcome) -> Iterator[Sight]:
+    """Yield the snapshots of a run, and its end."""
+    model, record = march.model, outcome.record
+    shape, pressures = model.bodies.nodes.shape, outcome.histories.get("field_pressure", np.zeros((0, 0)))
+    for n in range(-(-outcome.done // record.field_every) if record.field_every else 0):
+        known = pressures[n] * model.contact_points.weight if pressures.size else None
+        yield Sight(n * record.field_every * model.dt, record.field[n].reshape(shape), known)
+    yield Sight(outcome.done * model.dt, outcome.final_displacement.reshape(shape), outcome.multipliers)
+
+
+def _unseen_by_contacts(model: Model, sights: Sequence[Sight], slid: Floats) -> Iterator[str]:
+    """Yield notes on what the contact points of solids did not see.
+
+    Parameters
+    ----------
+    model
+        A model of solids.
+    sights
+        The model at some times.
+    slid : (contacts, 2) array
+        Largest slide of a point of each contact over its facet, and the time at which one first exceeded 1.
+    """
+    from scipy.sparse import csr_array
+
+    points, contacts = model.contact_points, model.case.contacts
+    shares: Any = csr_array((points.share, (points.point, points.node)), shape=(len(points), model.bodies.n_nodes))
+    gaps = [points.gap + ((shares @ sight.displacement) * points.normal).sum(axis=1) for sight in sights]
+    seeing = [(one.multiplier != 0.0) | (gap <= TOLD * points.facet) for one, gap in zip(sights, gaps, strict=True)]
+    yield from _hidden_nodes(model, sights, [abs(shares).T @ sees.astype(float) == 0.0 for sees in seeing])
+    for number, (name, spec) in enumerate(contacts.items()):
+        if spec.wall is not None:
+            continue
+        first, second = (model.bodies[side.body].surface(side.region).surface for side in spec.sides)
+        for sight, gap in zip(sights, gaps, strict=True):
+            force = np.where(points.contact == number, sight.multiplier, 0.0)
+            if not force.max(initial=0.0) > 0.0:
+                continue
+            strongest, moved = int(force.argmax()), (_moved(first, sight), _moved(second, sight))
+            distance = min(_distance(*moved), _distance(*moved[::-1]))
+            if distance > abs(gap[strongest]) + APART * points.facet[strongest]:
+                yield (
+                    f"contact '{name}' presses at time {sight.time:.6g} although its surfaces are {distance:.3g} apart "
+                    f"(its points see {gap[strongest]:.3g}): {OF_THE_START}"
+                )
+                break
+        if slid[number, 0] > 1.0:
+            yield (
+                f"contact '{name}' presses from time {slid[number, 1]:.6g} on at points that have slid along their "
+                f"surface by more than a facet, by {slid[number, 0]:.3g} facets at most: {OF_THE_START}"
+            )
+
+
+def _hidden_nodes(model: Model, sights: Sequence[Sight], unseen: Sequence[Any]) -> Iterator[str]:
+    """Yield a note for each body with nodes inside another one, or behind a wall, where no contact point sees them.
+
+    Bodies that overlap at the start, or lie behind a wall there, have no contact with each other.
+    """
+    contacts = model.case.contacts
+    between = {frozenset(side.body for side in spec.sides): name for name, spec in contacts.items()}
+    skins = {body.name: whole_surface(body.view, body.start) for body in model.bodies.values()}
+    partners: list[tuple[str, str, str, Surface | Wall]] = [
+        (body, f"inside '{other}'", between.get(frozenset((body, other)), ""), skins[other])
+        for body, other in permutations(skins, 2)
+    ]
+    for name, wall in walls_of(model.case, model.bodies).items():
+        partners.append((contacts[name].sides[0].body, f"behind the wall of contact '{name}'", name, wall))
+    for body, where, contact, partner in partners:
+        skin = skins[body]
+        if _deepest(skin, partner, np.ones(len(skin.nodes), dtype=bool)):
+            continue
+        found: list[tuple[float, int, float]] = []  # depth, node and time
+        for sight, hidden in zip(sights, unseen, strict=True):
+            there = partner if isinstance(partner, Wall) else _moved(partner, sight)
+            if deepest := _deepest(_moved(skin, sight), there, hidden[skin.nodes]):
+                found.append((*deepest, sight.time))
+        if found:
+            depth, node, time = max(found)
+            yield (
+                f"node {skin.nodes[node] - model.bodies[body].start} of '{body}' lies {depth:.3g} {where} at time "
+                f"{time:.6g}, with no force on it (from time {found[0][2]:.6g} on): {_why_not_seen(model, contact)}"
+            )
+
+
+def _why_not_seen(model: Model, contact: str) -> str:
+    """Return why no contact point sees a node, and what to do."""
+    if not contact:
+        return f"{NOT_DECLARED}; declare one"
+    sides = model.case.contacts[contact].sides
+    if len(sides) == 1:
+        return f"it is not in {sides[0]}. Give the contact a region that has it"
+    return (
+        f"the points of contact '{contact}', on {sides[0]}, do not see it. Name {sides[1]} first, try another pairing, "
+        "or make the cells finer"
+    )
+
+
+def _moved(surface: Surface, sight: Sight) -> Surface:
+    """Return a surface where it is at a time."""
+    return surface._replace(positions=surface.positions + sight.displacement[surface.nodes])
+
+
+def _deepest(skin: Surface, target: Surface | Wall, candidates: Any) -> tuple[float, int] | None:
+    """Return how deep one of some nodes of a boundary lies inside a body or behind a wall, and which lies deepest."""
+    if isinstance(target, Wall):
+        behind = np.where(candidates, (target.point - skin.positions) @ target.normal, 0.0)
+        node = int(behind.argmax())
+        facets = np.ptp(skin.positions[skin.facets], axis=1)
+        return (float(behind[node]), node) if behind[node] > TOLD * facets.max() else None
+    low, high = target.positions.min(axis=0), target.positions.max(axis=0)
+    (nodes,) = np.nonzero(candidates & ((skin.positions > low) & (skin.positions < high)).all(axis=1))
+    if not len(nodes):
+        return None
+    facet, shares = target.nearest(skin.positions[nodes])
+    corners = target.positions[target.facets[facet]]
+    vector = skin.positions[nodes] - np.einsum("pa,pad->pd", shares, corners)
+    depth = np.linalg.norm(vector, axis=1)
+    least = TOLD * np.ptp(corners, axis=1).max(axis=1)
+    deepest = [p for p in np.argsort(-depth).tolist() if depth[p] > least[p]]
+    # All facets that meet at the nearest place look away from a point inside, also where they meet at an edge.
+    meetings = target.facets_at(target.facets[facet[p]][shares[p] > EVEN] for p in deepest)
+    for p, meeting in zip(deepest, meetings, strict=True):
+        middle = np.full((meeting.size, target.facets.shape[1]), 1.0 / target.facets.shape[1])
+        if (target.outward(meeting, middle) @ vector[p] < 0.0).all():
+            return float(depth[p]), int(nodes[p])
+    return None
+
+
+def _distance(one: Surface, other: Surface) -> float:
+    """Return the least distance of the nodes of a surface from another one."""
+    facet, shares = other.nearest(one.positions)
+    apart = one.positions - np.einsum("pa,pad->pd", shares, other.positions[other.facets[facet]])
+    return float(np.linalg.norm(apart, axis=1).min())
