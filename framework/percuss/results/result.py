@@ -147,8 +147,7 @@ class Result:
             "summary": json.dumps(self.summary),
             "provenance": json.dumps(self.provenance),
         }
-        definitions = netcdf.definition_attributes(self._source(), self.units)
-        return netcdf.histories_dataset(self.arrays, self.coordinates, definitions, attributes)
+        return netcdf.histories_dataset(self.arrays, self.coordinates, self._source(), self.units, attributes)
 
     @cached_property
     def fields(self) -> xr.Dataset:
