@@ -23,7 +23,7 @@ from percuss.results.exact import exact_solution, sampled
 from percuss.results.fields import fields_of, in_parts
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
 from percuss.results.result import Result
-from percuss.results.summary import Accounts, EnergySummary, ExactEntries, ExactErrors, StopSummary, Summary
+from percuss.results.summary import EnergySummary, ExactEntries, ExactErrors, StopSummary, Summary
 
 if TYPE_CHECKING:
     from percuss.results.reference import FinerRun
@@ -61,7 +61,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         Certificate of the run.
     """
     model, record_count = march.model, outcome.records
-    probe_names = [str(address) for address in model.case.recorded_ends]
+    probe_names = list(map(str, model.case.recorded_ends))
     time = outcome.time[:record_count]
     arrays = {"time": time, "time_half": time + march.stepper.energy_at * model.dt}
     arrays |= {name: getattr(outcome.record, name)[:record_count] for name in ("contact_force", "gap")}
@@ -79,23 +79,18 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     outcome.seconds["exact"] = watch.lap()
     largest_energy = ledger.largest(outcome)
     growth = ledger.growth_summary(march, outcome, certificate, largest_energy)
-    accounts: Accounts = {
-        "energy": ledger.energy_summary(march, outcome, energies, largest_energy),
-        "momentum": ledger.momentum_summary(march, outcome, largest_energy),
-        "angular_momentum": ledger.angular_momentum_summary(march, outcome, largest_energy),
-    }
-    if accounts["energy"]["ledger_closed"] is False and growth["kept"]:
+    energy = ledger.energy_summary(march, outcome, energies, largest_energy)
+    if energy["ledger_closed"] is False and growth["kept"]:
         # with an open ledger the contact work is not the energy gained by the bodies, so nothing can be verified
         growth["kept"] = None
     notes = [
         *model.case.notes,
         *unlike_sides(model.case, model.bodies),
-        *_warnings(march, outcome, certificate, accounts["energy"]),
+        *_warnings(march, outcome, certificate, energy),
         *doubts(march, outcome, arrays),
         *ledger.growth_notes(march, outcome, growth),
         *ledger.hourglass_notes(arrays, march.noise),
     ]
-    notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]
     summary: Summary = {
         "status": outcome.status,
         "stop": _stop_entry(model, outcome.stop, certificate),
@@ -108,7 +103,9 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "certificate": certificate,
         "fragile": None,
         "contacts": ledger.contact_summary(march, outcome),
-        **accounts,
+        "energy": energy,
+        "momentum": ledger.momentum_summary(march, outcome, largest_energy),
+        "angular_momentum": ledger.angular_momentum_summary(march, outcome, largest_energy),
         "energy_growth": growth,
         **true_errors,
         "compiled": outcome.kernels.compiled,
@@ -116,6 +113,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "notes": notes,
         "seconds": outcome.seconds,
     }
+    notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(summary)]
     errors = true_errors["exact"] or true_errors["exact_covered"]
     components = components_used(model.case, solution=errors["solution"] if errors else None)
     provenance = provenance_of(model, components, resolved=resolved_methods(model))

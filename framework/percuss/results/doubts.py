@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import permutations
+from itertools import pairwise, permutations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -146,53 +146,35 @@ def _inside_out(body: Body, displacement: Floats, time: float) -> str:
 
 
 class End(NamedTuple):
-    """An end of a body: its address in a case, its node in the model, its normal out of the body and its position."""
+    """An end of a bar on one line: its position, its address in a case, its node in the model, and the bar."""
 
+    position: float
     name: str
-    body: Body
     node: int
-    outward: Floats
-    position: Floats
-
-
-def _ends(model: Model) -> Iterator[End]:
-    """Yield the ends of all bodies."""
-    for body in model.bodies.values():
-        for region, (nodes, outward, _) in body.mesh.regions.items():
-            if len(nodes) == 1:
-                yield End(f"{body.name}.{region}", body, body.start + nodes[0], outward, body.mesh.nodes[nodes[0]])
-
-
-def _touching(end: End) -> float:
-    """Return the distance below which another end touches an end."""
-    return TOUCHING * float(end.body.mesh.lengths[end.body.end_element(end.node)])
+    body: Body
 
 
 def _undeclared_pairs(model: Model) -> Iterator[tuple[End, End, float]]:
-    """Yield the neighbouring ends on one line that face each other without a contact, and their initial distance.
+    """Yield the ends of neighbouring bars on one line that face each other without a contact, and their gap.
 
     Ends that both have a contact with another partner are left out: several experiments may lie on one line.
     """
-    in_contact, ends = set(model.contact_points.node.tolist()), list(_ends(model))
-    outward, position = (np.array([getattr(end, name) for end in ends]) for name in ("outward", "position"))
-    for end in ends:
-        if next(part for part in end.outward.tolist() if abs(part) > 1e-9) < 0.0:  # the other end of a pair
-            continue
-        along = (position - end.position) @ end.outward
-        beside = np.linalg.norm(position - end.position - np.outer(along, end.outward), axis=1)
-        on_line = beside < 1e-6 * float(end.body.mesh.lengths.sum())
-        facing = on_line & (outward @ end.outward < 1e-9 - 1.0) & (along >= -_touching(end))
-        if facing.any():
-            nearest = int(np.where(facing, along, np.inf).argmin())
-            other, gap = ends[nearest], float(along[nearest])
-            if other.body is not end.body and not {end.node, other.node} <= in_contact:
-                yield end, other, 0.0 if gap <= _touching(end) else gap
+    bars = []
+    for body in model.bodies.values() if model.dim == 1 else ():
+        nodes = {name: region.nodes[0] for name, region in body.mesh.regions.items()}
+        ends = (End(body.mesh.nodes[n, 0], f"{body.name}.{name}", body.start + n, body) for name, n in nodes.items())
+        bars.append(sorted(ends))
+    in_contact = set(model.contact_points.node.tolist())
+    for (_, end), (other, _) in pairwise(sorted(bars)):
+        gap, touching = float(other.position - end.position), TOUCHING * end.body.shortest
+        if gap >= -touching and not {end.node, other.node} <= in_contact:
+            yield end, other, 0.0 if gap <= touching else gap
 
 
 def expected_meetings(model: Model) -> Iterator[str]:
     """Yield one sentence for each pair of ends of bars that will meet without a contact at their first velocities."""
-    for end, other, gap in _undeclared_pairs(model) if model.bodies.of_lines else ():
-        closing = float(end.outward @ (end.body.velocity - other.body.velocity))
+    for end, other, gap in _undeclared_pairs(model):
+        closing = float(end.body.velocity[0] - other.body.velocity[0])
         if gap == 0.0:
             yield f"{end.name} and {other.name} touch, and {NOT_DECLARED}"
         elif closing * model.steps * model.dt > gap:
@@ -205,15 +187,12 @@ def expected_meetings(model: Model) -> Iterator[str]:
 def _passed_ends(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
     """Yield notes on bars that passed through each other without a contact."""
     probes = [node for (node, _), *_ in probe_nodes(march.model)]
-    last = outcome.final_displacement.reshape(-1, march.dim)
     for end, other, gap in _undeclared_pairs(march.model):
-        nodes = end.node, other.node
+        nodes, moved = [end.node, other.node], outcome.final_displacement[None]
         if set(nodes) <= set(probes):
-            first, second = (arrays["displacement"][:, probes.index(node)] for node in nodes)
-        else:
-            first, second = last[[end.node]], last[[other.node]]
-        depth = -float((gap + (second - first) @ end.outward).min(initial=0.0))
-        if depth > _touching(end):
+            nodes, moved = [probes.index(node) for node in nodes], arrays["displacement"][:, :, 0]
+        depth = -float((gap + moved[:, nodes[1]] - moved[:, nodes[0]]).min(initial=0.0))
+        if depth > TOUCHING * end.body.shortest:
             yield f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}"
 
 

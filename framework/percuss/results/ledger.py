@@ -29,15 +29,10 @@ from percuss.case.quantities import percent
 from percuss.certificate.closed_laws import BETWEEN, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
 from percuss.contact.points import BY_CURRENT, BY_END
+from percuss.jsonable import Data
 from percuss.march.march import March, Outcome
 from percuss.methods.interfaces import Floats
-from percuss.results.summary import (
-    Accounts,
-    ContactSummary,
-    EnergySummary,
-    GrowthSummary,
-    MomentumSummary,
-)
+from percuss.results.summary import ContactSummary, EnergySummary, GrowthSummary, MomentumSummary
 from percuss.step.account import ROUNDING
 
 # Allowed closure error of the ledger over the largest energy, and allowed imbalance over the momentum.
@@ -52,6 +47,10 @@ ALLOWED_GROWTH = 1e-12  # allowed energy growth over the largest energy or work,
 ROUND_OFF_UNITS = 4.0
 # Half a step before the other energies: the sum grows and falls with the force even where nothing is gained.
 STORED_BY_LAWS = "what laws say they store at t_n"
+NOT_BALANCED = {
+    "momentum": "load, support or wall, so that the forces inside the bodies do not add up to zero",
+    "angular_momentum": "load, support or contact, so that the forces inside the bodies turn them",
+}
 
 
 def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
@@ -272,7 +271,7 @@ def _balance(
     return cast("MomentumSummary", balance)
 
 
-def open_accounts(summary: Accounts) -> list[str]:
+def open_accounts(summary: Data) -> list[str]:
     """Return a sentence for each account of a run that does not close, energy or momentum; empty if both close.
 
     Parameters
@@ -280,10 +279,7 @@ def open_accounts(summary: Accounts) -> list[str]:
     summary
         Summary of a `percuss.Result`, or its accounts alone; an exact solution alone has none.
     """
-    messages = []
-    if "energy" not in summary:  # of an exact solution alone
-        return messages
-    energy, momentum = summary["energy"], summary["momentum"]
+    messages, energy = [], summary.get("energy", {})
     if energy.get("ledger_closed") is False:
         error, allowed, bodies_error = (
             energy[key] or 0.0 for key in ("ledger_error", "ledger_allowed", "bodies_error")
@@ -299,31 +295,22 @@ def open_accounts(summary: Accounts) -> list[str]:
                 f"the energy ledger does not close: {percent(error, 2)} of the largest energy is not accounted for, "
                 f"{percent(allowed, 2)} is allowed"
             )
-    if momentum.get("balanced") is False:
-        messages.append(
-            f"momentum does not balance: {percent(momentum['error'], 2)} of it comes from no load, support or wall, so "
-            "that the forces inside the bodies do not add up to zero"
-        )
-    angular = summary.get("angular_momentum")
-    if angular is not None and angular["balanced"] is False:
-        messages.append(
-            f"angular momentum does not balance: {percent(angular['error'], 2)} of it comes from no load, support or "
-            "contact, so that the forces inside the bodies turn them"
-        )
+    for name, words in NOT_BALANCED.items():
+        account = summary.get(name) or {}
+        if account.get("balanced") is False:
+            what, error = name.replace("_", " "), percent(account["error"], 2)
+            messages.append(f"{what} does not balance: {error} of it comes from no {words}")
     return messages
 
 
-def ledger_words(energy: EnergySummary) -> str:
+def ledger_words(energy: Data) -> str:
     """Return in words how well the energy ledger closes."""
-    error = percent(energy["ledger_error"], 2)
-    closed = energy.get("ledger_closed", True)
-    if (energy.get("bodies_error") or 0.0) > BODIES_TOLERANCE:
-        share = percent(energy["bodies_error"], 2)
-        return f"internal work does NOT agree with the energy of the bodies: {share} of the largest energy apart"
+    closed, error = energy["ledger_closed"], energy["ledger_error"]
     if closed is False:
-        return f"ledger does NOT close: {error} of the largest energy is not accounted for"
+        error = max(error, energy["bodies_error"] or 0.0)
+        return f"ledger does NOT close: {percent(error, 2)} of the largest energy is not accounted for"
     state = "is open by" if closed is None else "closes to"
-    return f"ledger {state} {error} of the largest energy"
+    return f"ledger {state} {percent(error, 2)} of the largest energy"
 
 
 def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]:

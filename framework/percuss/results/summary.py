@@ -179,16 +179,8 @@ class ExactEntries(TypedDict):
     estimated: ExactErrors | None
 
 
-class Accounts(TypedDict):
-    """The energy and momentum accounts of a run; angular momentum is counted of linear bodies that are no bars."""
-
-    energy: EnergySummary
-    momentum: MomentumSummary
-    angular_momentum: MomentumSummary | None
-
-
-class Summary(ExactEntries, Accounts):
-    """The summary of a run."""
+class Summary(ExactEntries):
+    """The summary of a run; angular momentum is counted of linear bodies that are no bars."""
 
     status: str
     stop: StopSummary | None
@@ -201,6 +193,9 @@ class Summary(ExactEntries, Accounts):
     certificate: Certificate
     fragile: bool | None
     contacts: dict[str, ContactSummary]
+    energy: EnergySummary
+    momentum: MomentumSummary
+    angular_momentum: MomentumSummary | None
     energy_growth: GrowthSummary
     compiled: bool
     compiled_why: list[str]
