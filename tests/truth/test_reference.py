@@ -9,10 +9,9 @@ from support.places import CASES
 import percuss
 from percuss.case.quantities import by_two, percent
 from percuss.march.model_of_case import model_of
-from percuss.reporting.study_answer import answer
-from percuss.reporting.study_data import columns
+from percuss.reporting.study_data import columns, records
 from percuss.reporting.terminal import _error_lines, _ranks, comparison_lines
-from percuss.reporting.verdict import comparison_verdict, run_verdict
+from percuss.reporting.verdict import answer, comparison_verdict, run_verdict
 from percuss.results import reference
 from percuss.results.reference import _at_nodes, case_of
 from percuss.studies.comparison import metrics
@@ -195,7 +194,7 @@ def test_ranks_of_a_study_are_shared_by_what_its_two_finer_runs_cannot_tell_apar
     assert _ranks([0.1, 0.12, 0.16, 0.19, 0.3], 0.05) == ["1", "1", "3", "3", "5"]
     judge = made.cases["tilted-blocks"]["case"]["reference"]["second"]
     assert judge == {"contact": "penalty", "pairing": "mortar"}
-    assert "share the first rank" in answer(made.table, columns(made))[0]
+    assert "share the first rank" in next(answer(records(made.table, columns(made)), columns(made).measures))
 
 
 def test_a_finer_run_that_cannot_judge_says_why():

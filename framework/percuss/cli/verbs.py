@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from percuss.case.arguments import expect_files, expect_suffix, wrong_argument
 from percuss.case.case import Case, expect_case
-from percuss.files import expect_writable
+from percuss.files import expect_writable, replacing
 from percuss.jsonable import Entries
 from percuss.methods.registry import Registry
 
@@ -69,6 +69,7 @@ def report(
     figures: str | os.PathLike[str] | None = None,
     *,
     median: bool = False,
+    files: Sequence[str | Path] = (),
 ) -> list[Path]:
     """Write a study as one HTML page that needs no other file, or its figures for print; return the written files.
 
@@ -83,9 +84,11 @@ def report(
     median
         Whether lines and profiles show the median run of each pair of methods, instead of its best run. The page
         begins with it and offers both.
+    files
+        Single-file plug-ins whose methods the page describes beside those that are installed.
     """
     from percuss.reporting.study_figures import study_figures
-    from percuss.reporting.study_page import study_report
+    from percuss.reporting.study_page import report_html
     from percuss.studies.study_table import Study, open_study
 
     if page is not None:
@@ -93,11 +96,14 @@ def report(
     study = study if isinstance(study, Study) else open_study(str(study))
     if page is None and figures is None:
         page = study.path.with_suffix(".html")
+    statistic = "median" if median else "best"
+    written: list[Path] = []
     if page is not None:
         expect_writable(Path(page), [("study", study.path)])
-    statistic = "median" if median else "best"
-    written = study_figures(study, figures, statistic) if figures is not None else []
-    return written if page is None else written + study_report(study, page, statistic)
+        with replacing(page, ".html") as beside:
+            beside.write_text(report_html(study, statistic, files), encoding="utf-8")
+        written.append(Path(page))
+    return written + (study_figures(study, figures, statistic) if figures is not None else [])
 
 
 def plugins(name: str = "", files: Sequence[str | Path] = ()) -> Explanation:

@@ -156,12 +156,17 @@ def _facts(component: type[Component]) -> Entries:
     }
 
 
-def component_text(registry: Registry, family: str, name: str) -> str:
-    """Return the full description of a component as text."""
+def method_text(registry: Registry, family: str, name: str) -> str:
+    """Return what a component is: summary, formula, options, facts, references."""
     data = component_data(registry, family, name)
     declared = {key: value for key, value in data["facts"].items() if value not in ("", [], {}, None)}
-    text = filled("method.txt.jinja", {**data, "declared": declared, "flow": flow})
-    lines = [piece for line in text.splitlines() for piece in _folded(line)]
+    return filled("method.txt.jinja", {**data, "declared": declared, "flow": flow})
+
+
+def component_text(registry: Registry, family: str, name: str) -> str:
+    """Return the full description of a component as text that fits the terminal, with its origin."""
+    data = _origin(registry, family, name)
+    lines = [piece for line in method_text(registry, family, name).splitlines() for piece in _folded(line)]
     origin = f"{data['distribution']} {data['version']}" if data["distribution"] else f"a file, {data['version']}"
     origin += f", written for contract {data['contract_version']}" if data["contract_version"] else ""
     return "\n".join([*lines, "", *_folded(f"From {origin}, module {data['module']}, {data['file']}")])

@@ -18,12 +18,8 @@ if TYPE_CHECKING:
     from percuss.studies.study_table import Study
 
 MOST_HISTORIES = 120
-
-MOST_NUMBERS = 150_000  # The histories of a page may have this many numbers.
-
 MOST_CONTACTS = 4
-
-POINTS = 400  # A history is thinned to this many points, which include its extremes.
+POINTS = 200  # A history is thinned to this many points, which include its extremes.
 
 
 def kept_histories(study: Study, table: pd.DataFrame, ranked: Sequence[str]) -> dict[int, Entries]:
@@ -38,14 +34,12 @@ def kept_histories(study: Study, table: pd.DataFrame, ranked: Sequence[str]) -> 
     own = [rows[kept[rows]] for rows in groups(texts(table["case"]), methods(table)).values()]
     queues = [rows[np.argsort(errors[rows], kind="stable")].tolist() for rows in own]
     out: dict[int, Entries] = {}
-    count = 0
     for row in (row for turn in itertools.zip_longest(*queues) for row in turn if row is not None):
         history = study.histories(table["key"].iloc[row])
         if history is None:
             continue
         out[row] = _lines(history, table["case"].iloc[row])
-        count += sum(2 * len(line[0]) for lines in out[row].values() for line in lines)
-        if len(out) == MOST_HISTORIES or count > MOST_NUMBERS:
+        if len(out) == MOST_HISTORIES:
             break
     return out
 

@@ -271,45 +271,24 @@ def side_marks(side: str, axis: Axis) -> Entries:
     return {f"{side}_{name}": value for name, value in vars(axis).items()}
 
 
-@dataclass(frozen=True)
-class LineStyle:
-    """The look of a line and its marks: that of one pair of methods in all charts.
-
-    Attributes
-    ----------
-    colour
-        As in HTML.
-    mark
-        One of `MARKS`.
-    dash
-        Lengths of dashes and gaps in widths of the line; empty for a solid line.
-    """
-
-    colour: str
-    mark: str
-    dash: tuple[float, ...]
-
-
-def line_style(k: int) -> LineStyle:
-    """Return the style of the k-th line of a chart, counted from 0."""
+def line_style(k: int) -> tuple[str, str, list[float]]:
+    """Return colour, mark and dashes of the k-th line of a chart, counted from 0; dashes as lengths in pixels."""
     turn = (k + k // len(MARKS)) % len(MARKS)
-    dash = () if EVERY_DASH[turn] == "-" else EVERY_DASH[turn][1]
-    return LineStyle(EVERY_COLOUR[k % len(MARKS)], MARKS[turn], dash)
+    dashes = [1, 0] if EVERY_DASH[turn] == "-" else [2.0 * length for length in EVERY_DASH[turn][1]]
+    return EVERY_COLOUR[k % len(MARKS)], MARKS[turn], dashes
 
 
 def looks(charts: Charts) -> dict[str, Entries]:
     """Return for a light and for a dark page the marks that no choice changes, and the configuration of Vega-Lite."""
     said = description()
-    styles = [line_style(k) for k in range(len(charts.pairs))]
+    colours, shapes, dashes = zip(*map(line_style, range(max(1, len(charts.pairs)))), strict=True)
     ranks = min(MOST_RANKED, len(charts.pairs))
     shared = {"pairs": charts.pairs, "cases": charts.cases, "number": said["number"], "cell": said["cell"]}
-    shared |= {"ranks": ranks + 0.5, "ranks_height": 36 * ranks}
-    shared["shapes"] = [style.mark for style in styles]
-    shared["dashes"] = [[2.0 * length for length in style.dash] or [1, 0] for style in styles]
+    shared |= {"ranks": ranks + 0.5, "ranks_height": 36 * ranks, "shapes": shapes, "dashes": dashes}
     out = {}
     for name, look in said["looks"].items():
         palette = dict(zip(EVERY_COLOUR, look.get("palette", EVERY_COLOUR), strict=True))
-        marks = shared | look | {"colours": [palette[style.colour] for style in styles]}
+        marks = shared | look | {"colours": [palette[colour] for colour in colours]}
         out[name] = {"marks": marks, "config": filled(said["config"], marks)}
     return out
 

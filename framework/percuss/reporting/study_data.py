@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.case.quantities import QUANTITIES, of_column, with_unit
+from percuss.case.quantities import QUANTITIES, of_column, ranking, with_unit
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import Floats, Integers
 from percuss.studies import perform
@@ -44,13 +44,7 @@ def as_text(value: object) -> str:
 
 def texts(column: Any) -> list[str]:
     """Return the values of a column as texts, empty for missing values."""
-    values = column.tolist()
-    if set(map(type, values)) <= {str}:
-        return list(values)  # as most columns of words are: a large table is read many times for a page
-    return [
-        "" if is_missing else value if type(value) is str else as_text(value)
-        for value, is_missing in zip(values, column.isna().tolist(), strict=True)
-    ]
+    return [as_text(value) for value in column.tolist()]
 
 
 def methods(table: pd.DataFrame) -> list[str]:
@@ -132,7 +126,7 @@ def columns(study: Study) -> ColumnRoles:
 
 def records(table: pd.DataFrame, roles: ColumnRoles) -> list[Entries]:
     """Return the rows as a verdict takes them: methods, varied values, status, measures and reasons; None for nan."""
-    about = ["status", "reason", "said_by"]
+    about = ["status", "reason", "said_by", "fragile"]
     keys = list(dict.fromkeys(["case", "integrator", "contact", *roles.varied, *about, *roles.measures]))
     rows: list[Entries] = table[keys].astype(object).where(table[keys].notna(), None).to_dict("records")
     return rows
@@ -151,11 +145,8 @@ def references(table: pd.DataFrame) -> list[str]:
 
 
 DISTINCT = 40  # More distinct values than this are put in bins.
-
 BINS = 24
-
-FAR_FEW, FAR_MANY = 8, 30
-
+FAR = 8  # between the smallest and the largest of numbers on a logarithmic axis
 ROUND_OFF = 1e-10  # A logarithmic axis does not reach below this fraction of the largest number.
 
 
@@ -172,16 +163,8 @@ def lowest(values: Floats) -> float:
 
 
 def is_log(values: Floats) -> bool:
-    """Return whether numbers suit a logarithmic axis: all above zero, and spread far or in geometric progression."""
-    if not may_be_log(values):
-        return False
-    finite = values[np.isfinite(values)]
-    above = finite[finite >= lowest(values)]
-    distinct = np.unique(above)
-    steps = distinct[1:] / distinct[:-1]
-    few = distinct.size <= DISTINCT
-    multiples = few and distinct.size > 2 and bool(np.allclose(steps, steps[0], rtol=1e-6))
-    return multiples or bool(distinct[-1] / (FAR_FEW if few else FAR_MANY) >= distinct[0])
+    """Return whether numbers suit a logarithmic axis: all above zero, and spread far."""
+    return may_be_log(values) and bool(np.nanmax(values) >= FAR * np.nanmin(values))
 
 
 def binned(values: Floats, most: int = DISTINCT, bins: int = BINS) -> tuple[Floats, Integers]:
@@ -288,9 +271,17 @@ def profile(table: pd.DataFrame, name: str, problem_set: Problems, statistic: st
     return Profile(int(good.sum()), int((~good).sum()), ratios)
 
 
-def orders(table: pd.DataFrame, name: str) -> dict[str, float]:
-    """Return the observed order of each pair of methods in one case: the slope of its smallest errors over the mesh."""
-    done = table[(table["status"] == "done") & (numbers(table[name]) > 0)]
-    best = done.assign(pair=methods(done)).groupby(["pair", "refine"], sort=False)[name].min().astype(float)
-    lines = {pair: own.droplevel("pair") for pair, own in best.groupby("pair", sort=False) if len(own) > 1}
-    return {pair: -float(np.polyfit(np.log(own.index.astype(float)), np.log(own), 1)[0]) for pair, own in lines.items()}
+def dependence(table: pd.DataFrame, roles: ColumnRoles) -> list[str]:
+    """Return the sentence on the factors by which the error changes over each varied value, all others held."""
+    for error in ranking(roles.measures)[:1]:
+        done = table[(table["status"] == "done") & (numbers(table[error]) > 0)].astype({error: float})
+        factors: dict[str, float] = {}
+        for path in roles.varied:
+            held = ["case", "integrator", "contact", *(other for other in roles.varied if other != path)]
+            alike = done[done[path].notna()].groupby(held, dropna=False)
+            ratios = (alike[error].max() / alike[error].min())[alike[path].nunique() > 1]
+            factors |= {path: float(ratios.median())} if len(ratios) else {}
+        most = sorted(factors.items(), key=lambda item: -item[1])[:3]
+        words = ", ".join(f"by a factor of {factor:.2g} with {path}" for path, factor in most)
+        return [f"The error of a pair in a case changes {words} (medians)."] if words else []
+    return []

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.arguments import expect_suffix
 from percuss.errors import InputError, PercussError, Problem
-from percuss.files import is_file, replacing
+from percuss.files import replacing
 from percuss.jsonable import Entries
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.figures import SUFFIXES, one_line
@@ -50,9 +50,6 @@ def study_figures(study: Study, folder: str | os.PathLike[str], statistic: str =
         The files, two for each of the `figures`.
     """
     target = Path(folder)
-    if is_file(target):
-        problem = Problem(str(target), "", "expected a folder, found a file", "Name another folder.")
-        raise InputError([problem])
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import statistics
 from collections import Counter
@@ -38,7 +37,6 @@ ROUND_OFF = 1e-10  # a smaller error or change of energy is none
 GROWN = 0.01  # share of the energy put in: a run that adds more is not called good by its error alone
 MOST_REASONS, MOST_NAMED = 12, 3
 MOST_CASES = 2  # of more cases only the wins are told; the tables and the charts have each of them
-LARGEST_FACTOR = 1e6  # errors with a larger ratio are round-off
 # What differs from run to run in a reason.
 PLACE = re.compile(r"( at step \d+, time \S+)?, node \d+ of body '[^']*'( limits the step)?")
 
@@ -152,10 +150,15 @@ def rows_verdict(rows: Sequence[Data], columns: Sequence[str]) -> Iterator[str]:
     columns
         The measured columns; runs are ranked by the first error among them.
     """
+    yield from answer(rows, columns)
+    yield from failed_rows(rows)
+
+
+def answer(rows: Sequence[Data], columns: Iterable[str]) -> Iterator[str]:
+    """Yield which pairs are best, and how many runs depend on round-off, as `rows_verdict` does."""
     yield from best_runs(rows, columns)
     if fragile := sum(row["fragile"] is True for row in rows):
         yield f"{fragile} of {len(rows)} runs depend on round-off."
-    yield from failed_rows(rows)
 
 
 def failed_rows(rows: Sequence[Data]) -> Iterator[str]:
@@ -190,12 +193,6 @@ def best_runs(rows: Sequence[Data], columns: Iterable[str]) -> Iterator[str]:
     judged = {case: done for case, done in of_cases.items() if done}
     if len(judged) > MOST_CASES:
         yield _wins(judged.values(), error, "in", f"{len(judged)} cases")
-        medians = [statistics.median(row[error] for row in done) for done in judged.values()]
-        least = [min(row[error] for row in done) for done in judged.values()]
-        factor = statistics.median(a / b if b else math.inf for a, b in zip(medians, least, strict=True))
-        if factor < LARGEST_FACTOR:
-            than = f"{factor:.2g} times smaller than the median of all its runs (median over the cases)"
-            yield f"The smallest error of a case is {than}."
     for case, done in of_cases.items():
         if not done:
             yield f"{case}: no run has a value of {error}."

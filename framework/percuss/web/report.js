@@ -27,9 +27,10 @@ function sideMarks(side, name) {
 async function draw(id, data, marks, panels = 1, least = 380) {
   const [wide, look] = [$(id).clientWidth, page.looks[prefersDark.matches ? "dark" : "light"]];
   const bare = ["best", "map"].includes(id);
-  const beside = wide > 800 && !bare ? 270 : 0; // room of a legend
-  const columns = Math.max(1, Math.min(panels, Math.floor((wide - beside) / least)));
-  const width = Math.floor((wide - beside) / columns) - (id === "best" ? 24 : 74);
+  const beside = wide > 800 && !bare;
+  const room = wide - (beside ? 270 : bare ? 40 : 0); // without a legend, or the menu that stands at the right
+  const columns = Math.max(1, Math.min(panels, Math.floor(room / least)));
+  const width = Math.floor(room / columns) - (id === "best" ? 24 : 74);
   const legend = { ...look.config.legend, orient: beside ? "right" : "bottom", columns: 1 };
   const size = { columns, width: id === "map" ? Math.min(width, 420) : width, height: Math.min(300, 0.75 * width), best_scale: { ...marks.y_scale, range: [0, 0.68 * width] } };
   const spec = { ...filled(page.charts[id], { ...look.marks, ...marks, ...size }), datasets: data, config: { ...look.config, legend } };
@@ -158,7 +159,7 @@ const table = new Tabulator("#table", {
   rowFormatter: (row) => row.getElement().classList.toggle("picked", picked.includes(row.getData().row)),
   columnDefaults: { headerWordWrap: true, headerFilter: "input", minWidth: 100, maxWidth: 330 },
   columns: page.columns.map((column) => ({
-    title: escaped(column.title), titleDownload: column.name, field: column.field, sorter: column.number ? "number" : "string",
+    title: escaped(column.title), headerTooltip: escaped(column.what), titleDownload: column.name, field: column.field, sorter: column.number ? "number" : "string",
     sorterParams: { alignEmptyValues: "bottom" }, hozAlign: column.number ? "right" : "left", frozen: innerWidth > 900 && column.names,
     headerFilterPlaceholder: column.number ? "> < .." : "contains", headerFilterFunc: (wanted, value) => passes(wanted, value, column),
     formatter: (cell) => escaped(shortText(cell.getValue())), accessorDownload: (_, row) => row[column.raw],
