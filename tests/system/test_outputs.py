@@ -94,20 +94,6 @@ def test_an_output_is_checked_before_anything_is_run(bench, command, said):
     assert said in refused(bench, command)
 
 
-def test_a_run_of_a_block_is_animated_though_its_case_records_no_snapshots(bench):
-    from PIL import Image
-
-    block = {"block": {"size": [1.0, 1.0], "elements": [1, 1]}, "velocity": [1.0, 0.0],
-             "material": {"young": 1.0, "density": 1.0, "poisson": 0.0}}  # fmt: skip
-    case = {"percuss": 1, "bodies": {"b": block}, "time": {"courant": 0.5, "steps": 2}}
-    (bench / "block.yaml").write_text(yaml.safe_dump(case))
-    done = percuss_command("run", "block.yaml", "--animate", "out.gif", cwd=bench, plain=True)
-    assert done.returncode == 0, done.stderr
-    with Image.open(bench / "out.gif") as picture:
-        assert picture.n_frames == 3
-    (bench / "out.gif").unlink()
-
-
 def test_a_file_among_the_varied_values_is_an_input(bench):
     (bench / "other.csv").write_text("0,0\n0.1,0.02\n")
     vary = "--vary loads.push.table.file=record.csv,other.csv"
@@ -130,11 +116,8 @@ def test_a_result_is_copied_and_pickled(again):
     """As a pool of processes does with what a function returns."""
     result = percuss.run(percuss.load(hunek(4, end=0.2)), {"record.fields": 3})
     other = again(result)
-    assert (other.summary, other.provenance, other.coordinates) == (
-        result.summary,
-        result.provenance,
-        result.coordinates,
-    )
+    assert other.summary == result.summary
+    assert other.provenance == result.provenance
     assert other.histories.identical(result.histories)
     assert other.fields.identical(result.fields)
     time = result.arrays["time"]

@@ -166,8 +166,8 @@ def test_what_is_no_result_is_refused_in_one_message(tmp_path):
         assert "1 mistake; nothing was run" in refused.stderr
 
 
-def test_results_and_cases_are_verified_together_whatever_their_names(tmp_path):
-    path = saved(tmp_path, hunek(5, end=0.1), name="result.dat")
+def test_results_and_cases_are_verified_together(tmp_path):
+    path = saved(tmp_path, hunek(5, end=0.1))
     exact = tmp_path / "exact.nc"
     expectation = {"quantity": "steps", "value": 8, "within": 0, "source": "exact"}
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(hunek(5, end=0.1) | {"expect": [expectation]}), encoding="utf-8")

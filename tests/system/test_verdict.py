@@ -37,11 +37,9 @@ def coarse(tmp_path: Path) -> Path:
 def test_a_run_with_a_large_error_names_the_search_for_better_methods(coarse: Path) -> None:
     done = percuss_command("run", str(coarse))
     assert done.returncode == 0, done.stderr
-    searching = re.search(rf"contact force is off by .*: try `percuss (recommend {coarse} [^`]*)`", done.stdout).group(
-        1
-    )
+    told = re.search(rf"contact force is off by .*: try `percuss (recommend {coarse} [^`]*)`", done.stdout)
     few = ("--runs", "10", "--contact", "lagrange", "--workers", "1")
-    found = percuss_command(*searching.split(), *few, cwd=coarse.parent)
+    found = percuss_command(*told[1].split(), *few, cwd=coarse.parent)
     assert re.search("(?m)^(Cheapest: |No run meets the bounds; the nearest is )", found.stdout), found.stderr
 
 

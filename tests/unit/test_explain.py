@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 
 import pytest
 
@@ -14,7 +13,7 @@ from percuss.contact.contact_problem import contact_problem
 from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import FAMILIES, ContactProblem
 from percuss.methods.registry import Registry
-from percuss.reporting.component import component_data, component_text, registry_text
+from percuss.reporting.component import component_data, component_text
 from percuss.reporting.explanation import explanation
 from strategies import hunek
 
@@ -113,14 +112,6 @@ def test_numbers_of_a_contact_are_those_of_the_closed_formulas(integrator, law):
         assert found.data["certificate"]["theta"] == pytest.approx(dt**2 * row["stiffness"] * s, rel=1e-9)
 
 
-def test_what_lagrange_multipliers_answer():
-    """Signorini's conditions."""
-    found = told(hunek(20, contact="lagrange"))
-    row = found.data["contacts"]["tip"]["row"]
-    assert (row["sigma"], row["sign"], row["active"], row["at"]) == (0.0, ">= 0", "all", "end")
-    assert row["w"] == pytest.approx(found.data["step"]["dt"] ** 2, rel=1e-12)
-
-
 def test_why_no_exact_solution_judges_it():
     case = hunek(20)
     case["loads"] = {"push": {"constant": 1.0, "on": "short", "from": 0.1, "as": "force"}}
@@ -157,16 +148,6 @@ def test_a_component_is_described_in_full(family, name):
     assert all(one["what"] for one in data["options"])
     assert set(data["facts"]) >= {one for one in FAMILIES[family].__annotations__ if hasattr(component, one)}
     json.dumps(data, allow_nan=False)
-
-
-def test_the_list_of_components_fits_a_terminal(monkeypatch):
-    for width in (80, 100):
-        monkeypatch.setenv("COLUMNS", str(width))
-        lines = registry_text(REGISTRY).splitlines()
-        assert max(map(len, lines)) in range(width - 5, width + 1)
-        assert [line for line in lines if line in FAMILIES] == list(FAMILIES)
-        named = [line.split()[0] for line in lines if re.match("  [a-z]", line)]
-        assert named == [name for family in FAMILIES for name in REGISTRY.names(family)]
 
 
 def test_a_single_file_is_described(tmp_path, monkeypatch):

@@ -12,9 +12,7 @@ def check(
     case: CaseFile,
     set_: Sets = None,
     plugin: Plugins = None,
-    plot: Annotated[
-        Path | None, option("--plot FILE", "Draw bodies in two dimensions: mesh, regions, contacts, supports, loads.")
-    ] = None,
+    plot: Annotated[Path | None, option("--plot FILE", "Draw solids: mesh, contacts, supports, loads.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Explain the run of a case in words, without running it."""

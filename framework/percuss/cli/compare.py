@@ -19,10 +19,7 @@ def compare(
     plugin: common.Plugins = None,
     tied: Annotated[bool, option("--tied", "Also tie the interfaces while the exact contact is closed.")] = False,
     reference: common.Reference = "",
-    plot: Annotated[
-        Path | None,
-        option("--plot FILE", "Draw the forces; with several `refine`, the errors over it."),
-    ] = None,
+    plot: Annotated[Path | None, option("--plot FILE", "Draw forces; of several `refine` errors over it.")] = None,
     as_json: common.AsJson = False,
 ) -> None:
     """Run pairs of methods on one case, side by side."""

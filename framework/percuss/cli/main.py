@@ -46,10 +46,6 @@ class Commands(TyperGroup):
             print(f"interrupted{f' in {where}' if where else ''}", file=sys.stderr)
             raise typer.Exit(INTERRUPTED) from None
 
-    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
-        """Return the names of the commands in the order of the help."""
-        return [command.__name__ for command in COMMANDS]
-
 
 app = typer.Typer(
     name="percuss",

@@ -16,8 +16,7 @@ def new(
         str,
         option(
             "--kind KIND",
-            "integrator, contact, pairing, load, shape, element, material, mass, solution or measure; solid-element "
-            "or solid-material for bodies in two dimensions.",
+            "integrator, contact, pairing, load, shape, (solid-)element, (solid-)material, mass, solution or measure.",
         ),
     ],
     out: Annotated[Path, option("-o --out FOLDER", "Folder to write into.")] = Path(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from percuss.case.arguments import expect_suffix
 from percuss.cli import common
@@ -26,21 +26,15 @@ def run(
     case: common.CaseFile,
     set_: common.Sets = None,
     plugin: common.Plugins = None,
-    out: Annotated[
-        Path | None, option("-o --out FILE", "Save the result as .nc (NetCDF-4), or its fields as .vtkhdf (ParaView).")
-    ] = None,
+    out: Annotated[Path | None, option("-o --out FILE", "Save as .nc (NetCDF-4), or .vtkhdf (ParaView).")] = None,
     plot: Annotated[Path | None, option("--plot FILE", "Draw the result as png, svg or pdf.")] = None,
-    animate: Annotated[
-        Path | None, option("--animate FILE", "Show stress and motion as they run: gif or mp4 by suffix.")
-    ] = None,
+    animate: Annotated[Path | None, option("--animate FILE", "Show stress and motion as gif or mp4.")] = None,
     exact_only: Annotated[bool, option("--exact-only", "Compute the exact solution only, without a method.")] = False,
     nudge: Annotated[bool, option("--nudge", "Also run a nudged twin: does the answer depend on round-off?")] = False,
     tied: Annotated[bool, option("--tied", "Tie the interfaces while the exact contact is closed.")] = False,
     reference: common.Reference = "",
     row: Annotated[str, option("--row KEY", "CASE is the file of a study: make its row with this key.")] = "",
-    resume: Annotated[
-        bool, option("--resume", "Go on from the state that a killed run of the case has saved.")
-    ] = False,
+    resume: Annotated[bool, option("--resume", "Go on from the state that a killed run has saved.")] = False,
     as_json: common.AsJson = False,
 ) -> None:
     """Run a case; print, save and draw its result."""
@@ -60,7 +54,11 @@ def run(
             both = f"expected {'--tied' if tied else '--resume'} or --exact-only, found both"
             advice = "An exact solution has no interface to tie." if tied else "An exact solution makes no steps."
             raise InputError([Problem("percuss run", "", both, advice)])
-        loaded = _loaded(case, set_, plugin, reference, row, tied=tied)
+        loaded = common.load_case(case, set_, plugin, partial(_of_row, row) if row else None, reference)
+        if tied:
+            from percuss.studies.perform import tied_twin
+
+            loaded = tied_twin(loaded)
         if out is not None and for_paraview:
             expect_meshes(out, present=not loaded.of_bars)
         if (plot or animate or for_paraview) and loaded.record.fields == 0:
@@ -88,17 +86,6 @@ def run(
             answer.conclude(run_verdict(result, search))
             if result.status == "interrupted":
                 answer.exit_code = INTERRUPTED
-
-
-def _loaded(file: Path, sets: Any, plugins: Any, reference: str, row: str, *, tied: bool) -> Case:
-    """Return the case as it is to be run."""
-    read = partial(_of_row, row) if row else None
-    loaded = common.load_case(file, sets, plugins, read=read, reference=reference)
-    if tied:
-        from percuss.studies.perform import tied_twin
-
-        loaded = tied_twin(loaded)
-    return loaded
 
 
 def _of_row(row: str, file: Path, overrides: Data, plugins: list[Path]) -> Case:

@@ -13,7 +13,7 @@ import percuss
 from percuss import version
 from percuss.case.json_schema import case_schema
 from percuss.case.yaml_text import flow
-from percuss.errors import InputError, Problem, refuse_if_any, suggestion
+from percuss.errors import Problem, refuse_if_any, suggestion
 from percuss.files import PACKAGE, is_folder
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN
 from percuss.methods.registry import Registry
@@ -81,16 +81,11 @@ def new(name: str, kind: str, folder: str | os.PathLike[str] = ".") -> Scaffold:
     advice = "Nothing was overwritten: take another name or folder."
     taken = [file for file in files if os.path.lexists(file)]
     refuse_if_any([Problem(str(file), "", "this exists already", advice) for file in taken])
-    try:
-        for file, text in zip(files, texts.values(), strict=False):
-            named = text.replace("my-method", name).replace("MyMethod", component)
-            file.write_text(named.replace("@CONTRACT@", str(version.CONTRACT)), encoding="utf-8")
-        known = case_schema(Registry.load(files[:1]))
-        files[-1].write_text(json.dumps(known, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        for file in files:
-            file.unlink(missing_ok=True)
-        raise InputError([Problem(str(out), "", f"cannot be written to: {error.strerror}", "")]) from error
+    for file, text in zip(files, texts.values(), strict=False):
+        named = text.replace("my-method", name).replace("MyMethod", component)
+        file.write_text(named.replace("@CONTRACT@", str(version.CONTRACT)), encoding="utf-8")
+    known = case_schema(Registry.load(files[:1]))
+    files[-1].write_text(json.dumps(known, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     use = f"study {out / f'{name}.study.yaml'}" if has_study else f"run {files[1]}"
     commands = (f"percuss {use}", f"percuss verify --plugin {files[0]}")
     return Scaffold(name, kind, KINDS[kind], component, files, commands)
@@ -102,19 +97,12 @@ def _expect_valid(name: str, kind: str, out: Path) -> None:
     family = KINDS.get(kind)
     if family is None:
         problems.append(Problem(f"--kind {kind}", "", "unknown kind", suggestion(kind, KINDS, "kind")))
-    if not NAME_PATTERN.fullmatch(name) or not name.isascii():
-        advice = "Start with a letter, then letters, digits, _ and -."
+    if not NAME_PATTERN.fullmatch(name) or not name.isascii() or flow(name) != name:
+        advice = "Start with a letter, then letters, digits, _ and -; a word of YAML, as true, is no name."
         problems.append(Problem(name, "", "expected a name for a method", advice))
-    elif flow(name) != name:
-        problems.append(Problem(name, "", "this is a word of YAML", "Take another name."))
-    elif family is not None:
-        registry = Registry.load()
-        sources = registry.clashes.get((family, name)) or [registry.sources.get((family, name))]
-        if sources[0] is not None:
-            owners = " and by ".join(map(str, sources))
-            problems.append(
-                Problem(name, "", f"{family} '{name}' is registered by {owners} already", "Take another name.")
-            )
+    elif family is not None and (source := Registry.load().sources.get((family, name))):
+        why = f"{family} '{name}' is registered by {source} already"
+        problems.append(Problem(name, "", why, "Take another name."))
     if not is_folder(out):
         problems.append(Problem(str(out), "", "expected a folder that exists", f"Make it first: mkdir -p {out}"))
     refuse_if_any(problems)

@@ -13,16 +13,12 @@ from percuss.errors import InputError, Problem
 def stability(
     case: common.CaseFile,
     vary: common.Vary = None,
-    curves: Annotated[
-        list[str] | None,
-        option("--curves PATH=VALUES", "Draw one curve, or one map, for each value."),
-    ] = None,
+    curves: Annotated[list[str] | None, option("--curves PATH=VALUES", "A curve, or a map, for each value.")] = None,
     by: Annotated[str, option("--by A,B", "Criteria: linear-laws or black-box; both are overlaid.")] = "",
     set_: common.Sets = None,
     plugin: common.Plugins = None,
     out: Annotated[Path | None, option("-o --out FILE", "Save the rows as csv.")] = None,
     plot: Annotated[Path | None, option("--plot FILE", "Draw the curves or maps.")] = None,
-    whole: Annotated[bool, option("--all", "Print every combination.")] = False,
     as_json: common.AsJson = False,
 ) -> None:
     """Print the critical Courant number over varied parameters."""
@@ -41,5 +37,5 @@ def stability(
             rows = maps.stability(loaded, axes, families, common.names_in(by), progress=progress)
         answer.write(out, maps.save, rows, out)
         answer.draw(plot, stability_figure, rows, axes, families, loaded.title, common.methods_in_words(loaded))
-        answer.show({"title": loaded.title, "rows": rows}, stability_lines(loaded.title, rows, whole=whole))
+        answer.show({"title": loaded.title, "rows": rows}, stability_lines(loaded.title, rows))
         answer.exit_code = 0 if any(row["courant_critical"] for row in rows) else 1

@@ -15,19 +15,13 @@ from percuss.process import INTERRUPTED
 
 def study(
     file: Annotated[Path, typer.Argument(metavar="STUDY", help="YAML file of the study.")],
-    out: Annotated[
-        Path | None,
-        option("-o --out FILE", "File of the rows; by default STUDY.sqlite in this folder."),
-    ] = None,
+    out: Annotated[Path | None, option("-o --out FILE", "File of the rows; by default STUDY.sqlite here.")] = None,
     workers: common.Workers = None,
     scheduler: Annotated[str | None, option("--scheduler ADDRESS", "Use the workers of this Dask scheduler.")] = None,
     longest: common.Longest = None,
     plugin: common.Plugins = None,
     reference: common.Reference = "",
-    again: Annotated[
-        list[str] | None,
-        option("--again STATUS", "Make the runs of a status again, for example failed. Repeatable."),
-    ] = None,
+    again: Annotated[list[str] | None, option("--again STATUS", "Make the runs of a status again.")] = None,
     export: Annotated[Path | None, option("--export FILE", "Write the table as csv.")] = None,
     dry_run: Annotated[bool, option("--dry-run", "Check the study and count its runs; make none.")] = False,
     as_json: common.AsJson = False,

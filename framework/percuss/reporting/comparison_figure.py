@@ -86,7 +86,7 @@ def convergence_figure(fitted: list[Entries], title: str, judge: str = "the exac
         for axes, name in zip(panels.flat, TRUE_ERRORS, strict=True):
             _error_panel(axes, fitted, name)
             axes.set_xscale("log")
-            axes.set_xticks(refinements, [figures.tick_text(refine) for refine in refinements])
+            axes.set_xticks(refinements, [figures.number(refine) for refine in refinements])
             axes.set_xticks([], minor=True)
         for axes in panels[-1]:
             axes.set_xlabel("refine: elements over those of the case")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -33,7 +33,6 @@ TIME, FORCE = ("time", "time"), (QUANTITIES["contact_force"].label, "force")
 STRESS = ("stress", "force/length^2")
 INK, SOFT, FAINT, ALARM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00"
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "sigma": "σ", "theta": "θ"}
-RAISED = str.maketrans("0123456789-\u2212", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
 SMALL = {"s": "ₛ", "m": "ₘ", "n": "ₙ", "p": "ₚ"}
 OVERLAY = 6  # More lines than this cannot be distinguished in one panel.
 MOST_PANELS = 6  # of contacts in one figure
@@ -185,19 +184,12 @@ def _add_legend(owner: Any, entries: Entries, room: int, **options: Any) -> None
     owner.legend(list(entries.values()), labels, ncols=max(1, min(len(labels), columns)), **options)
 
 
-def tick_text(value: float) -> str:
-    """Return the label of a tick as plain text: texts are never read as mathematics, as a user's title may have a $."""
-    if value == 0 or 1e-3 <= abs(value) < 1e5:
-        return f"{value:.6g}"
-    head, power = f"{value:.5e}".split("e")
-    raised = f"10{str(int(power)).translate(RAISED)}"
-    return raised if float(head) == 1 else f"{float(head):g}×{raised}"
+def log_axis(axes: Axes, which: str, limits: tuple[float, float] | None = None, per: float = 1, unit: str = "") -> None:
+    """Make the axis `which`, x or y, logarithmic between limits, those of its data by default, with plain ticks.
 
-
-def log_axis(
-    axes: Axes, which: str, limits: tuple[float, float] | None = None, text: Callable[[float], str] = tick_text
-) -> None:
-    """Make the axis `which`, x or y, logarithmic between limits, those of its data by default, with plain ticks."""
+    Ticks are the values over `per` with the sign of their unit. Texts are never read as mathematics, as a user's title
+    may have a $.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     axes.set(**{f"{which}scale": "log", **({f"{which}lim": limits} if limits else {})})
@@ -208,14 +200,14 @@ def log_axis(
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < most * low else (1.0,)))
     else:
         axis.set_major_locator(MaxNLocator(3 if which == "x" else 5))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: text(value)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / per:.6g}{unit}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def percent_axis(axes: Axes, low: float, high: float) -> None:
     """Make the axis of positive fractions logarithmic around `low` to `high`, with ticks in per cent."""
     margin = (high / low) ** 0.06 if high > low else 2.0
-    log_axis(axes, "y", (low / margin, high * margin), lambda share: f"{tick_text(100 * share)} %")
+    log_axis(axes, "y", (low / margin, high * margin), 0.01, " %")
 
 
 DOTS_PER_INCH = 180

@@ -40,7 +40,14 @@ def stability_figure(rows: list[Entries], vary: Axis, curves: Axis, title: str, 
         Title of the figure, and the line of methods below it.
     """
     subject = "stability of the closed linear step, in the worst combination of contacts"
-    drawn = _Drawn.of(rows, vary, curves)
+    by_label: dict[str, list[Entries]] = {}
+    for row in rows:
+        label = ", ".join(f"{path.rsplit('.', 1)[-1]} = {number(row[path])}" for path in curves)
+        by_label.setdefault(label, []).append(row)
+    quantity = "courant_critical"
+    if set(STEP) & set(vary):
+        quantity = "theta" if any(row.get("theta") is not None for row in rows) else "margin"
+    drawn = _Drawn(quantity, vary, list(dict.fromkeys(row["by"] for row in rows)), by_label)
     with new_figure(9.6, 6.4, title, [methods, subject, *_notes(rows, drawn)]) as figure:
         if not any(row["courant_critical"] is not None for row in rows):
             write_reason(figure.subplots(), f"nothing to draw: {rows[0]['reason']}")
@@ -70,18 +77,6 @@ class _Drawn(NamedTuple):
     vary: Axis
     criteria: list[str]
     curves: dict[str, list[Entries]]
-
-    @classmethod
-    def of(cls, rows: list[Entries], vary: Axis, curves: Axis) -> _Drawn:
-        """Return what a figure of some rows shows."""
-        by_label: dict[str, list[Entries]] = {}
-        for row in rows:
-            label = ", ".join(f"{path.rsplit('.', 1)[-1]} = {number(row[path])}" for path in curves)
-            by_label.setdefault(label, []).append(row)
-        quantity = "courant_critical"
-        if set(STEP) & set(vary):
-            quantity = "theta" if any(row.get("theta") is not None for row in rows) else "margin"
-        return cls(quantity, vary, list(dict.fromkeys(row["by"] for row in rows)), by_label)
 
 
 def _notes(rows: list[Entries], drawn: _Drawn) -> list[str]:
@@ -141,12 +136,10 @@ def _draw_maps(figure: Figure, drawn: _Drawn) -> None:
 
 
 def _set_scale(axes: Axes, vary: Axis, path: str, which: str) -> None:
-    """Make an axis logarithmic where its values are in geometric progression or spread over a factor above 50."""
-    values = [value for value in vary[path] if isinstance(value, (int, float))]
-    if len(values) > 2 and min(values) > 0 and len(values) == len(vary[path]):
-        steps = np.diff(np.log(values))
-        if np.ptp(steps) < 1e-6 * abs(steps).max() or max(values) > 50 * min(values):
-            log_axis(axes, which)
+    """Make an axis logarithmic where its values spread over a factor above 50."""
+    values = vary[path]
+    if all(isinstance(value, int | float) for value in values) and 0.0 < 50.0 * min(values) < max(values):
+        log_axis(axes, which)
 
 
 def waves_figure(waves: Waves, title: str, methods: str) -> Figure:

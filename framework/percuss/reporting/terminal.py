@@ -37,10 +37,9 @@ if TYPE_CHECKING:
     from percuss.studies.study_table import Study
 
 
-STABILITY_LINES = 12  # most lines of the table of critical Courant numbers, unless the whole table is asked for
+STABILITY_LINES = 12  # most lines of the table of critical Courant numbers
 BEST, FEWEST_BEST = 12, 3  # rows of a study in all tables of the best, and of a case in its own if it has as many
 STABILITY_REASONS = 3  # most reasons below it
-DIFFERENCES = 12  # of a result and its rerun that are printed; all of them are in the JSON
 
 
 def number_text(value: object, digits: int = 6) -> str:
@@ -254,25 +253,15 @@ def _cases(done: Sequence[Data], error: str) -> Table:
     return Table([words("integrator", (i for i, _ in pairs)), words("contact", (c for _, c in pairs)), *columns], error)
 
 
-def stability_lines(title: str, rows: list[Entries], *, whole: bool = False) -> Iterator[Piece]:
-    """Yield critical Courant numbers: for each criterion the least and the largest, and a table of some lines.
-
-    Parameters
-    ----------
-    title
-        Title of the case.
-    rows
-        The rows of `percuss.stability`.
-    whole
-        Whether the table has a line for each combination of varied values, however many there are.
-    """
+def stability_lines(title: str, rows: list[Entries]) -> Iterator[Piece]:
+    """Yield critical Courant numbers: for each criterion the least and the largest, and a table of some lines."""
     criteria = list(dict.fromkeys(row["by"] for row in rows))
     paths = [key for key in rows[0] if "." in key or key == "refine"]
     extra_columns = [key for key in ("margin", "theta") if any(key in row for row in rows)]
     lines: dict[tuple[object, ...], Entries] = {}
     for row in rows:
         lines.setdefault(tuple(row[path] for path in paths), {})[row["by"]] = row
-    shown = list(lines)[:: 1 if whole else math.ceil(len(lines) / STABILITY_LINES)]  # evenly spread
+    shown = list(lines)[:: math.ceil(len(lines) / STABILITY_LINES)]  # evenly spread
     columns = [Column(path, [number_text(values[k]) for values in shown]) for k, path in enumerate(paths)]
     for criterion in criteria:
         found = [lines[values].get(criterion) for values in shown]
@@ -283,9 +272,9 @@ def stability_lines(title: str, rows: list[Entries], *, whole: bool = False) -> 
         columns.append(Column(key, [number_text(numbers[0] if numbers else None) for numbers in given]))
     yield Table(columns, title)
     if len(shown) < len(lines):
-        yield f"{len(shown)} of {len(lines)} combinations: --all prints every one, -o FILE.csv saves them"
+        yield f"{len(shown)} of {len(lines)} combinations: -o FILE.csv saves every one, --json prints them"
     reasons = Counter(f"{row['by']}: {row['reason']}" for row in rows if row["reason"])
-    for reason, count in reasons.most_common(None if whole else STABILITY_REASONS):
+    for reason, count in reasons.most_common(STABILITY_REASONS):
         yield f"{f'{count} times ' if count > 1 else ''}{reason}"
     for criterion in criteria:
         yield _summary_of(criterion, [row for row in rows if row["by"] == criterion], paths)
@@ -351,9 +340,7 @@ def rerun_lines(reruns: Sequence[Rerun]) -> Iterator[Piece]:
         yield mark, " ", (rerun.path, "bold"), f" {rerun.title}"
         if rerun.error:
             yield f"  {rerun.error}"
-        yield from (f"  {_difference_words(difference)}" for difference in rerun.differences[:DIFFERENCES])
-        if len(rerun.differences) > DIFFERENCES:
-            yield f"  and {len(rerun.differences) - DIFFERENCES} other quantities: see --json"
+        yield from (f"  {_difference_words(difference)}" for difference in rerun.differences)
         for change in rerun.changes:
             yield f"  changed since: {change.what}: {_shortened(change.then)}, now {_shortened(change.now)}"
         if not rerun.passed and not rerun.changes:
