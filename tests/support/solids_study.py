@@ -3,13 +3,14 @@
 As for the whole family, the results are a file of data, and what the page says is made from this file.
 """
 
-import csv
-import math
-import statistics
 import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
+
+import family
 import pages
 import percuss
 import places
@@ -17,8 +18,7 @@ from family import short, span
 
 STUDY = places.ROOT / "cases" / "studies" / "solids.yaml"
 RESULTS = STUDY.parent / "results" / "solids.csv"
-BARS = STUDY.parent / "results" / "errors.csv"
-CD, WU, DAMPS = "central-difference", "wu-predictor-corrector", "tchamwa-wielgosz"
+CD, WU = "central-difference", "wu-predictor-corrector"
 STRIPS = {"strip-impact": "hunek", "strip-unlike": "unlike"}  # each with the case of bars that it is
 NUMBERS = {  # columns in per cent but for the last two
     "error": "force_error_l1",
@@ -29,47 +29,35 @@ NUMBERS = {  # columns in per cent but for the last two
     "overlap": "penetration",
 }
 PER_CENT = ("error", "displacement", "kept", "growth")
+DIGITS = {**dict.fromkeys(NUMBERS, 3), "kept": 6}
 KEYS = ("case", "law", "integrator", "pairing", "refine")
 
 
 def rows(table):
-    """Return head and lines of the file of results: the runs that were made, errors and energies in per cent."""
-    lines = [[*KEYS, *NUMBERS, "judge"]]
-    for one in table.to_dict("records"):
-        if one["status"] != "done":
-            continue
-        values = [one[path] * (100.0 if name in PER_CENT else 1.0) for name, path in NUMBERS.items()]
-        digits = [6 if name == "kept" else 3 for name in NUMBERS]
-        cells = [short(value, digit) for value, digit in zip(values, digits, strict=True)]
-        judge = "estimate" if isinstance(one["estimated.solution"], str) else "exact"
-        keys = [*(one[name] for name in ("case", "contact", "integrator", "method.pairing")), f"{one['refine']:g}"]
-        lines.append([*keys, *cells, judge])
-    return lines
+    """Return the table of results: the runs that were made, errors and energies in per cent."""
+    done = table[table["status"] == "done"].rename(columns={"contact": "law", "method.pairing": "pairing"})
+    cells = {
+        name: (done[path] * (100.0 if name in PER_CENT else 1.0)).map(
+            lambda value, name=name: short(value, DIGITS[name])
+        )
+        for name, path in NUMBERS.items()
+    }
+    judge = done["estimated.solution"].notna().map({True: "estimate", False: "exact"})
+    return done[list(KEYS)].assign(refine=done["refine"].map("{:g}".format), **cells, judge=judge)
 
 
 class Results:
-    """The file of results: numbers by case, law, integrator, pairing and refinement."""
+    """The file of results, and that of the bars."""
 
     def __init__(self):
-        with RESULTS.open(encoding="utf-8", newline="") as file:
-            self.lines = list(csv.DictReader(file))
-        self.cases = list(dict.fromkeys(line["case"] for line in self.lines))
-        with BARS.open(encoding="utf-8", newline="") as file:
-            self.bars = {(line["law"], line["integrator"]): line for line in csv.DictReader(file)}
+        self.rows = pd.read_csv(RESULTS, na_values="-")
+        self.cases = list(self.rows["case"].unique())
+        self.bars = family.numbers(family.read("errors"))
 
-    def of(self, name, refine="1", **which):
-        """Return the numbers of one column by the keys that are not asked for."""
-        left = [key for key in KEYS if key not in which and key != "refine"]
-        return {
-            tuple(line[key] for key in left): float(line[name])
-            for line in self.lines
-            if line["refine"] == refine and line[name] != "-" and all(line[key] == which[key] for key in which)
-        }
-
-
-def spread(values, digits=2):
-    """Return the least and the largest of some numbers, as ``a to b``."""
-    return span([value for value in values if math.isfinite(value)], digits)
+    def of(self, name, refine=1.0):
+        """Return one column on a mesh, by case, law, integrator and pairing."""
+        there = self.rows[self.rows["refine"] == refine]
+        return there.set_index(list(KEYS[:4]))[name].dropna().sort_index()
 
 
 def findings(results):
@@ -80,81 +68,57 @@ def findings(results):
     AssertionError
         If a sentence is no longer true, whatever its numbers.
     """
-    error, moved, kept = (results.of(name) for name in ("error", "displacement", "kept"))
-    coarse = results.of("error", "0.5")
+    error, moved, kept, noise, grown = (
+        results.of(name) for name in ("error", "displacement", "kept", "noise", "growth")
+    )
+    both, pairings = [CD, WU], error.unstack("pairing")
     # Strips and their bars.
-    ratios = [
-        error[strip, law, scheme, "mortar"] / float(results.bars[law, scheme][bars])
+    ratios = pd.concat([
+        pairings.loc[strip, "mortar"].loc[LAWS, both] / results.bars.loc[(LAWS, both), bars]
         for strip, bars in STRIPS.items()
-        for law in LAWS
-        for scheme in (CD, WU)
-    ]
-    assert 0.95 < min(ratios) <= max(ratios) < 1.05
+    ])  # fmt: skip
+    assert 0.95 < ratios.min() <= ratios.max() < 1.05
     # Laws.
-    exact = [error[case, "lagrange", scheme, "node-to-segment"] for case in CURVED for scheme in (CD, WU)]
-    soft = [error[case, law, scheme, "mortar"] for case in CURVED for law in PENALTIES for scheme in (CD, WU)]
-    assert max(exact) < 0.2 * min(soft)
-    rings = [
-        results.of("noise")[case, "penalty", CD, "node-to-segment"]
-        / results.of("noise")[case, "penalty", WU, "node-to-segment"]
-        for case in FLAT
-    ]
-    assert min(rings) > 1.5
+    exact = pairings["node-to-segment"].loc[CURVED, "lagrange", both]
+    soft = pairings["mortar"].loc[CURVED, PENALTIES, both]
+    assert exact.max() < 0.2 * soft.min()
+    ringing = noise.loc[FLAT, "penalty", both, "node-to-segment"].unstack("integrator")
+    rings = ringing[CD] / ringing[WU]
+    assert rings.min() > 1.5
     # Pairings.
-    flat = [
-        error[strip, law, scheme, "node-to-segment"] / error[strip, law, scheme, "mortar"]
-        for strip in STRIPS for law in LAWS for scheme in (CD, WU)
-    ]  # fmt: skip
-    assert max(flat) < 1.2
-    apart = {
-        name: max(
-            max(found) / min(found)
-            for law in LAWS
-            if (
-                found := [values[key] for pairing in PAIRINGS if (key := ("tilted-blocks", law, WU, pairing)) in values]
-            )
-        )
+    flat = (pairings["node-to-segment"] / pairings["mortar"]).loc[list(STRIPS), LAWS, both]
+    assert flat.max() < 1.2
+    tilted = {
+        name: values.loc["tilted-blocks", LAWS, WU].unstack("pairing")
         for name, values in (("force", error), ("motion", moved))
     }
+    apart = {name: (found.max(axis=1) / found.min(axis=1)).max() for name, found in tilted.items()}
     assert max(apart.values()) < 1.6
-    walls = [
-        abs(error[case, law, scheme, "mortar"] - error[case, law, scheme, "node-to-segment"])
-        for case in CURVED for law in LAWS for scheme in (CD, WU)
-    ]  # fmt: skip
-    assert max(walls) == 0.0
+    walls = (pairings["mortar"] - pairings["node-to-segment"]).loc[CURVED, LAWS, both]
+    assert walls.abs().max() == 0.0
     # Energy.
-    grown = results.of("growth")
-    never = [grown[key] for key in grown if key[1] in ("regularised-lagrange", "lagrange")]
-    assert max(never) < 1e-10
-    adds = [kept[case, "bipenalty", CD, pairing] - 100.0 for case in results.cases for pairing in PAIRINGS
-            if (case, "bipenalty", CD, pairing) in kept]  # fmt: skip
-    most = max(adds)
+    assert grown.loc[:, ["lagrange", "regularised-lagrange"]].max() < 1e-10
+    most = kept.loc[:, "bipenalty", CD].max() - 100.0
     assert most > 0.5
     assert kept["tilted-blocks", "bipenalty", CD, "mortar"] - 100.0 == most
-    keeps = [abs(kept[key] - 100.0) for key in kept if key[1] == "penalty" and key[2] == CD]
-    assert max(keeps) < 0.3
+    keeps = (kept.loc[:, "penalty", CD] - 100.0).abs().max()
+    assert keeps < 0.3
     # Meshes.
-    orders = {
-        law: [
-            math.log2(coarse[case, law, WU, "node-to-segment"] / error[case, law, WU, "node-to-segment"])
-            for case in results.cases
-        ]
-        for law in ("lagrange", "penalty")
-    }
-    middle = {law: statistics.median(values) for law, values in orders.items()}
-    assert all(0.5 < value < 1.3 for value in middle.values())
+    orders = np.log2(results.of("error", 0.5) / error).loc[:, ["lagrange", "penalty"], WU, "node-to-segment"]
+    middle = orders.groupby("law").median()
+    assert middle.between(0.5, 1.3).all()
     sentences = [
         f"**A strip errs as its bar.** With `mortar`, between meshes that do not match, every pair errs "
-        f"{spread(ratios)} times as much in strip-impact and strip-unlike as in hunek and unlike. "
+        f"{span(ratios)} times as much in strip-impact and strip-unlike as in hunek and unlike. "
         "So what the [family](RESULTS.md) shows of bars holds for strips.",
         "**A round body needs a law without compliance.** By default a contact point of a penalty "
         "yields as a part of a "
-        f"cell does, which is much where few points touch: `lagrange` errs by {spread(exact)} % on the disk and the "
-        f"ball, `penalty`, `bipenalty` and `regularised-lagrange` by {spread(soft)} %.",
+        f"cell does, which is much where few points touch: `lagrange` errs by {span(exact)} % on the disk and the "
+        f"ball, `penalty`, `bipenalty` and `regularised-lagrange` by {span(soft)} %.",
         f"**A penalty rings with central difference on surfaces too.** Between flat faces the total variation of its "
-        f"force is {spread(rings)} times that with Wu's predictor-corrector.",
+        f"force is {span(rings)} times that with Wu's predictor-corrector.",
         "**Between flat faces the pairing matters little.** `node-to-segment` errs up to "
-        f"{short(max(flat))} times as "
+        f"{short(flat.max())} times as "
         "much as `mortar` where meshes do not match. At a wall both are the same.",
         "**Where faces are not parallel the pairings agree**, as each takes the normals of the facets that it meets. "
         "In tilted-blocks, whose faces enclose 1.7 degrees, the errors of the force by two pairings differ by a factor "
@@ -163,7 +127,7 @@ def findings(results):
         "**`lagrange` and `regularised-lagrange` never add energy**, with any pairing, in any of the "
         "cases. With central "
         f"difference `bipenalty` adds up to {short(most)} %, in tilted-blocks, and `penalty` keeps the energy to "
-        f"{short(max(keeps))} %.",
+        f"{short(keeps)} %.",
         f"**Finer meshes help as they do with bars.** Twice as fine, the observed order of the force error is "
         f"{short(middle['lagrange'])} with `lagrange` and {short(middle['penalty'])} with `penalty` "
         "(median over the cases, "
@@ -181,20 +145,17 @@ def advice(results):
         If a sentence is no longer true, whatever its numbers.
     """
     error = results.of("error")
-    best = {case: min((value, key[1:]) for key, value in error.items() if key[0] == case) for case in results.cases}
-    sharp = {case: error[case, "lagrange", WU, "mortar"] for case in results.cases}
-    assert all(sharp[case] <= best[case][0] for case in CURVED)
-    damped = {case: error[case, "penalty", WU, "mortar"] for case in STRIPS}
-    assert max(damped.values()) < 1.3 * max(best[case][0] for case in STRIPS)
-    tilted = error["tilted-blocks", "lagrange", WU, "mortar"]
-    assert tilted <= best["tilted-blocks"][0]
+    best, sharp = error.groupby("case").min(), error.loc[:, "lagrange", WU, "mortar"]
+    damped = error.loc[list(STRIPS), "penalty", WU, "mortar"]
+    assert (sharp <= best)[[*CURVED, "tilted-blocks"]].all()
+    assert damped.max() < 1.3 * best[list(STRIPS)].max()
     sentences = [
         "**Name the surface with the corner first, and keep the defaults: `lagrange`, `wu-predictor-corrector`, "
-        f"`mortar`.** They err by {spread([sharp[case] for case in CURVED])} % on round bodies and by {short(tilted)} "
+        f"`mortar`.** They err by {span(sharp[CURVED])} % on round bodies and by {short(sharp['tilted-blocks'])} "
         "% on tilted blocks, less than any other law, and no energy comes in.",
         "**Flat faces that meet squarely, and a force without jumps: `penalty` with "
         "`wu-predictor-corrector`.** It errs by "
-        f"{spread(damped.values())} % there.",
+        f"{span(damped)} % there.",
         "**A contact that yields, with a proof that no energy comes in: `regularised-lagrange`.** Its default "
         "stiffness is soft for round bodies: choose it as stiff as you can.",
         "**Gauss points only where a law has a compliance**: with `lagrange` they are refused.",
@@ -204,21 +165,19 @@ def advice(results):
 
 def matrix(results):
     """Return the errors of three laws with each pairing, in each case, as a table in Markdown."""
-    error = results.of("error")
-    lines = [f"| law | pairing | {' | '.join(results.cases)} |", f"| --- | --- |{' --- |' * len(results.cases)}"]
-    for law in ("lagrange", "penalty", "regularised-lagrange"):
-        for pairing in PAIRINGS:
-            cells = [error.get((case, law, WU, pairing)) for case in results.cases]
-            if any(cell is not None for cell in cells):
-                shown = " | ".join("-" if cell is None else short(cell) for cell in cells)
-                lines.append(f"| `{law}` | `{pairing}` | {shown} |")
-    return "\n".join(lines) + "\n"
+    cells = results.of("error").xs(WU, level="integrator").unstack("case")
+    laws = ["lagrange", "penalty", "regularised-lagrange"]
+    lines = cells.loc[laws, results.cases].reindex(laws, level="law").reindex(PAIRINGS, level="pairing").itertuples()
+    return pages.table(
+        ("law", "pairing", *results.cases),
+        ((f"`{law}`", f"`{pairing}`", *map(short, line)) for (law, pairing), *line in lines),
+    )
 
 
 PAIRINGS = ("mortar", "node-to-segment", "gauss-points")
-CURVED, FLAT = ("disk-on-wall", "ball-on-wall"), (*STRIPS, "box-impact")
-PENALTIES = ("penalty", "bipenalty", "regularised-lagrange")
-LAWS = (*PENALTIES, "lagrange")
+CURVED, FLAT = ["disk-on-wall", "ball-on-wall"], [*STRIPS, "box-impact"]
+PENALTIES = ["penalty", "bipenalty", "regularised-lagrange"]
+LAWS = [*PENALTIES, "lagrange"]
 PARTS = {"what solids show": findings, "which method when for solids": advice, "errors on surfaces": matrix}
 
 
@@ -227,9 +186,7 @@ def main():
     given = sys.argv[1:]
     with tempfile.TemporaryDirectory() as folder:
         study = percuss.open_study(given[0]) if given else percuss.study(STUDY, Path(folder) / "solids.sqlite")
-        lines = rows(study.table)
-    with RESULTS.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(lines)
+        rows(study.table).to_csv(RESULTS, index=False, lineterminator="\n")
     results = Results()
     for name, make in PARTS.items():
         pages.write(name, make(results))

@@ -47,27 +47,6 @@ def test_the_findings_of_the_readme_are_those_of_the_data(table):
     assert numbers(there) == pytest.approx(numbers(made), rel=0.06)
 
 
-def test_the_findings_are_those_of_the_table_above_them():
-    head, _, *lines = cells(pages.shown("scoreboard"))
-    error = {}
-    for pair, *line in lines:
-        integrator, law = pair.split(" + ")
-        for case, text in zip(head[1:], line, strict=True):
-            error[case, integrator, law] = float(text.rstrip("*"))
-    ratios = scoreboard.Ratios(error)
-    late, lagrange, _, _, wins = pages.shown("findings").strip().split("\n")
-    ends = [
-        end for part in (ratios.late, ratios.penalty_apart, ratios.penalty_pressed) for end in (min(part), max(part))
-    ]
-    # the ratio of two numbers of two digits each; the four numbers between are of the noise, which the table has not
-    assert numbers(late)[:2] + numbers(late)[-4:] == pytest.approx(ends, rel=0.1)
-    ends = [end for part in (ratios.lagrange, ratios.overlap) for end in (min(part), max(part))]
-    assert numbers(lagrange) == pytest.approx(ends, rel=0.1)
-    least, cases, of_penalty, below, again = numbers(wins)
-    assert cases == again == len(head) - 1 == least + of_penalty
-    assert below >= len(ratios.below)  # errors that are equal in two digits may differ
-
-
 def test_the_reference_is_never_called_a_bound():
     section = pages.section("## The scoreboard")
     for text in (section, scoreboard.STUDY.read_text(encoding="utf-8")):
@@ -83,17 +62,10 @@ def test_limits_in_the_prose_are_those_of_the_code():
     assert f"takes {SHARE_OF_CRITICAL_STEP:g} of the critical step" in pages.everything()
 
 
-def value(table, case, pair, name):
-    return scoreboard.values(table, name)[(case, *pair)]
-
-
-CD, WU = scoreboard.CD, scoreboard.WU
-
-
 def test_the_twin_is_the_same_for_both_integrators(table):
-    for case in dict.fromkeys(table["case"]):
-        one, other = (value(table, case, (integrator, "tied"), "force_error_l1") for integrator in (CD, WU))
-        assert one == pytest.approx(other, rel=1e-6)
+    error = scoreboard.numbers(table, "force_error_l1")
+    one, other = (error[integrator, "tied"] for integrator in (scoreboard.CD, scoreboard.WU))
+    assert one.to_numpy() == pytest.approx(other.to_numpy(), rel=1e-6)
 
 
 def test_every_run_of_the_scoreboard_has_a_true_error_that_does_not_hang_on_round_off(table):
