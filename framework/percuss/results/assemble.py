@@ -19,7 +19,7 @@ from percuss.march.stop import Stop, likely_cause
 from percuss.methods.interfaces import Exact, Floats
 from percuss.results import ledger, true_error
 from percuss.results.doubts import doubts
-from percuss.results.exact import exact_solution, sampled
+from percuss.results.exact import ROUND_OFF, exact_solution
 from percuss.results.fields import fields_of, in_parts
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
 from percuss.results.result import Result
@@ -217,16 +217,21 @@ def _errors(
 ) -> tuple[ExactErrors, Floats, Floats]:
     """Return the errors of contact forces `ran` and of displacements `moved`, and forces and gaps of their judge.
 
-    The impulse lambda dt acts over the step around t_n, in a multi-stage scheme over that from t_n to t_n+1.
+    The impulse lambda dt acts over the step around t_n, in a multi-stage scheme over that from t_n to t_n+1. Forces and
+    gaps are nan after the time that the judge has reached.
     """
-    model, names, middle = march.model, list(march.model.case.contacts), time + march.stepper.force_at * march.model.dt
-    force, gap = sampled(judge, names, time, middle, model.dt)
-    contacts = {
-        name: true_error.contact_errors(
-            judge.contacts[name], middle, ran[:, k], force[:, k], model.dt, judge.reached, every=outcome.record.every
+    model, middle, half = march.model, time + march.stepper.force_at * march.model.dt, 0.5 * march.model.dt
+    covered = middle + half <= judge.reached * (1.0 + ROUND_OFF)
+    force, gap = (np.full((time.size, len(model.case.contacts)), np.nan) for _ in range(2))
+    contacts, every = {}, outcome.record.every
+    for k, contact in enumerate(model.case.contacts):
+        known = judge.contacts[contact]
+        # The impulse lambda dt is that over a step, and so is the mean force of the judge.
+        force[covered, k] = known.mean_force(middle[covered] - half, middle[covered] + half)
+        gap[covered, k] = known.gap(time[covered])
+        contacts[contact] = true_error.contact_errors(
+            known, middle, ran[:, k], force[:, k], model.dt, judge.reached, every=every
         )
-        for k, name in enumerate(names)
-    }
     end, displacement_error = outcome.done * model.dt, None
     if isinstance(judge, Exact):
         displacement_error = true_error.displacement_error(model, judge, moved, end) if moved is not None else None

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import functools
 import pickle
-from collections.abc import Mapping
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,22 +12,10 @@ from percuss.blas import one_blas_thread
 from percuss.contact.contact_problem import contact_problem
 from percuss.contact.model import Model
 from percuss.listeners import progress
-from percuss.methods.interfaces import ContactProblem, Exact, ExactContact, Floats, Solution
+from percuss.methods.interfaces import ContactProblem, Exact, Solution
 from percuss.methods.plugin_calls import answer
 
 ROUND_OFF = 1e-12  # relative tolerance of times; a force below this fraction of the peak counts as zero
-
-
-class Judge(Protocol):
-    """What a run is compared with: its exact solution, or a finer run."""
-
-    @property
-    def reached(self) -> float:
-        """Time up to which it is known."""
-
-    @property
-    def contacts(self) -> Mapping[str, ExactContact]:
-        """The history of each contact."""
 
 
 @one_blas_thread()
@@ -110,35 +97,6 @@ def _bond_in(model: Model, engine: Solution, problem: ContactProblem, end: float
             if tied.shape != closed.shape or np.abs(tied - closed).max(initial=0.0) > ROUND_OFF * end:
                 return f"{said} at other times than those at which the exact contact is closed"
     return ""
-
-
-def sampled(solution: Judge, names: list[str], time: Floats, middle: Floats, dt: float) -> tuple[Floats, ...]:
-    """Return the exact histories on the time axis of a run, nan after the time that the exact solution reached.
-
-    Parameters
-    ----------
-    solution, names
-        The exact solution, or a finer run in its place, and the names of the contacts.
-    time
-        Times of the records.
-    middle
-        Middle of the step over which each recorded force acts.
-    dt
-        Time step.
-
-    Returns
-    -------
-    tuple of arrays
-        Force, averaged over each step as the impulse lambda dt is, and gap; (T, contacts) each.
-    """
-    covered = middle + 0.5 * dt <= solution.reached * (1.0 + 1e-12)
-    force = np.full((time.size, len(names)), np.nan)
-    gap = np.full((time.size, len(names)), np.nan)
-    for k, name in enumerate(names):
-        contact = solution.contacts[name]
-        force[covered, k] = contact.mean_force(middle[covered] - 0.5 * dt, middle[covered] + 0.5 * dt)
-        gap[covered, k] = contact.gap(time[covered])
-    return force, gap
 
 
 def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact | str:

@@ -53,19 +53,13 @@ def _of_bars(model: Model, outcome: Outcome, snapshots: int) -> Entries:
     state_shapes = [(each.size, body.volumes.shape[1], body.spec.material.state) for body, each, _ in recorded]
     displacements = in_parts(outcome.record.field[:snapshots], shapes)
     states = in_parts(outcome.histories.get("field_state", np.zeros((snapshots, 0)))[:snapshots], state_shapes)
-    stress: list[Floats] = []
+    stress, positions = [], []
     names: list[str] = []
-    positions: list[Floats] = []
     for (body, elements, nodes), u, state in zip(recorded, displacements, states, strict=True):
         stress.append(stress_field(body, elements, u, state))
         names += [body.name] * elements.size
-        begin, end = model.bodies.nodes[nodes[:, 0]], model.bodies.nodes[nodes[:, 1]]  # the ends come first
-        positions.append(0.5 * (begin + end))
-    return {
-        "body": names,
-        "position": np.concatenate(positions),
-        "stress": np.concatenate(stress, axis=1),
-    }
+        positions.append(model.bodies.nodes[nodes[:, :2]].mean(axis=1))  # the ends come first
+    return {"body": names, "position": np.concatenate(positions), "stress": np.concatenate(stress, axis=1)}
 
 
 def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:

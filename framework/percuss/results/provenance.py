@@ -22,7 +22,6 @@ from percuss.contact.pairs import walls_of
 from percuss.digest import own_digest
 from percuss.errors import PluginError, Problem, refuse_if_any, wrong_input
 from percuss.jsonable import Data, Entries, as_lists, plain
-from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
 from percuss.version import installed_version
@@ -99,9 +98,14 @@ def origins(case: Case, components: Iterable[tuple[str, str]]) -> Entries:
     sources = {"/".join(key): case.registry.sources[key] for key in components}
     files = {source.file for source in sources.values() if not source.distribution}
     return {
-        "plugins": {name: _origin(source) for name, source in sources.items()},
+        "plugins": {
+            name: {about: getattr(source, about) for about in ("distribution", "version", "file", "digest")}
+            for name, source in sources.items()
+        },
         "single_files": {
-            str(file.path): _content(file) for file in case.registry.single_files if str(file.path) in files
+            str(file.path): {"digest": file.digest, "texts": {file.path.name: file.content.decode("utf-8")}}
+            for file in case.registry.single_files
+            if str(file.path) in files
         },
         "data_files": dict(case.data_files),
     }
@@ -137,15 +141,6 @@ def keys_of(components: Iterable[str]) -> list[tuple[str, str]]:
     return [(family, name) for family, _, name in (component.partition("/") for component in components)]
 
 
-def _origin(source: Provenance) -> dict[str, str]:
-    return {name: getattr(source, name) for name in ("distribution", "version", "file", "digest")}
-
-
-def _content(file: SingleFile) -> Entries:
-    """Return the digest of a single-file plug-in, and its text by the name of the file."""
-    return {"digest": file.digest, "texts": {file.path.name: file.content.decode("utf-8")}}
-
-
 def case_inside(provenance: Data, *, plugins: Sequence[Path] = (), name: str = "the result") -> Case:
     """Return the case inside a result.
 
@@ -169,15 +164,16 @@ def case_inside(provenance: Data, *, plugins: Sequence[Path] = (), name: str = "
         If one of `plugins` cannot be used.
     """
     if "single_files" not in provenance:
-        message = "does not hold what its case was run with, as an older percuss has written it"
-        raise wrong_input(name, message, "Make the run again.")
+        raise wrong_input(name, "does not hold what its case was run with, as an older percuss has written it")
     here, problems, files = Registry.load(plugins).components, [], dict[Path, None]()
     for key, origin in provenance["plugins"].items():
         (named,), file = keys_of([key]), origin["file"]
         if origin["distribution"] or named in here:
             continue
-        files[Path(file)] = None
-        if _digest_of(Path(file)) != provenance["single_files"].get(file, {}).get("digest"):
+        files[Path(file)], digest = None, ""
+        with contextlib.suppress(PluginError):  # the file may be gone
+            digest = SingleFile.read(Path(file)).digest
+        if digest != provenance["single_files"].get(file, {}).get("digest"):
             message = f"needs {named[1]} ({named[0]}) of {file}: it is not there, or it has changed since"
             advice = "A result never brings code that is run: name the file with --plugin, even if it has changed."
             problems.append(Problem(name, "", message, advice))
@@ -185,11 +181,3 @@ def case_inside(provenance: Data, *, plugins: Sequence[Path] = (), name: str = "
     data = {key: value for key, value in provenance["case"].items() if key != "plugins"}
     source = dataclasses.replace(Source.of(data), name=name, data_files=provenance["data_files"])
     return load(source, registry=Registry.load([*plugins, *files]))
-
-
-def _digest_of(file: Path) -> str:
-    """Return the digest of a single-file plug-in; empty if it is none."""
-    try:
-        return SingleFile.read(file).digest
-    except PluginError:
-        return ""

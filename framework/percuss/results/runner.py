@@ -95,7 +95,7 @@ def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None, cr
         Whether to search a critical step that only the black box can tell.
     """
     certify = verdict.certificate if critical_step else verdict.verdict_alone
-    return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, timed=True, certify=certify)
+    return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, certify=certify)
 
 
 def examined_run(case: Case, *, compiled: bool = True, certify: verdict.Certify = verdict.verdict_alone) -> Result:
@@ -116,7 +116,6 @@ def _run(
     nudge: bool = False,
     progress: Progress | None = None,
     repeats: int | None = 1,
-    timed: bool = False,
     certify: verdict.Certify = verdict.verdict_alone,
     keeper: SavedState | None = None,
 ) -> Result:
@@ -132,11 +131,11 @@ def _run(
     else:
         marginal = certificate["stable"] == "marginal"
         march.compile()
-        if timed:
+        if repeats != 1:
             march.keep_beginning()
         with interruptible() as interrupted:
             outcome = march.run(progress, marginal=marginal, interrupted=interrupted, keeper=keeper)
-            if timed and outcome.status == "done":
+            if outcome.status == "done":
                 _repeat(march, outcome, repeats, interrupted, marginal=marginal)
             if interrupted.is_set() and outcome.status == "done":  # in the last steps
                 outcome.status = "interrupted"
