@@ -15,7 +15,6 @@ import planted
 from command_line import percuss_command
 from percuss import ContactLaw, PluginError
 from percuss.cli.scaffold import new
-from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, DeclaredFailure, NotApplicable, Subject, checks
 from percuss.testing.kit import Check, demands
@@ -45,15 +44,6 @@ def test_all_checks_but_few_see_a_planted_mistake():
     seen = {name.partition(" with ")[0] for _, name, _ in planted.WRONG}
     # what no plug-in can break by itself: the framework applies what it gives
     assert {one.name for one in demands()} - seen == {"runs-in-a-case"}
-
-
-def test_a_pairing_that_does_not_declare_the_patch_test_is_not_said_to_pass_it():
-    for cls, said in (
-        (REGISTRY.get("pairings", "node-to-segment"), "and pressures are wrong by 4.9"),
-        (next(cls for cls, _, _ in planted.WRONG if cls.name == "shy"), "yet it passes: declare it"),
-    ):
-        with pytest.raises(NotApplicable, match=said):
-            check_of(cls, "patch-test")()
 
 
 # ------------------------------------------------------------------------------------------------ how it is run
@@ -86,17 +76,6 @@ def test_a_declared_failure_never_excuses_an_error():
     wrong = dataclasses.replace(check.demand, function=lambda *_: 1 / 0)
     with pytest.raises(CheckFailed, match="ZeroDivisionError"):
         Check(wrong, Subject.of(method, REGISTRY), check.partner)()
-
-
-def test_a_law_of_somebody_else_does_not_judge():
-    law = planted.planted_wrong_sign
-    key, source = ("contacts", law.name), Provenance("unfinished", "0.0.1", law.__module__, "/elsewhere/unfinished.py")
-    registry = dataclasses.replace(
-        REGISTRY, components={**REGISTRY.components, key: law}, sources={**REGISTRY.sources, key: source}
-    )
-    assert set(Subject.of(CentralDifference, registry).judges("contacts")) == set(REGISTRY.names("contacts"))
-    own = Subject.of(law, REGISTRY).registry
-    assert law.name in Subject.of(planted.planted_order_claimed, own).judges("contacts")
 
 
 @pytest.mark.parametrize("name", ["conserves", pytest.param("order", marks=pytest.mark.deep)])

@@ -79,7 +79,7 @@ class Check:
         subject = dataclasses.replace(self.subject, check=self.demand.name, read=[])
         try:
             with np.printoptions(threshold=6, linewidth=10**6):  # what decides stands behind an array in one line
-                self.demand(subject, *filter(None, [self.partner]))
+                self.demand.function(subject, *filter(None, [self.partner]))
         except NotApplicable:
             raise
         except Exception as error:

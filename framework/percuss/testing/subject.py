@@ -42,7 +42,6 @@ KEYS_IN_CASE = {
     "integrators": "integrator", "contacts": "contact", "masses": "mass", "solutions": "solution",
     "materials": "material", "elements": "element", "pairings": "pairing",
 }  # fmt: skip
-SHIPPED = "percuss"  # distribution whose methods judge those of others
 
 
 class CheckFailed(AssertionError):
@@ -176,19 +175,9 @@ class Subject:
 
     # ---------------------------------------------------------------------------------------------- its partners
 
-    def judges(self, family: str) -> list[str]:
-        """Return the methods of a family that judge this one: those of percuss, and those of its own plug-in.
-
-        A method of somebody else may be unfinished: the fault of a pair with it may be its own.
-        """
-        sources, own = self.registry.sources, self.registry.sources[self.family, self.name]
-        trusted = {SHIPPED, own.distribution or SHIPPED}
-        judging = {key for key, one in sources.items() if one.distribution in trusted or one.file == own.file}
-        return [name for name in self.registry.names(family) if (family, name) in judging]
-
     @cached_property
     def partners(self) -> list[str]:
-        """Names of the partners: of those that judge the method one of each kind; none if its family has no partners.
+        """Names of the partners: one of each kind that is registered; none if its family has no partners.
 
         Integrators are of one kind if contact laws see the same states, laws if they are alike in form. Of a kind it is
         one for which the method declares a failure, else the default, else the plainest.
@@ -197,7 +186,7 @@ class Subject:
             return []
         family, declared = PARTNERS[self.family], " ".join(self.component.expected_failures)
         found = []
-        for name in self.judges(family):
+        for name in self.registry.names(family):
             kind, extras = _kind_of(self.partner_class(name))
             found.append((f"with {name}" not in declared, name != DEFAULTS[family], extras, name, kind))
         kinds: dict[object, str] = {}
@@ -340,10 +329,6 @@ class Demand:
     text: str
     function: Callable[..., None]
     in_pairs: bool
-
-    def __call__(self, subject: Subject, *partner: str) -> None:
-        """Check a subject, with the name of a partner where it is demanded in pairs."""
-        self.function(subject, *partner)
 
 
 def demand(*families: str, in_pairs: bool = False) -> Callable[[Callable[..., None]], Demand]:
