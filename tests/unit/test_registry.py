@@ -8,13 +8,11 @@ import re
 import subprocess
 import sys
 import traceback
-from pathlib import Path
 
 import pytest
 
 import percuss
 from percuss.errors import PluginError
-from percuss.methods import admission
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.provenance import Broken, Provenance, display_path
 from percuss.methods.registry import Registry
@@ -107,18 +105,13 @@ def test_built_in_methods_come_by_the_common_door_and_say_where_they_are_from():
     registry = Registry.load()
     assert registry.broken == ()
     assert not registry.clashes
-    assert {"penalty", "bipenalty", "lagrange"} <= set(registry.names("contacts"))
     assert all(registry.names(family) for family in FAMILIES)
     assert set(registry.sources) == set(registry.components)
     for (family, name), source in registry.sources.items():
         component = registry.get(family, name)
         assert issubclass(component, FAMILIES[family])
-        assert (component.family, component.name) == (family, name)
-        assert (source.distribution, source.version) == ("percuss", importlib.metadata.version("percuss"))
-        assert source.module == component.__module__
-        assert Path(source.file).samefile(inspect.getsourcefile(component))
-    with pytest.raises(TypeError):
-        registry.components["contacts", "mine"] = object
+        file = inspect.getsourcefile(component)
+        assert source == Provenance("percuss", importlib.metadata.version("percuss"), component.__module__, file)
 
 
 def test_an_installed_distribution_is_found(install):
@@ -175,8 +168,8 @@ WRONG = {
         "percuss_load: no such hook; did you mean percuss_loads?", "@hookimpl\ndef percuss_load()",
     ),
     "of a later contract": (
-        ABSTRACT.format(base="Load") + "    contract_version = 6\n" + hook("return [Bad]", "percuss_loads"),
-        "percuss_loads: Bad is written for contract 6, this percuss has contract 1: upgrade percuss",
+        ABSTRACT.format(base="Load") + "    contract_version = 2\n" + hook("return [Bad]", "percuss_loads"),
+        "percuss_loads: Bad is written for contract 2, this percuss has contract 1: upgrade percuss",
         "@dataclass(frozen=True)\nclass Bad",
     ),
 }  # fmt: skip
@@ -209,30 +202,20 @@ def test_a_distribution_or_file_that_registers_nothing_is_named(install, write):
     assert refusal(write("from percuss_methods.contacts.penalty import Penalty\n")) == f"my_law.py: {said}"
 
 
-def test_a_contract_before_the_first_release_is_taken_as_the_first_with_one_note(install, capsys):
-    admission._note_on_unreleased_contracts.cache_clear()
-    install("fake-laws", LAWS.replace('"my-law"\n', '"my-law"\n    contract_version = 5\n'))
-    assert Registry.load().broken == ()
-    assert capsys.readouterr().err.count("are taken as contract 1") == 1
-
-
 # -------------------------------------------------------------------------------------------------------- duplicates
 
 
 def test_a_name_that_two_distributions_register_is_not_used(install, write):
     install("fake-a", IMPORTS + law() + law("Other", "other") + hook("return [MyLaw, Other]"))
     site = install("fake-b", LAWS, version="2.0")
-    registry = Registry.load()
-    message = (
-        "contacts 'my-law' is registered by fake-a 1.0 (fake_a) and by fake-b 2.0 (fake_b); "
-        "none is used: have one renamed, or uninstall it"
-    )
+    registry, by = Registry.load(), "contacts 'my-law' is registered by fake-a 1.0 (fake_a) and by fake-b 2.0 (fake_b)"
+    message = f"{by}; none is used: have one renamed, or uninstall it"
     assert Broken("fake-a 1.0 and fake-b 2.0", message, str(site / "fake_b.py")) in registry.broken
     assert {"other", "bipenalty"} <= set(registry.names("contacts"))
     assert "my-law" not in registry.names("contacts")
     with pytest.raises(PluginError, match=re.escape(message)):
         registry.get("contacts", "my-law")
-    assert "is registered by fake-a 1.0 (fake_a) and by fake-b 2.0 (fake_b) already" in refusal(write(IMPORTS + law()))
+    assert f"{by} already" in refusal(write(IMPORTS + law()))
 
 
 def test_a_file_that_takes_a_name_of_another_is_refused(write):
@@ -240,14 +223,12 @@ def test_a_file_that_takes_a_name_of_another_is_refused(write):
     said = refusal(write(text))
     assert said.startswith(f"my_law.py:{line_of(text, '@data')}: contacts 'penalty' is registered by percuss ")
     assert said.endswith("(percuss_methods.contacts.penalty) already: give this one another `name`")
-    one, two = write(IMPORTS + law(), "one.py"), write(IMPORTS + law(), "two.py")
-    assert re.match(r"two\.py:5: contacts 'my-law' is registered by .*one\.py \(\w{12}\) already", refusal(one, two))
 
 
 # ------------------------------------------------------------------------------------------------------ single files
 
 
-def test_a_file_registers_what_it_defines_or_what_its_hooks_return(write, tmp_path):
+def test_a_file_registers_what_it_defines(write, tmp_path):
     text = (
         IMPORTS
         + "from percuss_methods.contacts.penalty import Penalty\n"
@@ -265,18 +246,16 @@ def test_a_file_registers_what_it_defines_or_what_its_hooks_return(write, tmp_pa
     assert str(source) == f"{display_path(source.file)} ({source.version})"
 
 
-def test_a_class_of_a_file_has_its_source_its_pickle_and_its_lines(write, tmp_path):
+def test_a_class_of_a_file_has_its_source_its_lines_and_its_pickle_in_another_process(write, tmp_path):
     name = "my-law 2.py"
-    text = IMPORTS + law().replace("return Linear", "raise RuntimeError; return Linear")
-    registry = Registry.load([write(text, name)])
+    registry = Registry.load(
+        [write(IMPORTS + law().replace("return Linear", "raise RuntimeError; return Linear"), name)]
+    )
     cls = registry.get("contacts", "my-law")
     assert inspect.getsourcefile(cls) == str(tmp_path / name)
-    assert pickle.loads(pickle.dumps(cls())) == cls()
     with pytest.raises(RuntimeError) as raised:
         cls().bind(None, 0.1)
-    last = traceback.extract_tb(raised.value.__traceback__)[-1]
-    assert last.filename == str(tmp_path / name)
-    assert last.line.strip().startswith("raise RuntimeError")
+    assert traceback.extract_tb(raised.value.__traceback__)[-1].line.strip().startswith("raise RuntimeError")
     (tmp_path / "pickle").write_bytes(pickle.dumps((registry, cls())))
     code = (
         "import pickle\nwith open('pickle', 'rb') as stream: registry, law = pickle.load(stream)\n"
@@ -298,18 +277,12 @@ def test_an_edited_file_is_seen_anew(write, tmp_path):
     old, new = (registry.get("contacts", "my-law")().bind(None, 0.1).sigma for registry in (first, second))
     assert (old, new) == (1.0, 2.0)
     assert first.sources["contacts", "my-law"].version != second.sources["contacts", "my-law"].version
-    write(text)
-    assert Registry.load([file]).get("contacts", "my-law") is first.get("contacts", "my-law")
     assert not (tmp_path / "__pycache__").exists()
 
 
-def test_files_are_found_by_their_paths_alone(write, tmp_path):
-    """A file given twice counts once, and none finds another beside it."""
-    (tmp_path / "sub").mkdir()
+def test_a_file_given_twice_counts_once_and_finds_none_beside_it(write, tmp_path):
     file = write(IMPORTS + law())
-    registry = Registry.load([file, tmp_path / file, tmp_path / "sub" / ".." / file])
-    assert len(registry.single_files) == 1
-    assert Registry.load([tmp_path / file]) is registry
+    assert len(Registry.load([file, tmp_path / file]).single_files) == 1
     write("C = 1.0\n", "fake_beside.py")
     assert refusal(write("import fake_beside\n" + IMPORTS + law())) == (
         "my_law.py:1: ModuleNotFoundError: No module named 'fake_beside'"

@@ -20,7 +20,6 @@ from percuss.case.type_words import describe, fact
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, printable, suggestion
 from percuss.jsonable import Entries
-from percuss.methods.admission import contract_of
 from percuss.methods.interfaces import FAMILIES, AllowInf, Component
 
 if TYPE_CHECKING:
@@ -128,7 +127,7 @@ def _origin(registry: Registry, family: str, name: str) -> Entries:
         "version": source.version,
         "module": source.module,
         "file": source.file,
-        "contract_version": contract_of(component),
+        "contract_version": component.contract_version,
     }
 
 
@@ -209,7 +208,7 @@ def registry_text(registry: Registry) -> str:
         for name in registry.names(family):
             component, source = registry.get(family, name), registry.sources[family, name]
             facts = [f"{source.distribution} {source.version}" if source.distribution else source.file]
-            facts += [f"contract {contract}"] if (contract := contract_of(component)) else []
+            facts += [f"contract {contract}"] if (contract := component.contract_version) else []
             origin = "" if source.distribution == "percuss" else f" (from {', '.join(facts)})"
             head = f"  {name}"
             if len(head) > NAMES - 2:
