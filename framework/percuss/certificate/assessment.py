@@ -37,6 +37,8 @@ class Assessment:
         Why the answer is less than certain; empty where it is certain.
     stretch
         Number of the stretch of the run that is assessed.
+    by
+        What assessed it, where that is not the criterion itself.
     """
 
     answer: Answer
@@ -44,6 +46,7 @@ class Assessment:
     theta: float | None = None
     doubt: str = ""
     stretch: int = 0
+    by: str = ""
 
     @property
     def conclusive(self) -> bool:

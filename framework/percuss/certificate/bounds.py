@@ -39,6 +39,8 @@ class Bounds:
 
     Attributes
     ----------
+    ratio
+        Largest stable step of the scheme over that of central difference, for an oscillator.
     free
         Step up to which nothing grows with no contact closed but ties.
     """
@@ -47,27 +49,34 @@ class Bounds:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self._ratio = limit_ratio(model)
-        self.free = 2.0 * self._ratio / model.bodies.omega
+        self.ratio = limit_ratio(model)
+        self.free = 2.0 * self.ratio / model.bodies.omega
         self._delassus = delassus(model)
 
     def _largest_sum(self, stiffness: Floats) -> float:
         """Return the largest sum of a row of ``|S| D`` [1/time^2]."""
         return float((abs(self._delassus) @ stiffness).max(initial=0.0))
 
-    def _share(self, dt: float) -> tuple[float, str]:
-        """Return the number below 1 where a step is known to be stable, or inf and why no step is known to be."""
+    def theta(self, dt: float) -> tuple[float, str]:
+        """Return a bound of theta, 0 without contacts evaluated at the predicted gap; or inf, and why there is none."""
         laws = closed_laws(self.model, dt)
         doubt = "; ".join(laws.doubts) or (UNLIKE if laws.unlike(self._delassus, dt) else "")
         if doubt:
             return np.inf, doubt
-        limit = 4.0 * (self._ratio / dt) ** 2
-        stiffness, inertia = laws.at_current_state()
-        share = (self.model.bodies.omega**2 + self._largest_sum(np.maximum(stiffness - limit * inertia, 0.0))) / limit
         predicted = laws.predicted & laws.pressing
         by_sums = self._largest_sum(np.where(predicted, laws.stiffness, 0.0))
         ratio = float(np.min(laws.inertia[predicted] / laws.stiffness[predicted], initial=np.inf))
-        return max(share, dt**2 * by_sums / (1.0 + ratio * by_sums) if by_sums else 0.0), ""
+        return (dt**2 * by_sums / (1.0 + ratio * by_sums) if by_sums else 0.0), ""
+
+    def _share(self, dt: float) -> tuple[float, str]:
+        """Return the number below 1 where a step is known to be stable, or inf and why no step is known to be."""
+        theta, doubt = self.theta(dt)
+        if doubt:
+            return np.inf, doubt
+        limit = 4.0 * (self.ratio / dt) ** 2
+        stiffness, inertia = closed_laws(self.model, dt).at_current_state()
+        share = (self.model.bodies.omega**2 + self._largest_sum(np.maximum(stiffness - limit * inertia, 0.0))) / limit
+        return max(share, theta), ""
 
     def assess_step(self, dt: float) -> Assessment:
         """Return the assessment of a step."""

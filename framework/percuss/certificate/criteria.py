@@ -14,6 +14,7 @@ import numpy as np
 from percuss.certificate.assessment import Assessment, quoted
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.bounds import Bounds
+from percuss.certificate.lanczos import Lanczos, why_not_covered
 from percuss.certificate.linear_laws import LinearLaws, doubts_of, linear_laws
 from percuss.march.model_of_case import stretches
 from percuss.mesh.size_limits import MOST_FACTORED
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
     from percuss.contact.model import Model
 
 # What tells the stability of one stretch of a run.
-Criterion = LinearLaws | BlackBox | Bounds
+Criterion = LinearLaws | BlackBox | Lanczos | Bounds
+MOST_CHEAP = 600  # degrees of freedom of solids that are factored in a blink
 SEVERITY = {"stable": 0, "no growth found": 1, "unknown": 1, "grows": 2}  # of the answers about stretches
 
 
@@ -36,7 +38,7 @@ class RunCriterion:
     model
         The model of the whole run.
     kind
-        `linear_laws`, `BlackBox` or `Bounds`.
+        `linear_laws`, `BlackBox`, `Lanczos` or `Bounds`.
     other_step
         The criterion of the same run with another step. If the run has the same stretches with both steps, it also has
         the same critical step, and their criteria are taken over with what they have searched already.
@@ -78,6 +80,12 @@ class RunCriterion:
             return np.nan
         return float(np.nan if np.isnan(limits).any() else min(limits))
 
+    @property
+    def proven_step(self) -> float:
+        """Step up to which bounds prove solids stable that are not factored, nan where they prove none."""
+        bounds = [one.bounds if isinstance(one, Lanczos) else one for one in self.criteria]
+        return min(one.critical_step for one in bounds)
+
     def assess_step(self, dt: float) -> Assessment:
         """Return the assessment of a step in the worst stretch, with the largest theta of all stretches."""
         try:
@@ -92,10 +100,10 @@ class RunCriterion:
         return dataclasses.replace(worst, theta=max(thetas, default=None))
 
 
-def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCriterion:
+def criterion_of(model: Model, other_step: RunCriterion | None = None, *, quickly: bool = False) -> RunCriterion:
     """Return the criterion of a run: that of the linear laws if they cover all of its contacts, else the black box.
 
-    Of bodies that are too large to factor it is that of bounds.
+    Of bodies that are too large to factor it is that of a Lanczos run, or of bounds where that does not cover them.
 
     Parameters
     ----------
@@ -103,11 +111,22 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
         The model of the run.
     other_step
         The criterion of the same run with another step, if there is one.
+    quickly
+        Whether solids are not factored unless that takes a blink.
     """
-    kind: Callable[[Model], Criterion] = Bounds
-    if not too_large(model):
-        kind = BlackBox if doubts_of(model) else linear_laws
+    kind: Callable[[Model], Criterion] = BlackBox if doubts_of(model) else linear_laws
+    large = too_large(model)
+    if large or (quickly and kind is linear_laws and takes_long(model)):
+        if kind is linear_laws and not why_not_covered(model):
+            kind = Lanczos
+        elif large:
+            kind = Bounds
     return RunCriterion(model, kind, other_step)
+
+
+def takes_long(model: Model) -> bool:
+    """Return whether the motions of solids are too many to be factored in a blink."""
+    return not model.bodies.of_lines and model.bodies.mass_of_dofs.size > MOST_CHEAP
 
 
 def too_large(model: Model) -> bool:

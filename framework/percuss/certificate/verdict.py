@@ -14,10 +14,12 @@ from percuss.case.cross_checks import after_the_end
 from percuss.case.quantities import percent
 from percuss.certificate.assessment import MARGINAL_DISTANCE, Answer, Assessment, largest_step, quoted
 from percuss.certificate.black_box import SMALLEST_SHARE_OF_FREE_STEP, BlackBox
-from percuss.certificate.bounds import BOUND
+from percuss.certificate.bounds import BOUND, Bounds
 from percuss.certificate.closed_laws import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedLaws, closed_laws, why_unlike
 from percuss.certificate.criteria import RunCriterion, criterion_of, too_large, unknown_by_mass
+from percuss.certificate.lanczos import CHANCE, Lanczos
 from percuss.certificate.linear_laws import doubts_of, linear_laws
+from percuss.certificate.oscillator import limit_ratio
 from percuss.contact.features import Verdict
 from percuss.contact.laws import ignored_couplings
 from percuss.contact.model import Model
@@ -38,6 +40,12 @@ SHARE_OF_CRITICAL_STEP = 0.9
 CURE_TOLERANCE = 1e-10
 NOT_SEARCHED = "only the black box can tell it, and a run does not search it; `percuss check` does"
 LONGER = "longer steps may be stable where this one is not, or nothing is known of them"
+NOT_ASKED = "a run does not search it; `percuss check` does"
+NOT_FACTORED = f"a body of more than {MOST_FACTORED} nodes in three dimensions is not factored"
+BY_LANCZOS = (
+    f"the highest frequency with closed contacts that a Lanczos run finds leaves the step stable; it misses a higher one "
+    f"that does not with a probability below {CHANCE:g}"
+)
 NOT_LINEAR = "the closed step is not linear at longer steps"
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or evaluate contact at the current gap"
 
@@ -57,7 +65,8 @@ class Finding:
     ignores
         Sentences that name the laws that take no account of contacts at the same end.
     by
-        Criterion: ``linear-laws``, ``black-box``, ``bounds`` or ``none``.
+        Criterion: ``linear-laws``, ``black-box``, ``lanczos``, ``bounds`` or ``none``. What a Lanczos run says is `no`
+        is proved; its `yes` fails with a probability below 1e-9.
     cure
         Cure of an unstable step.
     dt_critical, dt_critical_free
@@ -66,6 +75,10 @@ class Finding:
         share nodes limits it, longer steps may be stable, and `why` says so.
     dt_critical_why
         Why the critical step is None; empty where it is known.
+    dt_proven
+        Step up to which no growth is proved without a search for the critical one; None where it is not asked for.
+    dt_proven_why
+        What proves it.
     courant_critical
         Courant number of the critical step.
     margin
@@ -88,6 +101,8 @@ class Finding:
     dt_critical: float | None = None
     dt_critical_free: float | None = None
     dt_critical_why: str = ""
+    dt_proven: float | None = None
+    dt_proven_why: str = ""
     courant_critical: float | None = None
     margin: float | None = None
     worst: list[str] = field(default_factory=list)
@@ -160,7 +175,7 @@ def _with_step(case: Case) -> SettledRun:
     # With a given number of steps, a shorter step ends the run earlier, so other drives may act during the run, and the
     # critical step may change with them. The loop ends when the critical step does not fall any more.
     while True:
-        criterion = criterion_of(model, criterion)
+        criterion = criterion_of(model, criterion, quickly=True)
         critical = criterion.critical_step
         # A tiny critical step is no stability: growth may be too slow to show in a single step of that length.
         known = SMALLEST_SHARE_OF_FREE_STEP * criterion.free < critical < np.inf
@@ -194,8 +209,7 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
         Whether to search the critical step too where only the black box can tell it and `criterion` is None, which
         takes many times as long as to examine the step of the run; without it that is not known.
     """
-    searched = with_critical_step or criterion is not None
-    return dataclasses.asdict(_finding(model, criterion, with_critical_step=searched))
+    return dataclasses.asdict(_finding(model, criterion, with_critical_step=with_critical_step))
 
 
 def verdict_alone(model: Model, criterion: RunCriterion | None = None) -> Certificate:
@@ -223,8 +237,10 @@ def _finding(model: Model, criterion: RunCriterion | None, *, with_critical_step
     elif why := model.bodies.why_not_linear or unknown_by_mass(model) or model.why("criterion"):
         found = _unknown(model, laws, why)
     else:
-        criterion = criterion or criterion_of(model)
-        found = _by_bounds(criterion, laws) if large else _about_linear_bodies(criterion, laws, with_critical_step)
+        if criterion is None or (with_critical_step and criterion.kind is Lanczos):
+            criterion = criterion_of(model, quickly=not with_critical_step)
+        quick = criterion.kind in {Bounds, Lanczos}
+        found = _about_large_solids(criterion, laws) if quick else _about_linear_bodies(criterion, laws, with_critical_step)
     if why := model.why("certificate"):
         why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found.why}"
         known = {name: getattr(found, name) for name in ("energy", "energy_why", "by", "stretch", "theta")}
@@ -232,18 +248,34 @@ def _finding(model: Model, criterion: RunCriterion | None, *, with_critical_step
     return found
 
 
-def _by_bounds(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
-    model, assessment = criterion.model, criterion.assess_step(criterion.model.dt)
-    not_factored = f"a body of more than {MOST_FACTORED} nodes in three dimensions is not factored"
-    if not assessment.stable:
+def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
+    """Return what is found about a run of solids that are not factored."""
+    model, dt = criterion.model, criterion.model.dt
+    assessment = criterion.assess_step(dt)
+    by, proven = assessment.by or criterion.by, criterion.proven_step
+    known: dict[str, Any] = {"by": by, "dt_critical_why": NOT_ASKED if not too_large(model) else NOT_FACTORED}
+    if not np.isnan(proven):
+        known |= {"dt_proven": proven, "dt_proven_why": BOUND}
+    if len(criterion.stretches) > 1:
+        stretch = criterion.stretches[assessment.stretch]
+        known["stretch"] = [stretch.start, stretch.stop]
+    if assessment.answer == "unknown":
         alone = "; the step is below the bound of the cells, so that the bodies alone are stable"
-        below = model.dt < criterion.free * (1.0 - MARGINAL_DISTANCE)
-        return _unknown(model, laws, f"{not_factored}, and {assessment.doubt}{alone if below else ''}")
-    bound = criterion.critical_step
-    why = f"the step is {percent(model.dt / bound, 6)} of {bound:.6g}, {BOUND}; {not_factored}"
+        below = dt < 2.0 * limit_ratio(model) / model.bodies.omega * (1.0 - MARGINAL_DISTANCE)
+        return _unknown(model, laws, f"{assessment.doubt}{alone if below else ''}", **known | {"by": "none"})
+    if assessment.answer == "grows":
+        critical = criterion.critical_step
+        worst = list(dict.fromkeys(criterion.names[p] for p in assessment.worst))
+        closed = f" with closed contacts {quoted(criterion.names, assessment.worst)}" if worst else " without contact"
+        why = f"a motion{closed} grows in each step of {dt:.6g}, as its frequency shows"
+        cure = cure_of(criterion, critical) if critical > 0 else no_step(model, criterion.free, critical)
+        energy, energy_why = _energy_guarantee(model, laws, assessment, "no")
+        return _unknown(
+            model, laws, why, **known, stable="no", worst=worst, cure=cure, energy=energy, energy_why=energy_why
+        )
     energy, energy_why = _energy_guarantee(model, laws, assessment, "yes")
-    why = f"{why}, so that the critical step is not known"
-    return _unknown(model, laws, why, stable="yes", by=criterion.by, energy=energy, energy_why=energy_why)
+    why = f"the step is {percent(dt / proven, 6)} of {proven:.6g}, {BOUND}" if by == Bounds.by else BY_LANCZOS
+    return _unknown(model, laws, why, **known, stable="yes", energy=energy, energy_why=energy_why)
 
 
 def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, with_critical_step: bool) -> Finding:
@@ -295,7 +327,7 @@ def _about_nonlinear_bodies(model: Model, laws: ClosedLaws) -> Finding:
     why = f"{model.bodies.why_not_linear}, and its highest frequency changes with the strain"
     if doubts_of(model) or not tangent_as_declared(model.bodies.values()):
         return _unknown(model, laws, why)
-    criterion = criterion_of(model)
+    criterion = criterion_of(model, quickly=True)
     assessment = criterion.assess_step(model.dt)
     critical = criterion.critical_step if assessment.conclusive else np.nan
     found = _judged(criterion, laws, assessment, critical)

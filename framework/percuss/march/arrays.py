@@ -11,9 +11,9 @@ from percuss.contact.points import NEVER, carry_over, point_records
 from percuss.contact.state_variables import StateVariables
 from percuss.march.parts import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
-from percuss.mesh import cell_kernels
 from percuss.mesh.cell_kernels import Block
-from percuss.mesh.cells import cell_arrays, element_slots, has_cells, is_solid, parameters_of, slots_of_material
+from percuss.mesh.cells import cell_arrays, element_slots, has_cells, parameters_of, slots_of_material
+from percuss.mesh.stiffness_rows import StiffnessRows
 from percuss.methods.plugin_calls import answer, read_only
 from percuss.record_arrays import empty_records, record_array
 from percuss.step import bulk, uniform_rows
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
     from percuss.contact.model import Model
     from percuss.contact.points import Points, Rows
-    from percuss.methods.interfaces import Array, Floats
+    from percuss.methods.interfaces import Array, BodyMesh, Floats
 
 
 class Arrays:
@@ -200,9 +200,8 @@ class Arrays:
                 bulk.advance_body: bulk.advance_cells if cells else bulk.advance_row,
                 bulk.energy_of_body: bulk.energy_of_cell_body if cells else bulk.energy_of_row,
             }
-            # About an axis the forces of a cell have a resultant, and a motion off the axis stores energy.
-            if is_solid(element) and element.linear and material.linear and not model.bodies.about_axis:
-                filled = {**filled, cell_kernels.energy_of_cells: cell_kernels.energy_of_linear_cells}
+            if isinstance(block.element, StiffnessRows):
+                filled = {**filled, **bulk.OF_LINEAR_SOLIDS}
             if model.loads.body_forces and not model.multistage:
                 filled = {**filled, **bulk.OF_LOADED_BODIES}
             name = f"element {element.name} with material {material.name}"
@@ -214,8 +213,14 @@ class Arrays:
             else:
                 yield Action(BULK, bulk.advance_block, data, filled, allocates=allocates, name=name)
             yield Action(STRAIN_ENERGY, bulk.add_strain_energy, data, filled, allocates=allocates, name=name)
-            if cells and block.element.hourglass_points > 0:
-                yield Action(STRAIN_ENERGY, bulk.add_hourglass_energy, data, filled, allocates=allocates, name=name)
+            if getattr(element, "hourglass_points", 0) > 0:
+                held = data._replace(block=block._replace(element=cell_arrays(element, self._views(block))))
+                yield Action(STRAIN_ENERGY, bulk.add_hourglass_energy, held, filled, allocates=allocates, name=name)
+
+    def _views(self, block: Block) -> list[BodyMesh]:
+        """Return the bodies of a block as their element receives them."""
+        bodies = list(self.model.bodies.values())
+        return [bodies[number].view for number in block.body]
 
     def changing_arrays(self) -> list[Array]:
         """Return the arrays that a step changes, always in the same order, without displacements and velocities."""
@@ -253,15 +258,18 @@ def _places(model: Model) -> dict[int, int]:
 
 def _blocks(model: Model, variables: StateVariables) -> Iterator[tuple[Block, Any, Any]]:
     """Yield the bodies of each kind of element and material, with an element and a material of this kind."""
-    kinds: dict[tuple[type, type, Any], list[Any]] = {}
+    kinds: dict[tuple[type, type, Any, Any], list[Any]] = {}
     for body in model.bodies.values():
         element = body.spec.element
         options = element if has_cells(element) else None  # bodies of cells share what follows from the options
-        kinds.setdefault((type(element), type(body.spec.material), options), []).append(body)
+        alone = body.number if body.marches_by_rows else None
+        kinds.setdefault((type(element), type(body.spec.material), options, alone), []).append(body)
     for bodies in kinds.values():
         element, meshes = bodies[0].spec.element, [body.view for body in bodies]
-        if has_cells(element):
-            arrays: Any = cell_arrays(element, meshes)
+        if bodies[0].marches_by_rows:
+            arrays: Any = read_only(bodies[0].stiffness_rows)
+        elif has_cells(element):
+            arrays = cell_arrays(element, meshes)
         else:
             bound = [answer(body.spec.element, "bind", mesh) for body, mesh in zip(bodies, meshes, strict=True)]
             arrays = type(bound[0])(

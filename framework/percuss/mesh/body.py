@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.mesh.cell_stiffness import assembled, stiffness_of_cells
+from percuss.mesh.cell_stiffness import assembled, rows_of_solid, stiffness_of_cells
 from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of
 from percuss.mesh.eigenvalues import as_bands, highest_of_bands
 from percuss.mesh.surfaces import BodySurface, surface_of
@@ -18,6 +18,7 @@ from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
     from percuss.case.specs import BodySpec
+    from percuss.mesh.stiffness_rows import StiffnessRows
 
 
 @dataclass(frozen=True)
@@ -197,6 +198,16 @@ class Body:
             return float(answer(material, "wave_modulus", self.view.plane_of_material))
         return material.modulus
 
+    @property
+    def marches_by_rows(self) -> bool:
+        """Whether its internal forces are those of `stiffness_rows`: of a linear body that is no bar."""
+        return self.of_small_strains and self.spec.material.state == 0
+
+    @cached_property
+    def stiffness_rows(self) -> StiffnessRows:
+        """The stiffness about rest of a body that is no bar, as rows of differences."""
+        return rows_of_solid(self.spec.element, self.spec.material, self.view)
+
     def stiffness_matrix(self) -> Any:
         """Return the stiffness about rest as a sparse array, (nodes * dim, nodes * dim) [force/length].
 
@@ -205,7 +216,7 @@ class Body:
         from scipy.sparse import kron
 
         if not self.is_bar:
-            return stiffness_of_cells(self.spec.element, self.spec.material, self.view)
+            return self.stiffness_rows.matrix().tocsr()
         along = np.outer(self.mesh.direction, self.mesh.direction)
         return self.axial_stiffness if along.size == 1 else kron(self.axial_stiffness, along)
 

@@ -119,23 +119,3 @@ def energy_of_points(
             density = energy_density(material, e * points + q, cells.strains[0, q], cells.strains[1, q])
             total += cells.volumes[e, q] * density
     return total
-
-
-@called
-def energy_of_linear_cells(cells: Cells, material: MaterialPoints, body: int, u: Floats, v: Floats, dt: float) -> float:
-    """Return the staggered strain energy of a linear body, minus half the product of force and displacement before.
-
-    It stands in for `energy_of_cells`. Displacements are taken relative to the first node of each cell: forces of a
-    cell add up to zero to round-off alone, which a body that has moved far would multiply with all of its way.
-    """
-    total = 0.0
-    points, dim = cells.volumes.shape[1], len(cells.axes)
-    of_cell, force_of_cell = room(cells.corners, cells.axes), room(cells.corners, cells.axes)
-    for e in range(cells.edges[body], cells.edges[body + 1]):
-        gather(cells, e, u, v, 0.0, of_cell)
-        cell_force(cells.rule, material, e * points, cells.section[e], cells.geometry[e], of_cell, force_of_cell)
-        gather(cells, e, u, v, dt, of_cell)
-        for a in range(1, len(cells.corners)):
-            for d in range(dim):
-                total -= force_of_cell[a, d] * (of_cell[a, d] - of_cell[0, d])
-    return 0.5 * total

@@ -8,6 +8,7 @@ import numpy as np
 
 from percuss.mesh.cells import PROBING_STRAIN, SAME_SHAPE, cells_of, element_masses, lumping_of
 from percuss.mesh.element_probe import ElementProbe
+from percuss.mesh.stiffness_rows import StiffnessRows, stiffness_rows
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import BodyMesh, Element, Floats, Integers, Material
@@ -57,6 +58,13 @@ def cell_stiffness(element: Element, material: Material, body: BodyMesh) -> Cell
     first, kind = kinds_of_cells(body)
     matrices = ElementProbe(element, material, body, modulus).stiffness(first, size)
     return CellStiffness(matrices, kind, first)
+
+
+def rows_of_solid(element: Element, material: Material, body: BodyMesh) -> StiffnessRows:
+    """Return the stiffness of a body that is no bar, about rest, as rows of differences."""
+    found, cells = cell_stiffness(element, material, body), cells_of(body.mesh)
+    about_axis = body.plane == "axisymmetric"
+    return stiffness_rows(cells, found.kind, found.matrices, len(body.mesh.nodes), about_axis=about_axis)
 
 
 def stiffness_of_cells(element: Element, material: Material, body: BodyMesh) -> Any:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from percuss.jit import Kernel, called, reduction
 from percuss.mesh.cell_kernels import Block, add_up_forces, energy_of_cells, energy_of_points
 from percuss.mesh.materials import MaterialPoints
+from percuss.mesh.stiffness_rows import StiffnessRows, energy_of_rows, set_forces_of_rows
 from percuss.methods.slots import energy, internal_force, unbound
 from percuss.record_arrays import Records
 
@@ -58,7 +59,12 @@ def force_of_elements(data: Bulk, material: MaterialPoints, first: int, u: Float
 
 def force_of_cells(data: Bulk, material: MaterialPoints, b: int, u: Floats, v: Floats, force: Floats) -> None:
     """Set the internal force of the cells of body `b`; a part of the step may fill this slot."""
-    add_up_forces(data.block.element, material, b, u, force)
+    internal_force_of_cells(data.block.element, material, b, u, force)
+
+
+def internal_force_of_cells(element: Any, material: MaterialPoints, b: int, u: Floats, force: Floats) -> None:
+    """Set the internal force of the cells of body `b` (a slot, see `OF_LINEAR_SOLIDS`)."""
+    add_up_forces(element, material, b, u, force)
 
 
 def add_internal_work(data: Bulk, force: Floats, v: Floats, dt: float) -> None:
@@ -129,7 +135,7 @@ def set_forces_of_cells(data: Bulk, n: int, u: Floats, v: Floats, a: Floats) -> 
     for b in range(block.body.size):
         lo, hi = block.start[b] * data.dim, block.stop[b] * data.dim
         material = MaterialPoints(block.parameters[b], block.before, block.after)
-        add_up_forces(block.element, material, b, u[lo:hi], a[lo:hi])
+        internal_force_of_cells(block.element, material, b, u[lo:hi], a[lo:hi])
 
 
 # ------------------------------------------------------------------------------------------- rows of two-node elements
@@ -202,6 +208,27 @@ def energy_of_cell_body(data: Bulk, b: int, u: Floats, v: Floats, dt: float) -> 
     lo, hi = block.start[b] * data.dim, block.stop[b] * data.dim
     material = MaterialPoints(block.parameters[b], block.before, block.after)
     return energy_of_cells(block.element, material, b, u[lo:hi], v[lo:hi], dt)
+
+
+# --------------------------------------------------------------------------------------------------- linear solids
+
+
+def internal_force_of_rows(rows: StiffnessRows, material: MaterialPoints, b: int, u: Floats, force: Floats) -> None:
+    """Set the internal force of a linear solid, which is alone in its block."""
+    set_forces_of_rows(rows, u, force)
+
+
+def energy_of_linear_solid(data: Bulk, b: int, u: Floats, v: Floats, dt: float) -> float:
+    """Return the strain energy of a linear solid, which is alone in its block."""
+    lo, hi = data.block.start[b] * data.dim, data.block.stop[b] * data.dim
+    return energy_of_rows(data.block.element, u[lo:hi], v[lo:hi], dt)
+
+
+# The slots of linear solids, whose `Block.element` has the rows of their stiffness, and what fills them.
+OF_LINEAR_SOLIDS: dict[Kernel, Kernel] = {
+    internal_force_of_cells: internal_force_of_rows,
+    energy_of_body: energy_of_linear_solid,
+}
 
 
 # ---------------------------------------------------------------------------------------------------------- nodes

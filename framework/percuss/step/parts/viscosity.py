@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from percuss.contact.features import ELASTIC, Feature
-from percuss.mesh.cell_kernels import add_up_forces
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import internal_force
 from percuss.step.actions import Action
-from percuss.step.bulk import Bulk, advance_block, force_of_cells, force_of_elements
+from percuss.step.bulk import Bulk, advance_block, force_of_cells, force_of_elements, internal_force_of_cells
 from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
@@ -65,7 +64,7 @@ def force_of_elements_ahead(
 def force_of_cells_ahead(data: Bulk, material: MaterialPoints, b: int, u: Floats, v: Floats, force: Floats) -> None:
     """Set the internal force of the cells of body `b`, at the displacement that lies ahead."""
     look_ahead(data.part, u, v)
-    add_up_forces(data.block.element, material, b, data.part.displacement[: u.size], force)
+    internal_force_of_cells(data.block.element, material, b, data.part.displacement[: u.size], force)
 
 
 def viscosity_of(model: Model) -> float:
