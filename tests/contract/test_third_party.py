@@ -10,7 +10,6 @@ installed there, as in a check of the whole project, it would come along.
 import json
 import os
 import subprocess
-import sys
 import venv
 from pathlib import Path
 
@@ -98,15 +97,6 @@ def edit(world: World, file: str, old: str, new: str) -> None:
 
 def listed(world: World) -> dict[str, dict]:
     return {one["name"]: one for one in world.json("plugins")["components"]}
-
-
-def test_the_environment_is_its_own(world: World) -> None:
-    code = "import percuss, percuss_methods, sys; print(percuss.__file__, percuss_methods.__file__, sys.path)"
-    done = world.run("-c", code, program="python")
-    assert done.stdout.count("site-packages") >= 3, done.stderr
-    assert str(ROOT) not in done.stdout
-    outer = {str(Path(place)) for place in sys.path if "site-packages" in place}
-    assert not [place for place in outer if place in done.stdout]
 
 
 def test_a_package_is_listed_with_where_it_is_from(world: World) -> None:

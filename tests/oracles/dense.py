@@ -105,29 +105,19 @@ def penalties(law, sides, dt):
     return eps_s, eps_s / (ratio * min(side[1] for side in sides) ** 2)
 
 
-def constrained(A, b, N, g, S):
-    """Solve A a = b + N x, 0 <= x, g + S' a >= 0, x . (g + S' a) = 0 by trying every active set.
-
-    `S` maps a to the gaps: gaps = g + S.T @ a.
-    """
-    count = N.shape[1]
-    solved = np.linalg.solve(A, np.column_stack([b, N]))
-    free, pushed = solved[:, 0], solved[:, 1:]
-    own, shares = g + S.T @ free, S.T @ pushed  # gaps without x, and what each x adds to them
-    scale = np.abs(g).max(initial=0.0) + np.abs(own - g).max(initial=0.0) + 1e-300
-    best = None
-    for size in range(count + 1):
-        for some in itertools.combinations(range(count), size):
-            active = list(some)
-            x = np.zeros(count)
+def complementary(S, gaps):
+    """Solve 0 <= x, gaps + S x >= 0, x . (gaps + S x) = 0 by trying every active set."""
+    scale, best = np.abs(gaps).max(initial=0.0) + 1e-300, None
+    for size in range(gaps.size + 1):
+        for active in map(list, itertools.combinations(range(gaps.size), size)):
+            x = np.zeros(gaps.size)
             if active:
-                x[active] = np.linalg.solve(shares[np.ix_(active, active)], -own[active])
-            gaps = own + shares @ x
-            miss = max(-x.min(initial=0.0) * np.abs(shares).max(initial=0.0), -gaps.min(initial=0.0))
+                x[active] = np.linalg.solve(S[np.ix_(active, active)], -gaps[active])
+            miss = max(-x.min(initial=0.0) * np.abs(S).max(initial=0.0), -(gaps + S @ x).min(initial=0.0))
             if best is None or miss < best[0] - 1e-14 * scale:
-                best = (miss, free + pushed @ x, x)
+                best = (miss, x)
     assert best[0] <= 1e-10 * scale, "no active set satisfies the conditions"
-    return best[1], best[2]
+    return best[1]
 
 
 def of_time(load):
@@ -183,6 +173,9 @@ class System:
             smallest = min(bars.lengths[e.partition(".")[0]][0 if e.endswith("left") else -1] for e in ends)
             self.g0[k] = 0.0 if abs(gap) <= 1e-9 * smallest else gap
         self.exact = np.array([law["name"] == "lagrange" for law in self.laws], dtype=bool)
+        # of the smallest element of each body: c/h, whose inverse is the step at a Courant number of 1
+        self.fastest = {name: math.sqrt(b["material"]["young"] / b["material"]["density"]) / bars.lengths[name].min()
+                        for name, b in case["bodies"].items()}  # fmt: skip
         self.Mf, self.Nf = bars.M[np.ix_(self.free, self.free)], self.N[self.free]
 
     def force(self, t):
@@ -193,12 +186,13 @@ class System:
         return out
 
     def penalties(self, dt):
-        """Return eps_s and eps_m of each contact."""
+        """Return eps_s and eps_m of each contact; a side that is held or driven is rigid."""
+        moving = [[end for end in ends if self.bars.node(end) not in self.held] or ends for ends in self.ends]
         return [
             penalties(law, [self.bars.end(end) for end in ends], dt)
             if law["name"] in {"penalty", "bipenalty"}
             else (0, 0)
-            for law, ends in zip(self.laws, self.ends, strict=True)
+            for law, ends in zip(self.laws, moving, strict=True)
         ]
 
     def answer(self, bulk, eps, judged, ahead, share, rest=0.0):
@@ -214,35 +208,34 @@ class System:
             mass += eps[k][1] * np.outer(self.Nf[:, k], self.Nf[:, k])
             right -= (eps[k][0] * judged[k] + eps[k][1] * rest[k]) * self.Nf[:, k]
         some, force = np.flatnonzero(self.exact), np.zeros(len(self.laws))
-        a, force[some] = constrained(mass, right, self.Nf[:, some], ahead[some], share * self.Nf[:, some])
+        solved = np.linalg.solve(mass, np.column_stack([right, self.Nf[:, some]]))
+        free, pushed, rows = solved[:, 0], solved[:, 1:], share * self.Nf[:, some].T
+        force[some] = complementary(rows @ pushed, ahead[some] + rows @ free)
+        a = free + pushed @ force[some]
         for k in active:
             force[k] = -eps[k][0] * judged[k] - eps[k][1] * (self.Nf[:, k] @ a + rest[k])
         return a, force
 
 
-def march(case, integrator=None, contact=None, mass=None, law=None):
-    """March a case by a leap-frog scheme; `integrator` (a name) and `contact` (a mapping) replace its own.
+def march(case, mass=None, law=None, viscosity=0.0):
+    """March a case by a leap-frog scheme.
 
     `law` gives all contact forces instead: from the gaps before, now and after a step without contact, the motion of
-    each gap in a step under a force of 1, the step and the displacement. No two contacts may then share an end.
+    each gap in a step under a force of 1 on it alone, the step and the displacement. `viscosity` is that of strain
+    rates, over the step.
     """
-    system = System(case, contact, mass)
+    system = System(case, mass=mass)
     bars, free, N, g0 = system.bars, system.free, system.N, system.g0
-    integrator = integrator or case["method"]["integrator"]
-    fastest = max(2.0 * math.sqrt(b["material"]["young"] / b["material"]["density"]) / bars.lengths[n].min()
-                  for n, b in case["bodies"].items())  # fmt: skip
-    time = case["time"]
-    dt = time["step"] if "step" in time else time["courant"] * 2.0 / fastest
+    integrator, fastest, time = case["method"]["integrator"], max(system.fastest.values()), case["time"]
+    dt = time["step"] if "step" in time else time["courant"] / fastest
     steps = time["steps"] if "steps" in time else max(1, math.ceil(time["end"] / dt * (1 - 1e-12) - 1e-9))
     total = bars.x.size
     # a body with a step of its own feels its forces in every m-th step, m-fold
     own = np.ones(total, dtype=int)
     if integrator == "asynchronous":
-        for name, one in case["bodies"].items():
-            stiffness = one["material"]["young"] / one["material"]["density"]
-            frequency = 2.0 * math.sqrt(stiffness) / bars.lengths[name].min()
+        for name, frequency in system.fastest.items():
             own[bars.start[name] : bars.stop[name]] = math.floor(fastest / frequency * (1.0 + 1e-9))
-    current = integrator in {"central-difference", "asynchronous"}
+    current = integrator != "wu-predictor-corrector"
     both = system.penalties(dt)
     w = dt**2 * np.einsum("ip,ip->p", system.Nf, np.linalg.solve(system.Mf, system.Nf))
 
@@ -255,7 +248,8 @@ def march(case, integrator=None, contact=None, mass=None, law=None):
     v[free] -= 0.5 * dt * np.linalg.solve(system.Mf, (system.force(0.0) + own * system.weight)[free])
     out = {name: [] for name in ("force", "gap", "end_force", "u", "v", "energy")}
     for n in range(steps + 1):
-        bulk = (system.force(n * dt) + np.where(n % own == 0, own, 0) * (system.weight - bars.K @ u))[free]
+        inner = bars.K @ (u + viscosity * dt * v)
+        bulk = (system.force(n * dt) + np.where(n % own == 0, own, 0) * (system.weight - inner))[free]
         drift = hold(np.zeros(total), n * dt)  # motion of this step without contact
         drift[free] = v[free] + dt * np.linalg.solve(system.Mf, bulk)
         gap, predicted = g0 + N.T @ u, g0 + N.T @ (u + dt * drift)

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import strategies as st
 
 import percuss
+from percuss.case.options import options_of
 from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.results.runner import examined_run
@@ -81,6 +82,94 @@ def hunek(n=100, courant=0.5, integrator="wu-predictor-corrector", contact=None,
         "time": {"end": end, "courant": courant},
         "record": {"probes": ["short.left", "short.right", "long.left"]},
     }  # fmt: skip
+
+
+def turned(case, direction):
+    """Return a case of bars along x along a direction in one, two or three dimensions."""
+    unit = np.array(direction) / np.linalg.norm(direction)
+    out = copy.deepcopy(case)
+    for one in out["bodies"].values():
+        (sign,) = one["bar"].get("direction", [1])
+        one["bar"]["direction"] = [sign * number for number in direction]
+        one["at"] = list(one.get("at", 0.0) * unit)
+        if isinstance(one.get("velocity"), list):
+            one["velocity"] = list(one["velocity"][0] * unit)
+    for one in out["contacts"].values():
+        if "wall" in one:
+            one["wall"] = list(one["wall"] * unit)
+    for one in out.get("loads", {}).values():
+        if "gravity" in one:
+            value = one["gravity"]["value"] if isinstance(one["gravity"], dict) else one["gravity"]
+            one["gravity"] = list((value if isinstance(value, float | int) else value[0]) * unit)
+        if "direction" in one:
+            one["direction"] = list(one["direction"][0] * unit)
+    return out
+
+
+def reordered(case):
+    """Return a case whose bodies and contacts stand in the other order."""
+    return case | {name: dict(reversed(case[name].items())) for name in ("bodies", "contacts")}
+
+
+def swapped(case):
+    """Return a case whose contacts name their other side first."""
+    contacts = {name: one | ({"between": one["between"][::-1]} if "between" in one else {})
+                for name, one in case["contacts"].items()}  # fmt: skip
+    return case | {"contacts": contacts}
+
+
+# powers of two would change nothing at all
+UNITS = {"length": 1000.0, "mass": 1e-3, "time": 1e6}
+POWERS = {  # of length, mass, time
+    "force": (1, 1, -2), "acceleration": (1, 0, -2), "velocity": (1, 0, -1), "energy": (2, 1, -2), "length": (1, 0, 0),
+    "stiffness": (0, 1, -2), "mass": (0, 1, 0), "time": (0, 0, 1), "area": (2, 0, 0), "young": (-1, 1, -2),
+    "density": (-3, 1, 0), "frequency": (0, 0, -1), "impulse": (1, 1, -1),
+}  # fmt: skip
+OF_OPTION = {"time": "time", "1/time": "frequency", "length/time": "velocity", "length/time^2": "acceleration"}
+
+
+def unit(kind, units=UNITS):
+    return math.prod(units[name] ** power for name, power in zip(("length", "mass", "time"), POWERS[kind], strict=True))
+
+
+def converted(case, units=UNITS):
+    """Return a case of bars along x in other units of length, mass and time."""
+
+    def scaled(value, factor):
+        return type(value)(v * factor for v in value) if isinstance(value, list | tuple) else value * factor
+
+    def scale(one, **kinds):  # parts of a case may be one and the same mapping
+        return one | {key: scaled(one[key], unit(kind, units)) for key, kind in kinds.items() if key in one}
+
+    def load(one):
+        name, kind = next(iter(one)), "acceleration" if "gravity" in one else one.get("as") or "velocity"
+        amplitude = unit(kind, units)
+        factors = {"amplitude": amplitude, "1": 1.0, "radian": 1.0}
+        factors |= {option: unit(kind, units) for option, kind in OF_OPTION.items()}
+        options = options_of(REGISTRY.get("loads", name))
+        value = (
+            {key: scaled(value, factors[options[key].unit]) for key, value in one[name].items()}
+            if isinstance(one[name], dict)
+            else scaled(one[name], amplitude)
+        )
+        return scale(one, **{"from": "time", "until": "time"}) | {name: value}
+
+    def body(one):
+        material = scale(one["material"], young="young", density="density")
+        return scale(one, at="length", area="area", velocity="velocity") | {
+            "bar": scale(one["bar"], length="length"), "material": material,
+        }  # fmt: skip
+
+    out = case | {
+        "bodies": {name: body(one) for name, one in case["bodies"].items()},
+        "contacts": {name: scale(one, wall="length") for name, one in case["contacts"].items()},
+        "loads": {name: load(one) for name, one in case["loads"].items()},
+        "time": scale(case["time"], end="time", step="time"),
+    }
+    if "method" in case:
+        contact = scale(case["method"]["contact"], epsilon_s="stiffness", epsilon_m="mass")
+        out["method"] = case["method"] | {"contact": contact}
+    return out
 
 
 def run(case, overrides=None, **kwargs):

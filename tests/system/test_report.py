@@ -4,7 +4,7 @@ import copy
 import hashlib
 import itertools
 import re
-from html.parser import HTMLParser
+from html import unescape
 from importlib import resources
 from pathlib import Path
 
@@ -90,25 +90,12 @@ def print_of(study, name, statistic="best"):
     return dict(figures(study, statistic))[name]._repr_svg_()
 
 
-class Tags(HTMLParser):
-    """What a page has of elements that run or load, and all its text."""
-
-    def __init__(self, html):
-        super().__init__()
-        self.loads, self.tags, self.words, self.links = [], [], [], []
-        self.feed(html)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        given = dict(attrs)
-        if tag == "a":
-            self.links.append(given.get("href", ""))
-        else:
-            self.loads += [given[name] for name in ("src", "href", "data", "action", "srcset") if name in given]
-        assert not [name for name in given if name.startswith("on")]
-
-    def handle_data(self, data):
-        self.words.append(data)
+def elements(html):
+    """Return what the tags of a page load, where its links go, and its words."""
+    tags = re.sub(r"<!--.*?-->|(<(script|style)[^>]*>).*?</\2>", r"\1", html, flags=re.DOTALL)
+    assert not re.search(r"<[^>]* on\w+=", tags)
+    loads = re.findall(r'<(?!a )[^>]*? (?:src|href|data|action|srcset)="([^"]*)"', tags)
+    return loads, re.findall(r'<a [^>]*?href="([^"]*)"', tags), unescape(re.sub("<[^>]*>", "", tags))
 
 
 # --------------------------------------------------------------------------------------------------- the file
@@ -116,9 +103,9 @@ class Tags(HTMLParser):
 
 def test_the_page_loads_nothing(small, large):
     html = report_html(small)
-    tags = Tags(html)
-    assert tags.loads == ["data:,"]
-    assert all(link.startswith(("#", "https://doi.org/10.")) for link in tags.links)
+    loads, links, _ = elements(html)
+    assert loads == ["data:,"]
+    assert all(link.startswith("#") for link in links)
     assert "default-src 'none'" in html
     assert not re.search(r"@import|url\(\s*['\"]?(?!data:)[\w/]", html.split("<body>")[0])
     assert len(report_html(large)) < 4_000_000
@@ -135,7 +122,7 @@ def test_the_vendored_files_are_those_that_are_named():
 
 
 def test_the_page_says_what_was_asked_run_and_lost(small):
-    words = " ".join(" ".join(Tags(report_html(small)).words).split())
+    words = " ".join(elements(report_html(small))[2].split())
     assert small.spec["question"] in words
     assert "percuss study study.yaml" in words
     assert "0f" * 32 in words
@@ -143,13 +130,6 @@ def test_the_page_says_what_was_asked_run_and_lost(small):
     assert "doi 10.1002/nme.5712" in words
     assert f"{(small.table['status'] == 'unstable').sum()} unstable" in words
     assert "the certificate says unstable" in words
-
-
-def test_text_of_a_study_is_never_markup():
-    plain, evil = Tags(report_html(drawn_study(40))), Tags(report_html(hostile()))
-    assert evil.tags.count("script") == plain.tags.count("script")
-    assert "img" not in evil.tags
-    assert {"window.hacked = 1", "{{js}}"} <= set(re.findall(r"window\.hacked = 1|\{\{js\}\}", "".join(evil.words)))
 
 
 def test_unknown_methods_and_bare_studies_have_a_page_too(small):
@@ -173,14 +153,6 @@ def test_bins_hold_every_number_and_few_values_are_their_own():
     assert where.min() == 0
     assert where.max() == study_data.BINS - 1
     assert np.abs(np.log10(values / places[where])).max() <= 0.5 * 5 / study_data.BINS + 1e-9
-
-
-def test_words_keep_their_order_and_numbers_among_them_all_their_digits():
-    column = pd.Series([1, "matched", None, 0.25, True, 0.1 + 0.2], dtype=object)
-    assert study_data.numbers(column) is None
-    texts = study_data.texts(column)
-    assert texts == ["1", "matched", "", "0.25", "yes", repr(0.1 + 0.2)]
-    assert study_data.in_order(texts) == ["0.25", repr(0.1 + 0.2), "1", "matched", "yes", ""]
 
 
 def axis_of(values, name="x", *, is_measure=False):
@@ -295,7 +267,7 @@ def test_the_page_begins_with_the_verdict_and_what_the_error_depends_on(several)
         known = study_data.columns(study)
         told = [*answer(study_data.records(study.table, known), known.measures)]
         depends = study_data.dependence(study.table, known)
-        page = "".join(Tags(report_html(study)).words).replace("\u00a0", " ")
+        page = elements(report_html(study))[2].replace("\u00a0", " ")
         assert all(page.count(sentence) == 1 for sentence in (*told, *depends))
         if study is not several:
             assert told[0] == "At equal mesh i + q has the smallest force error, L1 on 1 of 2 meshes, i + p on 1."
@@ -572,13 +544,3 @@ def test_the_csv_of_the_page_has_every_digit(browser, pages, several):
             else:
                 assert float(text) == value  # to the last bit
                 assert len(text) <= len(repr(float(value)))  # and with no digit more than it takes
-
-
-def test_the_legend_shows_one_pair_alone(browser, pages):
-    with Opened(browser, pages / "several.html") as opened:
-        page = opened.page
-        page.evaluate('void views.work.view.signal("chosen_pair_legend", "central-difference + lagrange").runAsync()')
-        page.wait_for_timeout(200)
-        seen = re.findall(r'aria-label="[^"]*pair: ([^";]*)[^"]*"[^>]*opacity="1"', opened.svg("work"))
-        assert opened.complaints == []
-        assert set(seen) == {"central-difference + lagrange"}

@@ -133,25 +133,6 @@ def test_the_rule(courant, sides, beta_s):
     assert parameters(model_of(percuss.load(case)))["tip"]["beta_s"] == 0.5
 
 
-# --------------------------------------------------------------------------------------- stiffness from the step
-
-
-def unlike(contact, courant=0.8, length=1.0, time=1.0, mass=1.0):
-    """Two unlike bars, the units of length, time and mass worth so many of the first ones."""
-    case = {"percuss": 1, "bodies": {}, "contacts": {"ab": {"between": ["a.right", "b.left"]}}}
-    for name, n, at, young, rho, area, velocity in (
-        ("a", 7, 0.0, 3.0, 2.0, 0.5, 0.2),
-        ("b", 12, 1.0, 5.0, 0.4, 2.0, 0),
-    ):
-        case["bodies"][name] = {
-            "bar": {"length": 1.0 / length, "elements": n}, "at": at / length, "area": area / length**2,
-            "material": {"young": young * length * time**2 / mass, "density": rho * length**3 / mass},
-            "velocity": velocity * time / length,
-        }  # fmt: skip
-    case["method"] = {"integrator": WU, "contact": contact}
-    return {**case, "time": {"steps": 200, "courant": courant}}
-
-
 # ------------------------------------------------------------------------------------------------ what is measured
 
 

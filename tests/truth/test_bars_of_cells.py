@@ -8,8 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
-import percuss
-from blocks import bar, block, impact
+from blocks import alone, bar, block, impact
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
 from solid_figures import STEPS
@@ -105,9 +104,7 @@ def test_critical_steps_are_those_of_an_independent_program(cells, plane, poisso
     element, assembled = STEPS[cells, plane][poisson]
     dim, count, within = (3, 7, 1e-3) if plane == "" else (2, 20, 6e-4 if plane == "axisymmetric" else 1e-3)
     body = block(0.0, 0.0, [count] * dim, poisson, cells, [1.0] * dim, **({"plane": plane} if plane else {}))
-    method = {"integrator": CD}
-    case = {"percuss": 1, "bodies": {"a": body}, "method": method, "time": {"courant": 0.5, "steps": 1}}
-    model = model_of(percuss.load(case))
+    model = model_of(alone(body, method={"integrator": CD}))
     speed, found = np.sqrt(model.bodies["a"].modulus), certificate(model)
     assert 2.0 / model.bodies.omega * speed * count == pytest.approx(element, abs=within)
     assert found["dt_critical_free"] * speed * count == pytest.approx(assembled, abs=within)

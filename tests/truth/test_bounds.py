@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import percuss
+from blocks import SEAM, block, loaded, plane_at
 from percuss.certificate.bounds import Bounds
 from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.criteria import RunCriterion
@@ -20,22 +20,15 @@ LAWS = [*Registry.load().names("contacts"), STIFF, {"name": "bipenalty", "beta_s
 
 def boxes(contact, integrator=WU, pairing=MORTAR, dim=2, courant=0.4, own=None):
     """Two boxes of unlike meshes, of which the left one slides along a wall."""
-    size, material = [1.0, 1.0, 0.8][:dim], {"young": 1.0, "density": 1.0, "poisson": 0.3}
+    size, rollers = [1.0, 1.0, 0.8][:dim], [{"on": "left", "along": "x"}]
     bodies = {
-        name: {"block": {"size": size, "elements": elements[:dim]}, "at": [at, 0.0, 0.0][:dim], "material": material}
-        for name, elements, at in (("left", [2, 3, 3], 0.0), ("right", [2, 2, 2], 1.0))
+        "left": block(0.0, 0.0, [2, 3, 3][:dim], 0.3, size=size, fixed=rollers),
+        "right": block(1.0, -0.1, [2] * dim, 0.3, size=size),
     }
-    bodies["left"]["fixed"] = [{"on": "left", "along": "x"}]
-    bodies["right"]["velocity"] = [-0.1, 0.0, 0.0][:dim]
-    return percuss.load({
-        "percuss": 1, "bodies": bodies,
-        "contacts": {"seam": {"between": ["left.right", "right.left"]}, "floor": {
-            "body": "left.bottom", "wall": {"point": [0.0] * dim, "normal": [0.0, 0.0, 1.0][-dim:]},
-            **({"method": own} if own else {}),
-        }},
-        "method": {"integrator": integrator, "contact": contact, "pairing": pairing},
-        "time": {"courant": courant, "steps": 3, "on_unstable": "warn"},
-    })  # fmt: skip
+    floor = {"body": "left.bottom", "wall": plane_at([0.0] * dim, [0.0, 0.0, 1.0][-dim:])}
+    contacts = {**SEAM, "floor": floor | ({"method": own} if own else {})}
+    method = {"integrator": integrator, "contact": contact, "pairing": pairing}
+    return loaded(bodies, contacts, method, {"courant": courant, "steps": 3, "on_unstable": "warn"})
 
 
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.deep)])

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import corners
 import percuss
+from blocks import plane_at
 from corners import GAP, ORDERS, SPEED, STEEL, falling
 from pages import shown
 from percuss.march.model_of_case import model_of
@@ -186,7 +187,7 @@ def test_a_corner_between_the_points_of_a_face_is_told(dim):
 def test_nodes_behind_a_wall_that_their_region_does_not_have_are_told():
     case = falling(30, CORNER_FIRST)
     del case["bodies"]["anvil"]
-    case["contacts"] = {"hit": {"body": "block.right", "wall": {"point": [0, 3.0], "normal": [0, 1]}}}
+    case["contacts"] = {"hit": {"body": "block.right", "wall": plane_at([0, 3.0], [0, 1])}}
     (note,) = notes_of(case)
     assert "of 'block' lies" in note
     assert "behind the wall of contact 'hit'" in note

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import percuss
+from blocks import block, loaded, plane_at
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
 from solid_figures import BETA_S, CENTRAL, ENERGIES, FREE_STEP, GAUSS, GROWS, MATCHED, NODES, WU
@@ -25,20 +26,11 @@ def cradle(integrator, law, pairing, beta_s, courant, turn=0.02, gap=0.02, veloc
     reach = 0.25 * (math.cos(turn) + math.sin(turn)) + gap
     elements = more.pop("elements", 5)
     contact = law if law["name"] == "lagrange" else {**law, "beta_s": beta_s / MODULUS}
-    case = percuss.load({
-        "percuss": 1,
-        "bodies": {"a": {
-            "block": {"size": [0.5, 0.5], "elements": [elements, elements]}, "at": [-0.25, -0.25],
-            "angle": math.degrees(turn), "velocity": list(velocity), "spin": spin,
-            "material": {"young": 1.0, "density": 1.0, "poisson": 0.3},
-        }},
-        "contacts": {
-            "right": {"body": "a.right", "wall": {"point": [reach, 0.0], "normal": [-1.0, 0.0]}},
-            "left": {"body": "a.left", "wall": {"point": [-reach, 0.0], "normal": [1.0, 0.0]}},
-        },
-        "method": {"integrator": integrator, "contact": contact, "pairing": pairing},
-        "time": {"courant": 1.0, "on_unstable": "warn", **(more or {"end": 40.0})},
-    })  # fmt: skip
+    body = block([-0.25, -0.25], velocity, [elements] * 2, 0.3, size=[0.5, 0.5], angle=math.degrees(turn), spin=spin)
+    walls = {side: {"body": f"a.{side}", "wall": plane_at([-way * reach, 0.0], [way, 0.0])}
+             for side, way in (("right", -1.0), ("left", 1.0))}  # fmt: skip
+    method = {"integrator": integrator, "contact": contact, "pairing": pairing}
+    case = loaded({"a": body}, walls, method, {"courant": 1.0, "on_unstable": "warn", **(more or {"end": 40.0})})
     bodies = model_of(case).bodies
     root = np.sqrt(bodies.mass_of_dofs)
     stiffness = bodies["a"].stiffness_matrix().toarray() / root[:, None] / root

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import percuss
+from blocks import alone, block, loaded, plane_at
 from hertz import WHOLE, hertz, over_hertz
 from percuss.march.model_of_case import model_of
 from percuss.mesh import element_probe
@@ -15,17 +16,24 @@ from percuss_methods.shapes.half_disk import HalfDisk
 from percuss_methods.shapes.ring import Ring
 
 
-def fall(speed, elements, time, cells="quad4", grading=1.0, **method):
-    method = {"integrator": "wu-predictor-corrector", "contact": "lagrange", "pairing": "node-to-segment", **method}
-    return percuss.load({
-        "percuss": 1,
-        "bodies": {"disk": {
-            "disk": {"radius": 1.0, "elements": elements, "cells": cells, "grading": grading}, "at": [0.0, 1.0],
-            "velocity": [0.0, -speed], "material": {"young": 1.0, "density": 1.0, "poisson": 0.3},
-        }},
-        "contacts": {"floor": {"body": "disk.skin", "wall": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}},
-        "method": method, "time": {"courant": 0.8, "end": time},
-    })  # fmt: skip
+def fall(shape, speed, time, poisson=0.3, **more):
+    """Return a disk, or half of one about the axis of a ball, of unit radius and modulus, that meets a floor."""
+    body = {
+        "at": [0.0, 1.0], "velocity": [0.0, -speed], "material": {"young": 1.0, "density": 1.0, "poisson": poisson},
+        **more,
+    }  # fmt: skip
+    method = {"integrator": "wu-predictor-corrector", "contact": "lagrange", "pairing": "node-to-segment"}
+    floor = {"floor": {"body": "body.skin", "wall": plane_at([0.0, 0.0], [0.0, 1.0])}}
+    return loaded({"body": shape | body}, floor, method, {"courant": 0.8, "end": time})
+
+
+def disk(speed, elements, time, cells="quad4", grading=1.0):
+    return fall({"disk": {"radius": 1.0, "elements": elements, "cells": cells, "grading": grading}}, speed, time)
+
+
+def ball(speed, elements, time, poisson=0.3, cells="quad4", grading=1.0):
+    half = {"half-disk": {"radius": 1.0, "elements": elements, "cells": cells, "grading": grading}}
+    return fall(half, speed, time, poisson, plane="axisymmetric", fixed=[{"on": "axis", "along": "x"}])
 
 
 FALLS = {
@@ -54,11 +62,11 @@ def test_a_disk_on_a_wall(speed, elements, grading, near, light):
     The mass of a graded disk is made that of the disk: its polygon has long sides on top.
     """
     time, force, depth, restitution = FALLS[speed]
-    case = fall(speed, elements, 1.2 * time, grading=grading)
+    case = disk(speed, elements, 1.2 * time, grading=grading)
     mass = float(model_of(case).bodies.mass.sum())
     assert 0.0 < 1.0 - mass / np.pi < light
     if grading > 1.0:
-        case, mass = case.with_overrides({"bodies.disk.material.density": np.pi / mass}), np.pi
+        case, mass = case.with_overrides({"bodies.body.material.density": np.pi / mass}), np.pi
     result = percuss.run(case)
     contact, pressing = result.summary["contacts"]["floor"], result.arrays["contact_force"][:, 0]
     steps = np.diff(result.arrays["time"], append=result.arrays["time"][-1])
@@ -100,12 +108,8 @@ def test_disks_have_no_slivers_and_the_area_of_their_polygon(elements, cells):
 
 @pytest.mark.parametrize("cells", ["quad4", "tri3"])
 def test_rings_look_inward_and_outward(cells):
-    case = percuss.load({
-        "percuss": 1, "time": {"courant": 0.5, "steps": 1},
-        "bodies": {"r": {"ring": {"inner": 1.0, "outer": 2.0, "elements": [24, 3], "cells": cells}, "at": [5.0, 1.0],
-                         "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}},
-    })  # fmt: skip
-    body = model_of(case).bodies["r"]
+    ring = {"ring": {"inner": 1.0, "outer": 2.0, "elements": [24, 3], "cells": cells}, "at": [5.0, 1.0]}
+    body = model_of(alone(ring | {"material": {"young": 1.0, "density": 1.0, "poisson": 0.3}})).bodies["a"]
     area = 24 * 0.5 * (4.0 - 1.0) * np.sin(np.pi / 12)
     assert body.mass.sum() == pytest.approx(area, rel=1e-12)
     for region, sign in (("inner", -1.0), ("outer", 1.0)):
@@ -116,37 +120,23 @@ def test_rings_look_inward_and_outward(cells):
 
 
 def test_a_wall_at_a_point_needs_a_normal_for_a_disk():
-    with pytest.raises(percuss.InputError, match=r"expected a wall with a normal, as disk\.skin looks to all sides"):
-        model_of(fall(1e-2, 8, 1.0).with_overrides({"contacts.floor.wall": [0.0, 0.0]}))
-    at = {"contacts.floor.wall": -1.5, "bodies.disk.velocity": [-0.01, 0.0]}
-    model = model_of(fall(1e-2, 8, 1.0).with_overrides(at))
+    with pytest.raises(percuss.InputError, match=r"expected a wall with a normal, as body\.skin looks to all sides"):
+        model_of(disk(1e-2, 8, 1.0).with_overrides({"contacts.floor.wall": [0.0, 0.0]}))
+    at = {"contacts.floor.wall": -1.5, "bodies.body.velocity": [-0.01, 0.0]}
+    model = model_of(disk(1e-2, 8, 1.0).with_overrides(at))
     assert model.contact_points.normal[0].tolist() == [-1.0, 0.0]
 
 
 @pytest.mark.parametrize("cells", ["quad4", "tri3"])
 def test_compiled_and_plain_kernels_give_cells_the_same_stiffness(cells, monkeypatch):
     """Few cells of unlike shape are asked in plain Python, many of them in compiled code."""
-    body = model_of(fall(1e-2, 8, 1.0, cells)).bodies["disk"]
+    body = model_of(disk(1e-2, 8, 1.0, cells)).bodies["body"]
     parts = body.spec.element, body.spec.material, body.view
     plain, plain_frequencies = stiffness_of_cells(*parts), frequencies_of_cells(*parts)
     monkeypatch.setattr(element_probe, "MANY", 1)
     monkeypatch.setattr(element_probe, "plain", None)
     assert np.abs(stiffness_of_cells(*parts) - plain).max() <= 1e-13 * np.abs(plain).max()
     assert frequencies_of_cells(*parts) == pytest.approx(plain_frequencies, rel=1e-13)
-
-
-def ball(speed, elements, time, poisson=0.3, cells="quad4", grading=1.0):
-    return percuss.load({
-        "percuss": 1,
-        "bodies": {"ball": {
-            "half-disk": {"radius": 1.0, "elements": elements, "cells": cells, "grading": grading}, "at": [0.0, 1.0],
-            "plane": "axisymmetric", "velocity": [0.0, -speed], "fixed": [{"on": "axis", "along": "x"}],
-            "material": {"young": 1.0, "density": 1.0, "poisson": poisson},
-        }},
-        "contacts": {"floor": {"body": "ball.skin", "wall": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}},
-        "method": {"integrator": "wu-predictor-corrector", "contact": "lagrange", "pairing": "node-to-segment"},
-        "time": {"courant": 0.8, "end": time},
-    })  # fmt: skip
 
 
 @pytest.mark.parametrize("cells", ["quad4", "tri3"])
@@ -188,7 +178,7 @@ def test_a_ball_on_a_wall_over_the_ball_of_hertz(speed, poisson, time, force, de
     mass = float(model_of(case).bodies.mass.sum())
     assert mass == pytest.approx(WHOLE, rel=4e-3 if grading > 1.0 else 1e-3)
     if grading > 1.0:
-        case, mass = case.with_overrides({"bodies.ball.material.density": WHOLE / mass}), WHOLE
+        case, mass = case.with_overrides({"bodies.body.material.density": WHOLE / mass}), WHOLE
     result = percuss.run(case)
     duration, middle, approach, _ = over_hertz(result, mass, speed, poisson)
     assert duration == pytest.approx(time, rel=3e-3 if grading > 1.0 else 5e-3)
@@ -207,14 +197,10 @@ def test_a_ball_of_triangles_is_near_that_of_quadrilaterals():
 def test_uniform_pressure_on_a_cylinder_is_hydrostatic():
     """Under pressure on all sides the static displacement is u = -p (1 - 2 nu) / E x: a trap of coupled hoop strain."""
     pressure, poisson = 0.01, 0.3
-    body = {
-        "block": {"size": [1.0, 1.0], "elements": [5, 5]}, "at": [0.0, 0.0], "plane": "axisymmetric",
-        "fixed": [{"on": "left", "along": "x"}], "material": {"young": 1.0, "density": 1.0, "poisson": poisson},
-    }  # fmt: skip
+    rollers = [{"on": "left", "along": "x"}]
+    body = block(0.0, 0.0, [5, 5], poisson, size=[1.0, 1.0], plane="axisymmetric", fixed=rollers)
     load = {"constant": pressure, "on": ["a.right", "a.top", "a.bottom"], "as": "pressure"}
-    model = model_of(percuss.load({
-        "percuss": 1, "bodies": {"a": body}, "loads": {"p": load}, "time": {"courant": 0.5, "steps": 1},
-    }))  # fmt: skip
+    model = model_of(alone(body, loads={"p": load}))
     force = np.zeros((model.bodies.n_nodes, 2))
     for one in model.loads.nodal_forces:
         force[one.node] += pressure * one.force
@@ -226,13 +212,10 @@ def test_uniform_pressure_on_a_cylinder_is_hydrostatic():
     assert np.abs((inner - force)[:, 1]).max() < 1e-12 * np.abs(force).max()
 
 
-def about_the_axis(cells="quad4", at=0.0, **case):
-    """Return a case of one cylinder, or of one ring, of 4 by 4 cells."""
-    body = {
-        "block": {"size": [1.0, 1.0], "elements": [4, 4], "cells": cells}, "at": [at, 0.0], "plane": "axisymmetric",
-        "material": {"young": 1.0, "density": 1.0, "poisson": 0.0}, "velocity": [0.0, -1.0],
-    }  # fmt: skip
-    return percuss.load({"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "end": 0.5}, **case})
+def about_the_axis(contacts=None, **more):
+    """Return a case of one cylinder of 4 by 4 cells."""
+    body = block(0.0, [0.0, -1.0], [4, 4], size=[1.0, 1.0], plane="axisymmetric")
+    return loaded({"a": body}, contacts, time={"courant": 0.5, "end": 0.5}, **more)
 
 
 def test_the_axis_of_revolution_moves_with_its_body_and_takes_a_force():
@@ -247,64 +230,13 @@ def test_the_axis_of_revolution_moves_with_its_body_and_takes_a_force():
 @pytest.mark.parametrize(
     ("keys", "said"),
     [
-        (
-            {"contacts": {"c": {"body": "a.left", "wall": {"point": [0, 0], "normal": [1, 0]}}}},
-            "a surface with an area",
-        ),
+        ({"contacts": {"c": {"body": "a.left", "wall": plane_at([0, 0], [1, 0])}}}, "a surface with an area"),
         ({"loads": {"p": {"constant": 1.0, "on": "a.left", "as": "pressure"}}}, "a region with an area"),
     ],
 )
 def test_the_axis_of_revolution_has_no_area_for_contact_or_pressure(keys, said):
     with pytest.raises(percuss.InputError, match=f"expected {said}, found '?a.left'? on the axis of revolution"):
         model_of(about_the_axis(**keys))
-
-
-MATERIAL = """
-import math
-from dataclasses import dataclass
-from typing import Annotated
-from percuss import Doc, Ge, Gt, SolidMaterial, Unit
-
-@dataclass(frozen=True)
-class Brittle(SolidMaterial):
-    \"\"\"A material without a stress beyond a strain. Formula: ``s = E e``.\"\"\"
-
-    name = "brittle"
-    summary = "no stress beyond a strain"
-    linear = True
-    young: Annotated[float, Gt(0), Unit("force/length^2"), Doc("modulus")]
-    density: Annotated[float, Gt(0), Unit("mass/length^3"), Doc("density")]
-    limit: Annotated[float, Ge(0), Unit("1"), Doc("the strain")]
-
-    @property
-    def rho(self):
-        return self.density
-
-    def solid_parameters(self, plane):
-        return self.young, self.limit
-
-    def wave_modulus(self, plane):
-        return self.young
-
-    @staticmethod
-    def stress_2d(parameters, gradient):
-        shear = 0.5 * parameters[0] * (gradient[1] + gradient[2])
-        along = parameters[0] * gradient[0] if abs(gradient[0]) <= parameters[1] else math.nan
-        return along, shear, shear, parameters[0] * gradient[3]
-"""
-
-
-def brittle(limit, folder, material=MATERIAL):
-    (folder / "brittle.py").write_text(material, encoding="utf-8")
-    body = {
-        "block": {"size": [1.0, 0.2], "elements": [10, 2]}, "at": [0.0, 0.0], "velocity": [0.5, 0.0],
-        "material": {"name": "brittle", "young": 1.0, "density": 1.0, "limit": limit},
-    }  # fmt: skip
-    return percuss.load(
-        {"percuss": 1, "bodies": {"a": body}, "contacts": {"w": {"body": "a.right", "wall": 1.05}},
-         "time": {"courant": 0.5, "end": 1.0}},
-        plugins=[folder / "brittle.py"],
-    )  # fmt: skip
 
 
 BRITTLE = '''
@@ -336,15 +268,9 @@ class Brittle(SolidMaterial):
 
 def test_a_material_without_a_number_in_a_run_is_named(tmp_path):
     (tmp_path / "brittle.py").write_text(BRITTLE, encoding="utf-8")
-    body = {
-        "block": {"size": [1.0, 0.2], "elements": [10, 2]}, "at": [0.0, 0.0], "velocity": [0.5, 0.0],
-        "material": "brittle",
-    }  # fmt: skip
-    case = percuss.load(
-        {"percuss": 1, "bodies": {"a": body}, "contacts": {"w": {"body": "a.right", "wall": 1.05}},
-         "time": {"courant": 0.5, "end": 1.0}},
-        plugins=[tmp_path / "brittle.py"],
-    )  # fmt: skip
+    body = block(0.0, 0.5, [10, 2]) | {"material": "brittle"}
+    time = {"courant": 0.5, "end": 1.0}
+    case = alone(body, 1.05, time=time, plugins=[tmp_path / "brittle.py"])
     with pytest.raises(percuss.RunError, match=r"material brittle: the stress is nan, .* at the strain") as stopped:
         percuss.run(case)
     assert re.search(r"likely cause: the kernel at .*brittle\.py:\d+ has no value there", str(stopped.value))

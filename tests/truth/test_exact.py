@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 import characteristics
 import percuss
 import places
+import strategies
 from percuss.contact.contact_problem import contact_problem
 from percuss.march.model_of_case import model_of
 from percuss.results import exact_only
@@ -303,82 +304,40 @@ class Row:
         out = ["wl"] if "wall" in self.left else []
         return [*out, *(f"c{k + 1}" for k in range(len(self.gaps))), *(["wr"] if "wall" in self.right else [])]
 
-    def mapping(self, axis=(1.0,), origin=0.0, turned=(), swap=False, reverse=False, units=(1.0, 1.0, 1.0)):
-        """Return the row as a case.
-
-        `turned` are bars that point against the axis; `swap` names the right side of a contact first; `reverse` lists
-        the bodies from right to left; `units` are by how much the numbers of length, time and mass grow.
-        """
-        length, time, mass = units
-        axis = np.array(axis)
-        point = (lambda x: (axis * (origin + x * length)).tolist()) if axis.size > 1 else None
-        bodies, contacts = {}, {}
-        x, ends = 0.0, []
+    def case(self):
+        """Return the row as a case, along x."""
+        bodies, contacts, loads, x, last = {}, {}, {}, 0.0, len(self.bars) - 1
         for k, bar in enumerate(self.bars):
             x += self.gaps[k - 1] if k else 0.0
-            ends.append((x, x + bar["length"]))
-            against = k in turned
-            at = x + bar["length"] if against else x
             bodies[f"b{k}"] = {
-                "bar": {
-                    "length": bar["length"] * length,
-                    "elements": 2,
-                    "direction": (-axis if against else axis).tolist(),
-                },
-                "at": (axis * (origin + at * length)).tolist(),
-                "material": {
-                    "young": bar["young"] * mass / length / time**2,
-                    "density": bar["density"] * mass / length**3,
-                },
-                "area": bar["area"] * length**2,
-                "velocity": (axis * bar["velocity"] * length / time).tolist(),
-            }
+                "bar": {"length": bar["length"], "elements": 2}, "at": x, "velocity": [bar["velocity"]],
+                "material": {"young": bar["young"], "density": bar["density"]}, "area": bar["area"],
+            }  # fmt: skip
+            if k:
+                contacts[f"c{k}"] = {"between": [f"b{k - 1}.right", f"b{k}.left"]}
             x += bar["length"]
-
-        def end(k, side):
-            against = k in turned
-            return f"b{k}.{side if not against else {'left': 'right', 'right': 'left'}[side]}"
-
-        for k in range(len(self.gaps)):
-            pair = [end(k, "right"), end(k + 1, "left")]
-            contacts[f"c{k + 1}"] = {"between": pair[::-1] if swap else pair}
-        last = len(self.bars) - 1
-        loads = {}
-
-        def load(name, entry, at, size):
-            kind, options = parts(entry)
-            loads[name] = {kind: scaled(options, size, time), "on": at, "direction": axis.tolist()} | {
-                key: value if key == "as" else value * time
-                for key, value in entry.items()
-                if key in {"from", "until", "as"}
-            }
-
-        force = mass * length / time**2
-        for name, k, side, what in (("l", 0, "left", self.left), ("r", last, "right", self.right)):
+        pushes = list(self.extra)
+        for k, side, what, place in ((0, "left", self.left, 0.0), (last, "right", self.right, x)):
+            end = f"b{k}.{side}"
             if "wall" in what:
-                place = ends[k][0] - what["wall"] if side == "left" else ends[k][1] + what["wall"]
-                wall = point(place) if point else float(axis[0] * (origin + place * length))
-                contacts[f"w{name}"] = {"body": end(k, side), "wall": wall}
+                wall = place + (what["wall"] if side == "right" else -what["wall"])
+                contacts[f"w{side[0]}"] = {"body": end, "wall": wall}
             if "fixed" in what:
-                bodies[f"b{k}"]["fixed"] = [*bodies[f"b{k}"].get("fixed", []), end(k, side).split(".")[1]]
-            for number_, entry in enumerate(what.get("loads", ())):
-                load(f"push-{name}{number_}", {**entry, "as": "force"}, end(k, side), force)
+                bodies[f"b{k}"].setdefault("fixed", []).append(side)
             if "drive" in what:
-                load(f"drive-{name}", {**what["drive"], "as": "velocity"}, end(k, side), length / time)
-        for number_, (k, side, entry) in enumerate(self.extra):
-            load(f"extra-{number_}", {**entry, "as": "force"}, end(k, side), force)
-        if self.gravity:
-            pull = axis * self.gravity * length / time**2
-            loads["gravity"] = {"gravity": pull.tolist() if axis.size > 1 else float(pull[0])}
+                loads[f"drive-{side}"] = {**what["drive"], "as": "velocity", "on": end}
+            pushes += [(k, side, one) for one in what.get("loads", ())]
+        for number_, (k, side, one) in enumerate(pushes):
+            loads[f"push{number_}"] = {**one, "as": "force", "on": f"b{k}.{side}"}
         for k, value in self.pulled.items():
-            load(f"pull{k}", {"constant": value, "as": "acceleration"}, f"b{k}", length / time**2)
-        if reverse:
-            bodies = dict(reversed(bodies.items()))
-            contacts = dict(reversed(contacts.items()))
-        stop = self.end * time
+            loads[f"pull{k}"] = {"constant": value, "as": "acceleration", "on": f"b{k}"}
+        for one in loads.values():
+            one["direction"] = [1.0]
+        if self.gravity:
+            loads["gravity"] = {"gravity": [self.gravity]}
         return {
             "percuss": 1, "bodies": bodies, "contacts": contacts, "loads": loads,
-            "time": {"end": stop, "step": stop / 8},
+            "time": {"end": self.end, "step": self.end / 8},
         }  # fmt: skip
 
     @property
@@ -399,16 +358,33 @@ class Row:
         return max(bar["area"] * math.sqrt(bar["young"] * bar["density"]) for bar in self.bars)
 
 
-def scaled(options, size, time):
-    """Return the options of a load in other units."""
-    if not isinstance(options, dict):
-        return options * size
-    out = {}
-    for key, value in options.items():
-        factor = {"value": size, "peak": size, "mean": size, "duration": time, "time": time, "frequency": 1 / time}
-        one = factor.get(key, 1.0)
-        out[key] = [v * one for v in value] if isinstance(value, list) else value * one
+def against(case, names):
+    """Return a case whose bars of some names point to the left."""
+    out, other = copy.deepcopy(case), {"left": "right", "right": "left"}
+
+    def end(address):
+        name, _, side = address.partition(".")
+        return f"{name}.{other[side]}" if name in names and side else address
+
+    for name in names & out["bodies"].keys():
+        body = out["bodies"][name]
+        body["at"] += body["bar"]["length"]
+        body["bar"]["direction"] = [-1.0]
+        body["fixed"] = [other[side] for side in body.get("fixed", ())]
+    for contact in out["contacts"].values():
+        (key, ends), *_ = contact.items()
+        contact[key] = end(ends) if key == "body" else [*map(end, ends)]
+    for load in out["loads"].values():
+        if "on" in load:
+            load["on"] = end(load["on"])
     return out
+
+
+def written(case, axis=(1.0,), turned=frozenset(), swap=False, reverse=False):
+    """Return a case written down in another manner: `turned` are bars that point against the axis."""
+    case = strategies.turned(against(case, {f"b{k}" for k in turned}), axis)
+    case = strategies.swapped(case) if swap else case
+    return strategies.reordered(case) if reverse else case
 
 
 def parts(entry):
@@ -498,7 +474,7 @@ def event_times(solution, k=None):
 
 
 def solved(row, **manner):
-    return solve(row.mapping(**manner), row.end)
+    return solve(written(row.case(), **manner), row.end)
 
 
 def impulse_size(row, solution):
@@ -809,27 +785,19 @@ def pairs(row):
     return out + ([(last, None, row.right["wall"])] if "wall" in row.right else [])
 
 
-def same(row, one, other, names, units=(1.0, 1.0, 1.0), within=1e-11):
-    """Compare impulses, gaps and displacements, which depend on the data without jumps, unlike the forces."""
-    length, time, mass = units
+@MORE
+@given(exact_rows(), st.tuples(*[st.sampled_from([1.0, 1e-3, 1e3, 0.3048, 1e-9, 1e6])] * 3))
+def test_nothing_depends_on_the_units(row, numbers):
+    """Impulses and gaps are compared, which depend on the data without jumps, unlike the forces."""
+    units = dict(zip(("length", "mass", "time"), numbers, strict=True))
+    time, length, impulse = (strategies.unit(kind, units) for kind in ("time", "length", "impulse"))
+    one, other = solved(row), solve(strategies.converted(row.case(), units), row.end * units["time"])
     t = np.linspace(0.0, row.end, 501)
     push, far = row.hardest * row.speed * row.end, max(row.speed * row.end, 1.0)
-    for name, called in zip(row.names, names, strict=True):
-        a, b = one.contacts[name], other.contacts[called]
-        assert np.abs(a.impulse(t) - b.impulse(t * time) * time / mass / length).max() <= within * push
-        assert np.abs(a.gap(t) - b.gap(t * time) / length).max() <= within * far
-
-
-@MORE
-@given(
-    exact_rows(),
-    st.tuples(*[st.sampled_from([1.0, 1e-3, 1e3, 0.3048, 1e-9, 1e6])] * 3),
-)
-def test_nothing_depends_on_the_units(row, units):
-    one = solved(row)
-    other = solve(row.mapping(units=units), row.end * units[1])
-    same(row, one, other, row.names, units)
-    for a, b in zip(one.contacts.values(), other.contacts.values(), strict=True):
+    for name, a in one.contacts.items():
+        b = other.contacts[name]
+        assert np.abs(a.impulse(t) - b.impulse(t * time) / impulse).max() <= 1e-11 * push
+        assert np.abs(a.gap(t) - b.gap(t * time) / length).max() <= 1e-11 * far
         assert len(a.closed) == len(b.closed)
 
 
@@ -1059,7 +1027,8 @@ def test_a_row_that_falls_freely_does_not_press(fine):
         tuple({"length": one[0], "young": one[1], "density": one[2], "area": 0.5, "velocity": 0.0} for one in bars),
         (0.0,) * 3, {}, {}, (), 0.01, {}, 1.0,
     )  # fmt: skip
-    solution = solve(falling.mapping(units=(1.0, fine, 1.0)), fine)
+    units = {"length": 1.0, "mass": 1.0, "time": fine}
+    solution = solve(strategies.converted(falling.case(), units), fine)
     assert [contact.closed for contact in solution.contacts.values()] == [()] * 3
 
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 import percuss
+from blocks import alone, block
 from percuss import BodyMesh
 from percuss.mesh.cell_stiffness import stiffness_of_cells
 from percuss.mesh.element_probe import ElementProbe
@@ -83,12 +84,8 @@ def bent(name, along, across, poisson=0.0):
     load, moved = np.zeros((count, dim)), np.zeros(count * dim)
     load[tip, -1] = 1e-3 / tip.sum()
     moved[free] = spsolve(stiffness[free][:, free].tocsc(), load.ravel()[free])
-    expected = (
-        1e-3
-        * length**3
-        * (1.0 - poisson**2 if flat else 1.0)
-        / (3.0 * YOUNG * (1.0 if flat else 0.5) * height**3 / 12.0)
-    )
+    modulus, width = (YOUNG / (1.0 - poisson**2), 1.0) if flat else (YOUNG, 0.5)
+    expected = 1e-3 * length**3 / (3.0 * modulus * width * height**3 / 12.0)
     return moved.reshape(count, dim)[tip, -1].mean() / expected
 
 
@@ -112,16 +109,10 @@ def test_an_almost_incompressible_beam_bends_with_one_point_and_locks_with_the_f
 def pushed(elements, **record):
     """Return the run of a block that is held on its left, and pushed across on its right."""
     dim = len(elements)
-    body = {
-        "block": {"size": [1.0, 0.2, 0.2][:dim], "elements": elements}, "at": [0.0] * dim, "fixed": ["left"],
-        "element": ("quad4-one-point", "hex8-one-point")[dim - 2],
-        "material": {"young": YOUNG, "density": 1.0, "poisson": POISSON},
-    }  # fmt: skip
+    element = ("quad4-one-point", "hex8-one-point")[dim - 2]
+    body = block(0.0, 0.0, elements, POISSON, size=[1.0, 0.2, 0.2][:dim], fixed=["left"], element=element)
     load = {"ramp": {"value": 1e-4, "duration": 1.0}, "on": "a.right", "as": "force", "direction": [0, 1, 0][:dim]}
-    return percuss.run(percuss.load({
-        "percuss": 1, "bodies": {"a": body}, "loads": {"push": load}, "record": record,
-        "time": {"steps": 200, "courant": 0.8},
-    }))  # fmt: skip
+    return percuss.run(alone(body, loads={"push": load}, record=record, time={"steps": 200, "courant": 0.8}))
 
 
 @pytest.mark.parametrize("elements", [[6, 2], pytest.param([5, 2, 2], marks=pytest.mark.deep)])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import percuss
+from blocks import bar, block, loaded
 from percuss.contact.contact_problem import contact_problem
 from percuss.march.model_of_case import model_of
 from percuss.results.exact_only import run_exact
@@ -12,56 +13,39 @@ MODULUS = 0.7 / (1.3 * 0.4)  # of longitudinal waves, Young's modulus 1 and Pois
 ROLLERS = [{"on": "bottom", "along": "y"}, {"on": "top", "along": "y"}]
 
 
-def block(at, speed, elements=(10, 2), size=(1.0, 0.2), poisson=0.0, **more):
-    return {
-        "block": {"size": list(size), "elements": list(elements), **more.pop("cells", {})}, "at": list(at),
-        "velocity": list(speed), "material": {"young": 1.0, "density": 1.0, "poisson": poisson}, **more,
-    }  # fmt: skip
+def strip(at, speed, elements=(10, 2), **more):
+    return block(at, speed, elements, **more)
 
 
-def bar(at, speed, length=1.0, young=1.0, area=0.2, **more):
-    return {
-        "bar": {"length": length, "elements": 20}, "at": at, "velocity": speed, "area": area,
-        "material": {"young": young, "density": 1.0}, **more,
-    }  # fmt: skip
-
-
-def case(bodies, contacts=None, loads=None, end=3.0, plugins=()):
-    return percuss.load({
-        "percuss": 1, "bodies": bodies, "contacts": contacts or {}, "loads": loads or {},
-        "time": {"courant": 0.5, "end": end},
-    }, plugins=plugins)  # fmt: skip
+def case(bodies, contacts=None, loads=None, plugins=()):
+    return loaded(bodies, contacts, time={"courant": 0.5, "end": 3.0}, loads=loads or {}, plugins=plugins)
 
 
 SEAM = {"seam": {"between": ["left.right", "right.left"]}}
 UP = {"seam": {"between": ["left.top", "right.bottom"]}}
 EQUAL = {
     "two strips of unlike meshes": (
-        {"left": block((0, 0), (0.5, 0)), "right": block((1, 0), (-0.5, 0), (10, 3))},
-        {"left": bar(0, 0.5), "right": bar(1, -0.5)},
+        {"left": strip(0, 0.5), "right": strip(1, -0.5, (10, 3))}, {"left": bar(0, 0.5), "right": bar(1, -0.5)},
         SEAM, {},
     ),
     "with a gap, unlike in stiffness and length, one held": (
-        {"left": block((0, 0), (0.5, 0)), "right": block((1.1, 0), (0, 0), size=(2, 0.2), fixed=["right"],
-                                                        cells={"cells": "tri3"})},
-        {"left": bar(0, 0.5), "right": bar(1.1, 0, 2.0, fixed=["right"])},
+        {"left": strip(0, 0.5), "right": strip(1.1, 0, size=(2, 0.2), fixed=["right"], cells="tri3")},
+        {"left": bar(0, 0.5), "right": bar(1.1, 0, length=2.0, fixed=["right"])},
         SEAM, {},
     ),
     "between rollers": (
-        {"left": block((0, 0), (0.5, 0), poisson=0.3, fixed=ROLLERS),
-         "right": block((1, 0), (-0.5, 0), poisson=0.3, fixed=[*ROLLERS, {"on": "right", "along": "x"}])},
+        {"left": strip(0, 0.5, poisson=0.3, fixed=ROLLERS),
+         "right": strip(1, -0.5, poisson=0.3, fixed=[*ROLLERS, {"on": "right", "along": "x"}])},
         {"left": bar(0, 0.5, young=MODULUS), "right": bar(1, -0.5, young=MODULUS, fixed=["right"])},
         SEAM, {},
     ),
     "at a wall, under pressure and gravity": (
-        {"left": block((0, 0), (0.5, 0), thickness=2.0)},
-        {"left": bar(0, 0.5, area=0.4)},
+        {"left": strip(0, 0.5, thickness=2.0)}, {"left": bar(0, 0.5, area=0.4)},
         {"w": {"body": "left.right", "wall": 1.05}},
         {"p": {"constant": 0.3, "on": "left.left", "as": "pressure"}, "g": {"gravity": [0.1, 0.0]}},
     ),
     "driven": (
-        {"left": block((0, 0), (0, 0)), "right": block((1, 0), (0, 0))},
-        {"left": bar(0, 0.0), "right": bar(1, 0.0)},
+        {"left": strip(0, 0), "right": strip(1, 0)}, {"left": bar(0, 0.0), "right": bar(1, 0.0)},
         SEAM, {"d": {"prescribed-velocity": 0.2, "on": "left.left", "direction": [1, 0]}},
     ),
 }  # fmt: skip
@@ -85,8 +69,9 @@ def test_the_exact_solution_of_a_row_of_prisms_is_that_of_its_bars(name):
 
 
 def test_a_strip_along_any_axis_is_a_bar():
-    up = {"left": block((0, 0), (0, 0.5), (2, 10), (0.2, 1)), "right": block((0, 1), (0, -0.5), (2, 10), (0.2, 1))}
-    across = {"left": block((0, 0), (0.5, 0)), "right": block((1, 0), (-0.5, 0))}
+    tall = {"elements": (2, 10), "size": (0.2, 1)}
+    up = {"left": strip(0, (0, 0.5), **tall), "right": strip((0, 1), (0, -0.5), **tall)}
+    across = {"left": strip(0, 0.5), "right": strip(1, -0.5)}
     results = [percuss.run(case(up, UP)), percuss.run(case(across, SEAM))]
     errors = [result.summary["exact"]["contacts"]["seam"]["force_error_l2"] for result in results]
     assert errors[0] == pytest.approx(errors[1], rel=1e-9)
@@ -95,14 +80,16 @@ def test_a_strip_along_any_axis_is_a_bar():
 @pytest.mark.parametrize("grading", [1.0, 3.0])
 def test_true_errors_of_quadrilaterals_are_those_of_bars(grading):
     """Of a strip and of bars with as many elements, force and displacement are equal, and so are their errors."""
-    law = {"method": {"contact": "regularised-lagrange"}, "time": {"step": 0.01, "end": 1.5}, "contacts": SEAM}
-    strips = {"left": block((0, 0), (0.5, 0), (20, 4)), "right": block((1, 0), (-0.5, 0), (20, 4))}
+    strips = {"left": strip(0, 0.5, (20, 4)), "right": strip(1, -0.5, (20, 4))}
     bars = {"left": bar(0, 0.5), "right": bar(1, -0.5)}
     for side, given in (("left", grading), ("right", 1.0 / grading)):
         strips[side]["block"]["grading"] = [given, 2.0]
         bars[side]["bar"]["grading"] = given
     found, expected = (
-        percuss.run(percuss.load({"percuss": 1, "bodies": bodies, **law})).summary["exact"] for bodies in (strips, bars)
+        percuss.run(loaded(bodies, SEAM, {"contact": "regularised-lagrange"}, {"step": 0.01, "end": 1.5})).summary[
+            "exact"
+        ]
+        for bodies in (strips, bars)
     )
     assert found["displacement_error"] == pytest.approx(expected["displacement_error"], rel=1e-9)
     of_contact, of_bars = (summary["contacts"]["seam"] for summary in (found, expected))
@@ -110,8 +97,8 @@ def test_true_errors_of_quadrilaterals_are_those_of_bars(grading):
         assert of_contact[name] == pytest.approx(of_bars[name], rel=1e-9), name
 
 
-def with_left(**changes):
-    return {"left": block((0, 0), (0.5, 0), **changes), "right": block((1, 0), (-0.5, 0))}
+def with_left(speed=0.5, **changes):
+    return {"left": strip(0, speed, **changes), "right": strip(1, -0.5)}
 
 
 NONE = {
@@ -123,13 +110,10 @@ NONE = {
         with_left(fixed=["bottom"]), SEAM, {}, "'left.bottom', which is held along the axis, is no face across",
     ),
     "faces of unlike size": (
-        {"left": block((0, 0), (0.5, 0)), "right": block((1, 0), (0, 0), size=(1, 0.3))}, SEAM, {},
+        {"left": strip(0, 0.5), "right": strip(1, 0, size=(1, 0.3))}, SEAM, {},
         "the faces of contact 'seam' do not cover each other",
     ),
-    "a velocity across": (
-        {"left": block((0, 0), (0.5, 0.1)), "right": block((1, 0), (0, 0))}, SEAM, {},
-        "body 'left' moves across the axis",
-    ),
+    "a velocity across": (with_left((0.5, 0.1)), SEAM, {}, "body 'left' moves across the axis"),
     "gravity across": (with_left(), SEAM, {"g": {"gravity": [0, -1]}}, "load 'g' acts across the axis"),
     "pressure on a side": (
         with_left(), SEAM, {"p": {"constant": 1, "on": "left.top", "as": "pressure"}},
@@ -139,9 +123,9 @@ NONE = {
         with_left(), {**SEAM, "w": {"body": "left.bottom", "wall": [0.0, -0.1]}}, {},
         "the case has a contact along more than one line",
     ),
-    "nothing moves": ({"left": block((0, 0), (0, 0))}, {}, {}, "nothing moves"),
+    "nothing moves": ({"left": strip(0, 0)}, {}, {}, "nothing moves"),
     "a support oblique to the axis": (
-        {"left": block((0, 0), (0.3, 0.4), angle=float(np.degrees(np.arctan2(0.4, 0.3))),
+        {"left": strip(0, (0.3, 0.4), angle=float(np.degrees(np.arctan2(0.4, 0.3))),
                        fixed=[{"on": "left", "along": "x"}])}, {}, {},
         "'left.left' is held in a direction oblique to the axis",
     ),
@@ -212,11 +196,9 @@ class Part(Shape):
 """
 
 
-def part(at, speed, size=(1.0, 0.2), elements=(4, 2), box=(), poisson=0.0, **more):
-    return {
-        "part": {"size": list(size), "elements": list(elements), "box": list(box)}, "at": list(at),
-        "velocity": list(speed), "material": {"young": 1.0, "density": 1.0, "poisson": poisson}, **more,
-    }  # fmt: skip
+def part(at, speed, size=(1.0, 0.2), elements=(4, 2), box=(), **more):
+    made = block(at, speed, elements, size=size, **more)
+    return {"part": {**made.pop("block"), "box": list(box)}, **made}
 
 
 WALL = {"w": {"body": "a.left", "wall": {"point": [0, 0], "normal": [1, 0]}}}
@@ -321,9 +303,8 @@ def test_the_modulus_of_a_prism_is_that_along_its_axis(axis, across, modulus, tm
         | {"material": material}
         for name, at, way in (("left", (0.0, 0.0), 1e-3), ("right", axis, -1e-3))
     }
-    found = percuss.load({
-        "percuss": 1, "bodies": bodies, "contacts": UP if upright else SEAM, "time": {"courant": 0.5, "end": 0.8},
-    }, plugins=[tmp_path / "sheet.py"])  # fmt: skip
+    time = {"courant": 0.5, "end": 0.8}
+    found = loaded(bodies, UP if upright else SEAM, time=time, plugins=[tmp_path / "sheet.py"])
     problem = contact_problem(model_of(found))
     if modulus is None:
         assert "shears" in problem

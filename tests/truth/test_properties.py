@@ -14,7 +14,6 @@ from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
 import percuss
-from percuss.case.options import options_of
 from percuss.certificate import verdict
 from percuss.march.model_of_case import model_of
 from strategies import (
@@ -25,12 +24,17 @@ from strategies import (
     PAIRS,
     REGISTRY,
     apart,
+    converted,
     each_integrator,
     examined,
     number,
     pair_id,
+    reordered,
     round_off,
     rows,
+    swapped,
+    turned,
+    unit,
     with_pair,
 )
 
@@ -172,23 +176,6 @@ def test_nothing_changes_under_translation(case, pair, shift):
     same(case, finished(case), finished(moved))
 
 
-def turned(case, direction):
-    """Return the case along a direction in two or three dimensions."""
-    unit = np.array(direction) / np.linalg.norm(direction)
-    out = copy.deepcopy(case)
-    for one in out["bodies"].values():
-        one["bar"]["direction"] = list(direction)
-        one["at"] = list(one["at"] * unit)
-    for one in out["contacts"].values():
-        if "wall" in one:
-            one["wall"] = list(one["wall"] * unit)
-    for one in out["loads"].values():
-        if "gravity" in one:
-            value = one["gravity"]["value"]
-            one["gravity"] = {"value": list((value if isinstance(value, float | int) else value[0]) * unit)}
-    return out
-
-
 @given(
     case=rows(),
     pair=SOME_PAIR,
@@ -202,73 +189,18 @@ def test_nothing_changes_under_rotation_or_in_a_mirror(case, pair, direction):
 @given(case=rows(), pair=SOME_PAIR)
 def test_nothing_changes_with_the_order_of_bodies_sides_and_contacts(case, pair):
     case = with_pair(case, pair)
-    out = copy.deepcopy(case)
-    out["bodies"] = dict(reversed(out["bodies"].items()))
-    out["contacts"] = dict(reversed(out["contacts"].items()))
-    for one in out["contacts"].values():
-        if "between" in one:
-            one["between"].reverse()
-    base, other = finished(case), finished(out)
+    base, other = finished(case), finished(reordered(swapped(case)))
     for name in ("contact_force", "gap", "contact_force_end"):
         if name in other.arrays:
             other.arrays[name] = other.arrays[name][:, ::-1]
     same(case, base, other)
 
 
-# powers of two would change nothing at all
-UNITS = {"length": 1000.0, "mass": 1e-3, "time": 1e6}
-POWERS = {  # of length, mass, time
-    "force": (1, 1, -2), "acceleration": (1, 0, -2), "velocity": (1, 0, -1), "energy": (2, 1, -2), "length": (1, 0, 0),
-    "stiffness": (0, 1, -2), "mass": (0, 1, 0), "time": (0, 0, 1), "area": (2, 0, 0), "young": (-1, 1, -2),
-    "density": (-3, 1, 0), "frequency": (0, 0, -1),
-}  # fmt: skip
-OF_OPTION = {"time": "time", "1/time": "frequency", "length/time": "velocity", "length/time^2": "acceleration"}
-
-
-def unit(kind):
-    return math.prod(f**p for f, p in zip(UNITS.values(), POWERS[kind], strict=True))
-
-
-def converted(case):
-    """Return the case in other units of length, mass and time."""
-    out = copy.deepcopy(case)
-    for one in out["bodies"].values():
-        one["bar"]["length"] *= unit("length")
-        one["at"] *= unit("length")
-        one["area"] *= unit("area")
-        one["velocity"] *= unit("velocity")
-        one["material"] = {k: v * unit(k) for k, v in one["material"].items()}
-    for one in out["contacts"].values():
-        if "wall" in one:
-            one["wall"] *= unit("length")
-    contact = out["method"]["contact"]
-    for key, kind in (("epsilon_s", "stiffness"), ("epsilon_m", "mass")):
-        if key in contact:
-            contact[key] *= unit(kind)
-    for one in out["loads"].values():
-        for key in ("from", "until"):
-            if key in one:
-                one[key] *= unit("time")
-        name = next(iter(one))
-        factors = {
-            key: {"amplitude": unit(one.get("as") or "velocity"), "1": 1.0, "radian": 1.0}.get(option.unit)
-            or unit(OF_OPTION[option.unit])
-            for key, option in options_of(REGISTRY.get("loads", name)).items()
-            if key in one[name]
-        }
-        one[name] = {
-            key: tuple(v * factors[key] for v in value) if isinstance(value, tuple) else value * factors[key]
-            for key, value in one[name].items()
-        }
-    return out
-
-
 @given(case=rows(), pair=SOME_PAIR)
 def test_nothing_changes_with_the_units(case, pair):
     assume(set(pair[1]) <= {"name", "beta_s", "beta_m", "ratio", "epsilon_s", "epsilon_m"})
     case = with_pair(case, pair)
-    energy, force = unit("energy"), unit("force")
-    factors = dict.fromkeys(INVARIANT, energy) | {"contact_force": force, "gap": unit("length")}
+    factors = dict.fromkeys(INVARIANT, unit("energy")) | {"contact_force": unit("force"), "gap": unit("length")}
     same(case, finished(case), finished(converted(case)), factors)
 
 

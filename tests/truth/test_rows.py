@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import percuss
+from blocks import SEAM, block, loaded, plane_at
 from percuss.march.model_of_case import model_of
 
 BAR = {"material": {"young": 100.0, "density": 0.01}, "area": 1.0}
-BLOCK = {"material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
 ROW = {
     "bodies": {
         "a": {**BAR, "bar": {"length": 2.0, "elements": 4, "direction": [3, 4]}},
@@ -21,19 +21,17 @@ ROW = {
 }  # fmt: skip
 
 
-def seam(cells, other, pairing, dim):
+def seam(cells, other, pairing, dim, more=None):
     """Two blocks of unlike meshes, of which the second is held at its outer face and rolls along its bottom."""
-    size = [1.0] * dim
-    bodies = {
-        "a": {**BLOCK, "block": {"size": size, "elements": [2] + [cells] * (dim - 1)}},
-        "b": {**BLOCK, "block": {"size": size, "elements": [2] + [other] * (dim - 1)}, "at": [1.0] + [0.0] * (dim - 1)},
-    }
-    bodies["b"]["fixed"] = ["right", {"on": "bottom", "along": "y"}]
-    return {
-        "bodies": bodies,
-        "contacts": {"seam": {"between": ["a.right", "b.left"]}},
-        "method": {"contact": {"name": "regularised-lagrange", "beta_s": 1.0}, "pairing": pairing},
-    }
+    (left, right), held = (
+        (
+            block(at, 0.0, [2] + [count] * (dim - 1), 0.3, size=[1.0] * dim)
+            for at, count in ((0.0, cells), (1.0, other))
+        ),
+        ["right", {"on": "bottom", "along": "y"}],
+    )
+    method = {"contact": {"name": "regularised-lagrange", "beta_s": 1.0}, "pairing": pairing}
+    return model_of(loaded({"left": left, "right": right | {"fixed": held}}, SEAM | (more or {}), method))
 
 
 def dense(model, midpoint):
@@ -64,8 +62,7 @@ def test_rows_of_bars_are_those_of_dense_matrices(mass, midpoint):
 
 @pytest.mark.parametrize(("pairing", "dim"), [("gauss-points", 2), ("mortar", 2), ("node-to-segment", 3)])
 def test_rows_of_surfaces_are_those_of_dense_matrices_in_any_order(pairing, dim):
-    case = {"percuss": 1, **seam(3, 2, pairing, dim), "time": {"end": 1.0, "courant": 0.5}}
-    model = model_of(percuss.load(case))
+    model = seam(3, 2, pairing, dim)
     rows, expected = model.rows_at(0.1), dense(model, 0.1)
     assert rows.matrix().toarray() == pytest.approx(expected, rel=1e-12, abs=1e-12)
     order = np.random.default_rng(1).permutation(len(model.contact_points))
@@ -76,9 +73,8 @@ def test_rows_of_surfaces_are_those_of_dense_matrices_in_any_order(pairing, dim)
 
 def test_points_that_meet_a_node_crosswise_stand_in_the_rows_of_one_another():
     """Their entry of S is 0, and yet they share a node."""
-    case = seam(2, 2, "node-to-segment", 2)
-    case["contacts"]["floor"] = {"body": "a.bottom", "wall": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}
-    model = model_of(percuss.load({"percuss": 1, **case, "time": {"end": 1.0, "courant": 0.5}}))
+    floor = {"body": "left.bottom", "wall": plane_at([0.0, 0.0], [0.0, 1.0])}
+    model = seam(2, 2, "node-to-segment", 2, {"floor": floor})
     matrix, contact = model.rows_at(0.1).matrix().tocoo(), model.contact_points.contact
     across = contact[matrix.row] != contact[matrix.col]
     assert across.sum() == 2

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import percuss
-from blocks import alone, bar, block, impact
+from blocks import SEAM, alone, bar, block, impact, loaded, plane_at
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from percuss.results.ledger import angular_momentum_summary, open_accounts
@@ -85,20 +85,15 @@ def cross(place, force):
 def test_angular_momentum_is_balanced_by_the_moments_of_impulses(integrator):
     """A turned block meets another one that stands, and both have loads: of each impulse the moment is counted."""
     bodies = {
-        "left": {**block(0.0, 0.5, [10, 4], 0.3, "tri3"), "spin": 0.02},
-        "right": {**block(1.0, 0.0, [10, 6], 0.3), "at": [1.0, 0.05], "fixed": [{"on": "bottom", "along": "y"}]},
+        "left": block(0.0, 0.5, [10, 4], 0.3, "tri3", spin=0.02),
+        "right": block([1.0, 0.05], 0.0, [10, 6], 0.3, fixed=[{"on": "bottom", "along": "y"}]),
     }
     loads = {
         "push": {"constant": 0.02, "on": "left.top", "as": "pressure"}, "weight": {"gravity": [0.03, -0.1]},
     }  # fmt: skip
-    case = percuss.load({
-        "percuss": 1, "bodies": bodies, "loads": loads, "time": {"courant": 0.5, "end": 1.5},
-        "contacts": {
-            "seam": {"between": ["left.right", "right.left"]},
-            "wall": {"body": "right.right", "wall": {"point": [2.01, 0.0], "normal": [-1.0, 0.0]}},
-        },
-        "method": {"integrator": integrator, "contact": {"name": "penalty", "beta_s": 0.25}},
-    })  # fmt: skip
+    contacts = {**SEAM, "wall": {"body": "right.right", "wall": plane_at([2.01, 0.0], [-1.0, 0.0])}}
+    method = {"integrator": integrator, "contact": {"name": "penalty", "beta_s": 0.25}}
+    case = loaded(bodies, contacts, method, {"courant": 0.5, "end": 1.5}, loads=loads)
     model, march = model_of(case), March(model_of(case))
     outcome = march.run()
     nodes, mass = model.bodies.nodes - mean_place(model.bodies.nodes, model.bodies.mass), model.bodies.mass[:, None]
@@ -140,12 +135,9 @@ def test_a_body_of_small_strains_that_turns_is_warned_of(end, warned):
 def test_cells_that_are_turned_inside_out_are_told(shape):
     """The first of them at the first snapshot that shows any, or at the end."""
     dim = len(shape.get("size", [1, 1]))
-    body = {"block": {"size": [1, 1], "elements": [2, 1], **shape}, "at": [0] * dim,
-            "material": {"young": 1, "density": 1, "poisson": 0}, "velocity": [-6, 0, 0][:dim]}  # fmt: skip
-    case = percuss.load({
-        "percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "end": 6},
-        "contacts": {"w": {"body": "a.left", "wall": {"point": [0] * dim, "normal": [1, 0, 0][:dim]}}},
-    })  # fmt: skip
+    body = block(0, -6, **{"elements": [2, 1], "size": [1, 1], **shape})
+    wall = plane_at([0] * dim, [1, 0, 0][:dim])
+    case = alone(body, wall, "left", time={"courant": 0.5, "end": 6})
     said = "body 'a' has cells turned inside out, "
     slow = percuss.run(case, {"bodies.a.velocity": [-0.1, 0, 0][:dim]}).summary["notes"]
     assert not any(said in note for note in slow)
@@ -217,12 +209,10 @@ def test_a_run_warns_of_long_cells_of_slender_bodies(body, warned):
 
 def test_methods_that_a_case_leaves_out_are_those_of_solids():
     pair = {"left": block(0.0, 0.5, [20, 4]), "right": block(1.0, -0.5, [20, 6])}
-    data = {"bodies": pair, "contacts": {"tip": {"between": ["left.right", "right.left"]}}}
-    case = percuss.load({"percuss": 1, **data, "time": {"courant": 0.5, "end": 2.5}})
+    case = loaded(pair, SEAM)
     assert (case.method.contact.name, case.method.pairing.name) == ("lagrange", "mortar")
     assert case.contacts["tip"].pairing.name == "mortar"
-    given = {"contact": "lagrange", "pairing": "node-to-segment"}
-    case = percuss.load({"percuss": 1, **data, "method": given, "time": {"courant": 0.5, "end": 2.5}})
+    case = loaded(pair, SEAM, {"contact": "lagrange", "pairing": "node-to-segment"})
     assert (case.contacts["tip"].law.name, case.contacts["tip"].pairing.name) == ("lagrange", "node-to-segment")
 
 
@@ -280,7 +270,7 @@ REFUSED = {
         {"record.probes": [{"body": "left", "at": [0.5, 0.3]}]}, "expected a point of body 'left', found [0.5, 0.3]",
     ),
     "a wall on the other side": (
-        {"contacts.w": {"body": "left.left", "wall": {"point": [-0.1, 0], "normal": [-1, 0]}}},
+        {"contacts.w": {"body": "left.left", "wall": plane_at([-0.1, 0], [-1, 0])}},
         "contacts.w: expected bodies apart or touching, found an overlap of 0.1",
     ),
     "a load that follows": (
@@ -301,17 +291,14 @@ REFUSED = {
 def test_a_wall_that_is_oblique_to_a_bar_is_refused():
     line = {**bar(0.0, 0.5), "at": [0.0, 0.0]}
     with pytest.raises(percuss.InputError, match="expected a wall across the bar, found one of the normal"):
-        model_of(alone(line, {"point": [1.1, 0.0], "normal": [1, 1]}))
+        model_of(alone(line, plane_at([1.1, 0.0], [1, 1])))
 
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_is_not_built_is_refused_with_its_reason(name):
     changes, said = REFUSED[name]
-    case = percuss.load({
-        "percuss": 1, "bodies": {"left": block(0.0, 0.5, [4, 2]), "right": block(1.0, -0.5, [4, 2])},
-        "contacts": {"tip": {"between": ["left.right", "right.left"]}}, "time": {"courant": 0.5, "steps": 1},
-        "method": {"contact": {"name": "regularised-lagrange"}, "pairing": "node-to-segment"},
-    })  # fmt: skip
+    bodies = {"left": block(0.0, 0.5, [4, 2]), "right": block(1.0, -0.5, [4, 2])}
+    case = loaded(bodies, SEAM, {"contact": "regularised-lagrange", "pairing": "node-to-segment"})
     with pytest.raises(percuss.InputError) as refusal:
         model_of(case.with_overrides(changes))
     assert said in str(refusal.value)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import percuss
-from blocks import bar, block, impact
+from blocks import alone, bar, block, impact, loaded, plane_at
 from hertz import WHOLE, over_hertz
 from percuss.march.model_of_case import model_of
 
@@ -101,8 +101,7 @@ def test_a_body_turns_about_its_axis(cells):
     """Spin about an oblique axis: kinetic energy and momentum of a body that turns about its centre of mass."""
     spin, size = np.array([0.02, -0.01, 0.03]), np.array([1.0, 0.4, 0.6])
     body = block(0.0, 0.0, [10, 4, 6], 0.3, cells, size.tolist(), spin=spin.tolist())
-    case = {"percuss": 1, "bodies": {"a": body}, "time": {"courant": 0.5, "steps": 1}}
-    a = model_of(percuss.load(case)).bodies["a"]
+    a = model_of(alone(body)).bodies["a"]
     velocity, arm = a.nodal_velocity, a.mesh.nodes - a.mass @ a.mesh.nodes / a.mass.sum()
     assert velocity == pytest.approx(np.cross(spin, arm), abs=1e-15)
     assert np.abs(a.mass @ velocity).max() < 1e-15
@@ -112,9 +111,10 @@ def test_a_body_turns_about_its_axis(cells):
 # ---------------------------------------------------------------------------------------------- balls
 
 
-def ball(elements, at, speed, cells="hex8", **more):
-    return {"ball": {"radius": 1.0, "elements": elements, "cells": cells}, "at": at, "velocity": [0.0, 0.0, speed],
-            "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}, **more}  # fmt: skip
+def ball(elements, cells, **more):
+    """Return a ball of unit radius."""
+    material = {"young": 1.0, "density": 1.0, "poisson": 0.3}
+    return {"ball": {"radius": 1.0, "elements": elements, "cells": cells, **more}, "material": material}
 
 
 @pytest.mark.parametrize("cells", ["hex8", "tet4"])
@@ -122,12 +122,7 @@ def test_balls_have_the_volume_of_their_polyhedron_and_no_slivers(cells):
     """The volume tends to that of the ball with the second order, and cells stay alike."""
     volumes = []
     for elements in (8, 16):
-        case = {
-            "percuss": 1,
-            "bodies": {"a": ball(elements, [0, 0, 0], 0.0, cells)},
-            "time": {"courant": 0.5, "steps": 1},
-        }
-        a = model_of(percuss.load(case)).bodies["a"]
+        a = model_of(alone({**ball(elements, cells), "at": [0, 0, 0]})).bodies["a"]
         volumes.append(a.volumes_of_cells.sum())
         assert a.volumes.min() > 0.1 * a.volumes.max()
         assert a.mass.sum() == pytest.approx(volumes[-1], rel=1e-12)
@@ -139,15 +134,10 @@ def test_balls_have_the_volume_of_their_polyhedron_and_no_slivers(cells):
 @pytest.mark.parametrize(("cells", "elements"), [("hex8", 24), ("tet4", 48)])
 def test_a_ball_on_a_wall_is_within_the_tolerances_of_two_programs(cells, elements):
     """Duration, force at the middle, approach and restitution, as those of the body of revolution (test_disk)."""
-    body = {"ball": {"radius": 1.0, "elements": elements, "grading": 16.0, "cells": cells},
-            "at": [0, 0, 1], "velocity": [0, 0, -0.01],
-            "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}  # fmt: skip
-    case = percuss.load({
-        "percuss": 1, "bodies": {"ball": body},
-        "contacts": {"floor": {"body": "ball.skin", "wall": {"point": [0, 0, 0], "normal": [0, 0, 1]}}},
-        "method": {"integrator": "wu-predictor-corrector", "contact": "lagrange", "pairing": "node-to-segment"},
-        "time": {"courant": 0.8, "end": 12.0}, "record": {"probes": []},
-    })  # fmt: skip
+    body = {**ball(elements, cells, grading=16.0), "at": [0, 0, 1], "velocity": [0, 0, -0.01]}
+    floor = {"floor": {"body": "ball.skin", "wall": plane_at([0, 0, 0], [0, 0, 1])}}
+    method = {"integrator": WU, "contact": "lagrange", "pairing": "node-to-segment"}
+    case = loaded({"ball": body}, floor, method, {"courant": 0.8, "end": 12.0}, record={"probes": []})
     mass = float(model_of(case).bodies.mass.sum())
     result = percuss.run(case.with_overrides({"bodies.ball.material.density": WHOLE / mass}))
     duration, middle, approach, restitution = over_hertz(result, WHOLE, 0.01, 0.3)

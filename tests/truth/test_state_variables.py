@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import percuss
+from blocks import SEAM, block, loaded
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
@@ -120,19 +121,10 @@ COHESIVE = {"name": "cohesive", "strength": 0.04, "length": 0.2}
 
 @pytest.mark.parametrize(("law", "dim"), [("walton-braun", 2), ("walton-braun", 3), (COHESIVE, 2)], ids=str)
 def test_the_state_of_surfaces_is_that_of_their_points_saved_read_and_drawn(law, dim, tmp_path):
-    size, cells, zero = [1.0, 0.5, 0.5][:dim], [2, 2, 1][:dim], [0.0] * (dim - 1)
-    bodies = {
-        name: {
-            "block": {"size": size, "elements": cells}, "at": [at, *zero], "velocity": [-speed, *zero],
-            "material": {"young": 1.0, "density": 1.0, "poisson": 0.0},
-        }
-        for name, at, speed in (("a", 0.0, -0.1), ("b", 1.0, 0.1))
-    }  # fmt: skip
-    result = percuss.run(percuss.load({
-        "percuss": 1, "bodies": bodies, "contacts": {"ab": {"between": ["a.right", "b.left"]}},
-        "method": {"integrator": "central-difference", "contact": law, "pairing": "mortar"},
-        "time": {"steps": 4, "courant": 0.4}, "record": {"fields": 2},
-    }))  # fmt: skip
+    shape = {"elements": [2, 2, 1][:dim], "size": [1.0, 0.5, 0.5][:dim]}
+    bodies = {"left": block(0.0, 0.1, **shape), "right": block(1.0, -0.1, **shape)}
+    method = {"integrator": "central-difference", "contact": law, "pairing": "mortar"}
+    result = percuss.run(loaded(bodies, SEAM, method, {"steps": 4, "courant": 0.4}, record={"fields": 2}))
     result.save(tmp_path / "a.nc")
     opened = percuss.open_result(tmp_path / "a.nc")
     state = opened.histories["contact_state"]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, eigh
 
-import percuss
+from blocks import SEAM, block, loaded
 from percuss.certificate.black_box import examine
 from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.closed_step import ClosedStep, Motions
@@ -26,20 +26,16 @@ def blocks(pairing, across, along=20, width=0.2, length=1.0, poisson=0.0, cells=
     """Return a model of two blocks side by side with so many cells across, of one block at a wall where that is one."""
     method = {"integrator": WU, "contact": {"name": "penalty", "beta_s": 1.0}, **method}
     bodies = {
-        name: {
-            "block": {"size": [length, width], "elements": [along, count], "cells": cells}, "at": [at, 0.0],
-            "material": {"young": 1.0, "density": 1.0, "poisson": poisson},
-        }
+        name: block(at, 0.0, [along, count], poisson, cells, [length, width])
         for name, at, count in zip(("left", "right"), (0.0, length), across, strict=False)
-    }  # fmt: skip
+    }
     bodies["left"]["fixed"] = method.pop("fixed", [])
-    pair = {"between": ["left.right", "right.left"]} if len(across) == 2 else {"body": "left.right", "wall": length}
+    contacts = SEAM if len(across) == 2 else {"seam": {"body": "left.right", "wall": length}}
     step = method.pop("step", None)
     time = {"courant": 0.5} if step is None else {"step": step}
-    return model_of(percuss.load({
-        "percuss": 1, "bodies": bodies, "contacts": {"seam": pair}, "method": {**method, "pairing": pairing},
-        "time": {**time, "steps": 1, "on_unstable": "warn"},
-    }))  # fmt: skip
+    return model_of(
+        loaded(bodies, contacts, {**method, "pairing": pairing}, {**time, "steps": 1, "on_unstable": "warn"})
+    )
 
 
 def rows(model):

@@ -9,6 +9,7 @@ import math
 import pytest
 
 import percuss
+from blocks import SEAM, block, loaded
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
 
@@ -23,19 +24,13 @@ WU, CENTRAL = "wu-predictor-corrector", "central-difference"
 def tilted(integrator, law, pairing, beta_s):
     """Return a case with nine tenths of the step that is critical for the bodies, not for their stiffest cell."""
     turned = 0.5 * math.cos(TILT) + 0.25 * math.sin(TILT)  # from the middle of a block to its right corner
-    body = {"material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
-    return percuss.load({
-        "percuss": 1,
-        "bodies": {
-            "left": {"block": {"size": [1, 0.5], "elements": [10, 5]}, "at": [0, 0], "velocity": [0.01, 0],
-                     "angle": math.degrees(TILT), **body},
-            "right": {"block": {"size": [1, 0.5], "elements": [10, 7]}, "at": [0.5 + turned, 0],
-                      "velocity": [-0.01, 0], **body},
-        },
-        "contacts": {"seam": {"between": ["left.right", "right.left"]}},
-        "method": {"integrator": integrator, "contact": {**law, "beta_s": beta_s / MODULUS}, "pairing": pairing},
-        "time": {"step": 0.9 * FREE_STEP, "end": 6.0, "on_unstable": "warn"},
-    })  # fmt: skip
+    size = [1, 0.5]
+    bodies = {
+        "left": block(0, 0.01, [10, 5], 0.3, size=size, angle=math.degrees(TILT)),
+        "right": block(0.5 + turned, -0.01, [10, 7], 0.3, size=size),
+    }
+    method = {"integrator": integrator, "contact": {**law, "beta_s": beta_s / MODULUS}, "pairing": pairing}
+    return loaded(bodies, SEAM, method, {"step": 0.9 * FREE_STEP, "end": 6.0, "on_unstable": "warn"})
 
 
 @pytest.mark.parametrize("beta_s", [0.25, 1.0, 10.0, 1000.0])

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-import percuss
+from blocks import alone, block
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from percuss.step.actions import BULK, Action
@@ -41,16 +41,10 @@ def turn(data, n, u, v, a):
     ("integrator", "law"), [("central-difference", "penalty"), ("wu-predictor-corrector", "lagrange")]
 )
 def test_rows_that_turn_and_move_in_every_step_leave_the_ledger_closed(integrator, law, compiled):
-    shape = {"block": {"size": [0.6, 0.3], "elements": [6, 3]}}
-    material = {"young": 1.0, "density": 1.0, "poisson": 0.0}
-    case = {
-        "percuss": 1,
-        "bodies": {"block": {**shape, "at": [0.0, 0.0], "velocity": [-0.2, 0.0], "material": material}},
-        "contacts": {"wall": {"body": "block.left", "wall": 0.0}},
-        "method": {"integrator": integrator, "contact": {"name": law, **LAWS[law]}, "pairing": "node-to-segment"},
-        "time": {"step": 0.02, "steps": 80, "on_unstable": "warn"},
-    }
-    march = March(model_of(percuss.load(case)), compiled=compiled)
+    body = block(0.0, -0.2, [6, 3], size=[0.6, 0.3])
+    method = {"integrator": integrator, "contact": {"name": law, **LAWS[law]}, "pairing": "node-to-segment"}
+    case = alone(body, 0.0, "left", method=method, time={"step": 0.02, "steps": 80, "on_unstable": "warn"})
+    march = March(model_of(case), compiled=compiled)
     step = march.arrays.step
     mass = step.boundary["mass"][step.points.entries["place"]]
     turning = Action(BULK, turn, Turning(step.points.row, step.points.entries, mass, 0.2), order=-1)

@@ -112,14 +112,6 @@ def test_numbers_of_a_contact_are_those_of_the_closed_formulas(integrator, law):
         assert found.data["certificate"]["theta"] == pytest.approx(dt**2 * row["stiffness"] * s, rel=1e-9)
 
 
-def test_why_no_exact_solution_judges_it():
-    case = hunek(20)
-    case["loads"] = {"push": {"constant": 1.0, "on": "short", "from": 0.1, "as": "force"}}
-    found = told(case)
-    assert found.data["exact"] == {"name": "", "why": "bars-in-a-row: the load 'push' on a whole body changes in time"}
-    assert found.data["exact"]["why"] in found.text
-
-
 def test_the_element_that_sets_the_step_is_named():
     case = hunek(20)
     case["bodies"]["long"]["bar"] = {"length": 20.0, "elements": 30, "grading": 0.5}

@@ -10,7 +10,7 @@ import pytest
 from fake_studies import BAR
 from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
-from percuss.case.quantities import TRUE_ERRORS, percent
+from percuss.case.quantities import percent
 from percuss.errors import InputError, PercussError, RunError
 from percuss.march.model_of_case import model_of
 from percuss.mesh.cells import cells_of
@@ -269,21 +269,6 @@ def test_each_contact_has_its_panel_in_a_comparison():
     assert [axes.get_ylabel() for axes in figure.axes] == ["force at c1", "force at c2", "force at c3"]
     for k, axes in enumerate(figure.axes):
         assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, k])
-
-
-def test_a_convergence_figure_shows_errors_in_per_cent_and_orders():
-    fit = {"integrator": "a", "contact": "b", "method.contact.k": 2, "refine": [1, 2, 4]}
-    for name in TRUE_ERRORS:
-        fit |= {name: [0.08, 0.02, 0.005], f"{name}_order": 2.04}
-    fit |= {TRUE_ERRORS[1]: [None, None, 0.0], f"{TRUE_ERRORS[1]}_order": None}
-    figure = comparison_figure.convergence_figure([fit], "Title " * 40)
-    first, second, *_ = figure.axes
-    assert holds(first, [1, 2, 4], [0.08, 0.02, 0.005])
-    assert [text.get_text() for text in first.get_legend().get_texts()] == ["2.04"]
-    assert "1 %" in [label.get_text() for label in first.get_yticklabels()]
-    assert "No run has this error." in words(second)
-    assert "a + b k=2" in words(figure)
-    assert all(text.get_window_extent().x1 < figure.bbox.x1 for text in figure.texts)
 
 
 def test_without_matplotlib_a_picture_says_what_to_install(good, tmp_path, monkeypatch):

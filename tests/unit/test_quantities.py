@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import percuss
+import places
 from percuss.case.quantities import (
     CONTACT_NUMBERS,
     QUANTITIES,
@@ -21,32 +22,29 @@ from percuss.studies.columns import metric
 from percuss.testing.draws import unit_factor
 from strategies import hunek
 
-SPRING = {"name": "walton-braun", "beta_s": 0.5}  # it has state variables
+
+def result_of(case, changes):
+    return percuss.run(percuss.load(case, changes), compiled=False)
 
 
 @pytest.fixture(scope="module")
 def result():
-    case = hunek(10, end=0.3) | {"record": {"fields": 3}}
-    # The tip has the force at the end of the step, the wall a law with state variables.
-    case["method"] = case["method"] | {"contact": {"name": "penalty", "beta_s": 0.5}}
-    case["contacts"]["wall"] = {"body": "short.left", "wall": -1.0, "method": SPRING}
-    return percuss.run(percuss.load(case), compiled=False)
+    """The tip has the force at the end of the step, the wall a law with state variables."""
+    wall = {"body": "short.left", "wall": -1.0, "method": {"name": "walton-braun", "beta_s": 0.5}}
+    law = {"name": "penalty", "beta_s": 0.5}
+    return result_of(hunek(10, end=0.3, contact=law), {"record.fields": 3, "contacts.wall": wall})
 
 
 @pytest.fixture(scope="module")
 def of_plastic_body():
-    case = hunek(10, end=0.3)
-    case["bodies"]["long"]["material"] |= {"name": "bilinear-plastic", "yield_stress": 0.02}
-    return percuss.run(percuss.load(case), compiled=False)
+    plastic = {"bodies.long.material.name": "bilinear-plastic", "bodies.long.material.yield_stress": 0.02}
+    return result_of(hunek(10, end=0.3), plastic)
 
 
 @pytest.fixture(scope="module")
 def of_blocks():
-    block = {"block": {"size": [1, 0.2], "elements": [5, 2]}, "material": {"young": 1, "density": 1, "poisson": 0.3}}
-    bodies = {"a": {**block, "velocity": [0.1, 0]}, "b": {**block, "at": [1, 0], "element": "quad4-one-point"}}
-    case = {"percuss": 1, "bodies": bodies, "contacts": {"tip": {"between": ["a.right", "b.left"]}}}
-    case |= {"time": {"courant": 0.5, "end": 0.3}, "record": {"fields": 3}, "reference": {"refine": 2}}
-    return percuss.run(percuss.load(case), compiled=False)
+    changes = {"refine": 0.05, "record.fields": 3, "reference": {"refine": 2}, "bodies.long.element": "quad4-one-point"}
+    return result_of(places.CASES / "strip-impact.yaml", {**changes, "bodies.long.material.poisson": 0.3})
 
 
 # No result of bars with an exact solution has them.
@@ -123,12 +121,8 @@ def test_named_units_stand_in_results_figures_and_tables(tmp_path, capsys):
     named = percuss.run(percuss.load(hunek(4, end=0.1) | {"units": {"length": "mm", "force": "kN"}}), compiled=False)
     named.save(tmp_path / "a.nc")
     again = percuss.open_result(tmp_path / "a.nc")
-    assert again.units == {"length": "mm", "force": "kN"}
-    assert {name: again.histories[name].attrs["units"] for name in ("contact_force", "gap", "velocity")} == {
-        "contact_force": "kN",
-        "gap": "mm",
-        "velocity": "length/time",
-    }
+    units = {name: again.histories[name].attrs["units"] for name in ("contact_force", "gap", "velocity")}
+    assert units == {"contact_force": "kN", "gap": "mm", "velocity": "length/time"}
     show(result_lines(again))
     assert "peak force [kN]" in capsys.readouterr().out
     pytest.importorskip("matplotlib")

@@ -3,7 +3,6 @@
 import io
 import re
 
-import numpy as np
 import pytest
 from rich.console import Console
 
@@ -15,15 +14,6 @@ from percuss.studies.perform import Run
 
 LONG = "integrator-with-a-name-that-someone-liked"
 NUMBER = re.compile(r"-?\d[\d.]*(?:e[+-]?\d+)?")
-
-
-class Waves:
-    reason = ""
-    kept = np.array([0.9, 1.0, 0.5])
-
-    def rows(self):
-        keys = ("frequency", "reflection", "transmission", "formula", "energy_kept")
-        return [dict.fromkeys(keys, 0.123456 + k) for k in range(40)]
 
 
 class Study:
@@ -73,7 +63,6 @@ def stability(_):
 TABLES = {
     "compare": comparison,
     "stability": stability,
-    "waves": lambda _: terminal.waves_lines("A case", Waves()),
     "study of one case": lambda _: study_lines(Study(["hunek"])),
     "study of cases": lambda _: study_lines(Study(["hunek", "a-case-with-a-long-name"])),
 }
@@ -131,26 +120,8 @@ def test_many_critical_courant_numbers_are_summed_up(told):
     assert short.splitlines()[-1].startswith("black-box: C critical from 0.005 (at ")
 
 
-def test_waves_end_in_words(told):
-    assert told("waves", 0).splitlines()[-1] == "Of the energy of a wave, 50 % to 100 % leaves the contact again."
-
-
-def test_progress_is_told_without_a_terminal(capsys, monkeypatch):
-    now = [0.0]
-    monkeypatch.setattr("percuss.cli.common.time.monotonic", lambda: now[0])
-    with progress_bar("runs") as progress:
-        for done in range(1, 100):
-            now[0] = 4.0 * done
-            progress(done, 100)
-    said = capsys.readouterr()
-    lines = said.err.splitlines()
-    assert said.out == ""
-    assert now[0] / 60 < len(lines) < now[0] / 20
-    assert lines[0] == "3 of 100 runs after 12 s, about 6 min to go"
-
-
-def test_the_time_to_go_does_not_count_what_came_before_the_first_piece_of_work(capsys, monkeypatch):
-    """Here two minutes of compiling, then 1000 runs that were stored before, then 1 s each."""
+def test_progress_is_told_without_a_terminal_and_does_not_count_what_came_before(capsys, monkeypatch):
+    """Here two minutes of compiling, then 1000 runs that were stored before, then 1 s each; a line each half minute."""
     now = [0.0]
     monkeypatch.setattr("percuss.cli.common.time.monotonic", lambda: now[0])
     with progress_bar("runs") as progress:
@@ -159,4 +130,5 @@ def test_the_time_to_go_does_not_count_what_came_before_the_first_piece_of_work(
             now[0] = 120.0 + done - 1000
             progress(done, 1400)
     said = capsys.readouterr().err.splitlines()
+    assert len(said) == 7
     assert said[:2] == ["1000 of 1400 runs after 2 min", "1030 of 1400 runs after 2 min, about 6 min to go"]

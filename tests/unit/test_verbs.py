@@ -52,13 +52,8 @@ def test_a_case_is_verified_with_its_own_run_or_with_a_result(case):
     ("call", "words"),
     [
         (lambda: percuss.check("case.yaml"), "percuss.check: expected a case, found 'case.yaml' of type str"),
-        (lambda: percuss.plugins(3), "percuss.plugins: expected the name of a method, found 3 of type int"),
         (lambda: percuss.schema(files="law.py"), "percuss.schema: expected a list of files"),
         (lambda: percuss.report(3), "3: expected the file of a study, found nothing that can be read"),
-        (
-            lambda: percuss.verify(load(places.CASES / "hunek.yaml"), 3),
-            "percuss.verify: expected a result, found 3 of type int",
-        ),
         (lambda: percuss.report("x", "a.pdf"), "a.pdf: expected a page ending in .html or .htm, found .pdf"),
     ],
 )
@@ -72,10 +67,8 @@ def test_a_result_draws_itself_and_a_notebook_shows_the_figure(case, tmp_path):
     result = run(case, compiled=False)
     assert run_exact(case)._repr_png_().startswith(b"\x89PNG")
     assert result.plot(tmp_path / "figure.svg").axes[0].lines
-    assert "<svg" in (tmp_path / "figure.svg").read_text()
-    for wrong in (tmp_path / "figure.txt", 3):
-        with pytest.raises(percuss.InputError, match="expected a picture"):
-            result.plot(wrong)
+    with pytest.raises(percuss.InputError, match="expected a picture"):
+        result.plot(3)
 
 
 def test_a_comparison_has_a_table(case):

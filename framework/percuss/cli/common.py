@@ -16,7 +16,6 @@ import typer
 
 from percuss.errors import InputError, PercussError, Problem, UnwrittenError, printable, refuse_if_any, shortened
 from percuss.files import expect_writable
-from percuss.listeners import heard_by
 from percuss.methods.blame import described, plugin_faults
 from percuss.reporting.tables import duration, show
 
@@ -44,9 +43,7 @@ Vary = Annotated[
 ]
 Workers = Annotated[int | None, option("--workers N", "Number of processes; by default one a core.")]
 Longest = Annotated[float | None, option("--longest SECONDS", "End a run of a worker after this time.")]
-Reference = Annotated[
-    str, option("--reference refine=N", "Estimate errors by a finer run where no exact solution is known.")
-]
+Reference = Annotated[str, option("--reference refine=N", "Where no exact solution is known, judge by a finer run.")]
 AsJson = Annotated[bool, option("--json", "Print one JSON object; the rest goes to standard error.")]
 
 
@@ -216,27 +213,12 @@ def _bar(unit: str, total: int) -> Progress:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    bar = Progress(
-        MofNCompleteColumn(),
-        TextColumn(unit),
-        BarColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        speed_estimate_period=PACE,
-        transient=True,
-        disable=not sys.stderr.isatty(),
-        get_time=time.monotonic,
-    )
+    columns = MofNCompleteColumn(), TextColumn(unit), BarColumn(), TimeRemainingColumn()
+    look: Entries = {"console": Console(stderr=True), "transient": True, "disable": not sys.stderr.isatty()}
+    bar = Progress(*columns, speed_estimate_period=PACE, get_time=time.monotonic, **look)
     bar.start()
     bar.add_task("", total=total)
     return bar
-
-
-@contextmanager
-def exact_solution_shown() -> Iterator[None]:
-    """Show the progress of an exact solution that lasts."""
-    with progress_bar("percent of the exact solution") as show, heard_by(lambda share: show(int(100 * share), 100)):
-        yield
 
 
 def tell(text: str) -> None:
@@ -274,16 +256,9 @@ def load_case(
 ) -> Case:
     """Return the case in a file, with the values of ``--set`` and ``--reference`` in place of its own."""
     from percuss.case.case import load
-    from percuss.case.overrides import as_given_by
 
     given = _assignments(sets or [], "--set", "PATH=VALUE", "Write it as time.end=0.5.")
-    named = reference_of(reference)
-    try:
-        return (read or load)(path, given | named, plugins=files or [])
-    except InputError as error:
-        if not named:
-            raise
-        raise as_given_by({key: f"--reference {key.partition('.')[2]}=" for key in named}, error) from None
+    return (read or load)(path, given | reference_of(reference), plugins=files or [])
 
 
 def load_to_write(

@@ -19,15 +19,14 @@ def compare(
     plugin: common.Plugins = None,
     tied: Annotated[bool, option("--tied", "Also tie the interfaces while the exact contact is closed.")] = False,
     reference: common.Reference = "",
-    plot: Annotated[Path | None, option("--plot FILE", "Draw forces; of several `refine` errors over it.")] = None,
+    plot: Annotated[Path | None, option("--plot FILE", "Draw the contact forces.")] = None,
     as_json: common.AsJson = False,
 ) -> None:
     """Run pairs of methods on one case, side by side."""
     with common.reporting(as_json) as answer:
-        from percuss.reporting.comparison_figure import comparison_figure, convergence_figure
+        from percuss.reporting.comparison_figure import comparison_figure
         from percuss.reporting.terminal import comparison_lines, order_lines
         from percuss.reporting.verdict import comparison_verdict
-        from percuss.results.true_error import judge_words
         from percuss.studies import comparison
         from percuss.studies.parameters import varied
 
@@ -42,12 +41,7 @@ def compare(
         for note in rows.notes:
             common.tell(f"note: {note}")
         orders = comparison.orders(rows)
-        judges = (judge_words(row.result.summary) for row in rows if row.result is not None)
-        judge = next(filter(None, judges), "the exact solution")
-        if orders:
-            answer.draw(plot, convergence_figure, orders, loaded.title, judge)
-        else:
-            answer.draw(plot, comparison_figure, [vars(row) | {"label": row.label} for row in rows])
+        answer.draw(plot, comparison_figure, [vars(row) | {"label": row.label} for row in rows])
         data = {"title": loaded.title, "rows": [row.as_dict() for row in rows], "orders": orders}
         answer.show(data, chain(comparison_lines(loaded.title, rows), order_lines(orders)))
         answer.conclude(comparison_verdict(loaded.title, rows))

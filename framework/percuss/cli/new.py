@@ -12,13 +12,7 @@ from percuss.cli.common import AsJson, option, reporting
 
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the method, as it is written in a case.")],
-    kind: Annotated[
-        str,
-        option(
-            "--kind KIND",
-            "integrator, contact, pairing, load, shape, (solid-)element, (solid-)material, mass, solution or measure.",
-        ),
-    ],
+    kind: Annotated[str, option("--kind KIND", "Kind of the method, as contact, material or solid-material.")],
     out: Annotated[Path, option("-o --out FOLDER", "Folder to write into.")] = Path(),
     as_json: AsJson = False,
 ) -> None:

@@ -12,6 +12,7 @@ from percuss.cli import common
 from percuss.cli.common import option
 from percuss.errors import InputError, Problem, RunError
 from percuss.files import expect_writable
+from percuss.listeners import heard_by
 from percuss.process import INTERRUPTED
 
 if TYPE_CHECKING:
@@ -100,7 +101,8 @@ def _outcome(case: Case, *, exact_only: bool, nudge: bool, resume: bool) -> tupl
     """Return the result of a case or its exact solution, and the error that stopped the run, if one did."""
     from percuss.results.runner import run as run_case
 
-    with common.progress_bar() as progress, common.exact_solution_shown():
+    of_exact = common.progress_bar("percent of the exact solution")
+    with common.progress_bar() as progress, of_exact as show, heard_by(lambda share: show(int(100 * share), 100)):
         try:
             if not exact_only:
                 return run_case(case, nudge=nudge, progress=progress, resume=resume), None

@@ -23,10 +23,7 @@ if TYPE_CHECKING:
 
 
 def verify(
-    files: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="CASE|RESULT|STUDY", help="Cases to compare with what they expect; .nc, .sqlite."),
-    ] = None,
+    files: Annotated[list[Path] | None, typer.Argument(metavar="CASE|RESULT|STUDY", help="What to verify.")] = None,
     plugin: Annotated[list[Path] | None, option("--plugin FILE", "Add a plug-in; without a case, verify it.")] = None,
     row: Annotated[str, option("--row KEY", "Make one row of a study again; without it all that are done.")] = "",
     method: Annotated[list[str] | None, option("--method NAME", "Method to verify. Repeatable.")] = None,

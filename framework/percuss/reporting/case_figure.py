@@ -74,7 +74,9 @@ def case_figure(model: Model) -> Figure:
             figures.set_labels(axes, units, xlabel=("x", "length"), ylabel=("y", "length"))
         else:
             axes.set_axis_off()
-        figures.legend_below(figure, {label: Line2D([], [], **style) for label, (_, _, style) in drawn.items()})
+        entries = {label: Line2D([], [], **style) for label, (_, _, style) in drawn.items()}
+        if entries:
+            figures.add_legend(figure, entries, loc="outside lower center")
         _write_names(axes, model, size)
     return figure
 

@@ -1,4 +1,4 @@
-"""Figures of several runs of one case: their contact forces, overlaid, and their errors over refinement."""
+"""Figure of several runs of one case: their contact forces, overlaid."""
 
 from __future__ import annotations
 
@@ -7,20 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.case.quantities import QUANTITIES, TRUE_ERRORS
 from percuss.jsonable import Data, Entries
 from percuss.reporting import figures
 from percuss.reporting.figures import COLOURS, DASHES, MOST_PANELS, OVERLAY, one_line
 from percuss.reporting.run_figure import contacts_left_out, draw_references
-from percuss.studies.perform import label_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from percuss.results.result import Result
-
-MARKS = "os^DPv"
 
 
 def comparison_figure(rows: Sequence[Data]) -> Figure:
@@ -75,42 +71,3 @@ def _overlay_runs(axes: Axes, runs: Sequence[tuple[str, Result]], name: str) -> 
     figures.set_labels(axes, runs[0][1].units, ylabel=(f"force at {name}", "force"))
     judged = [result for _, result in runs if result.exact_histories or result.finer_histories]
     return entries | draw_references(axes, (judged or [runs[0][1]])[0], [name])
-
-
-def convergence_figure(fitted: list[Entries], title: str, judge: str = "the exact solution") -> Figure:
-    """Return a figure of errors over mesh refinement on logarithmic axes, with a panel per error and a line per fit."""
-    subject = f"errors against {judge}; the order is the slope of a line through all points"
-    with figures.new_figure(12.8, 9.0, title, [subject]) as figure:
-        refinements = sorted({refine for fit in fitted for refine in fit["refine"]})
-        panels = figure.subplots(2, 2, sharex=True)
-        for axes, name in zip(panels.flat, TRUE_ERRORS, strict=True):
-            _error_panel(axes, fitted, name)
-            axes.set_xscale("log")
-            axes.set_xticks(refinements, [figures.number(refine) for refine in refinements])
-            axes.set_xticks([], minor=True)
-        for axes in panels[-1]:
-            axes.set_xlabel("refine: elements over those of the case")
-        labels = [
-            label_of(fit["integrator"], fit["contact"], {path: value for path, value in fit.items() if "." in path})
-            for fit in fitted
-        ]
-        figures.legend_below(figure, dict(zip(labels, panels[0, 0].lines, strict=False)))
-    return figure
-
-
-def _error_panel(axes: Axes, fitted: Sequence[Data], name: str) -> None:
-    """Draw one error of all fits, with the observed orders."""
-    axes.set_ylabel(QUANTITIES[name].label)
-    drawn: list[float] = []
-    for k, fit in enumerate(fitted):
-        refine, error = np.array(fit["refine"], dtype=float), np.array(fit[name], dtype=float)
-        order, dash = fit[f"{name}_order"], DASHES[k // len(COLOURS) % len(DASHES)]
-        style: Entries = {"color": COLOURS[k % len(COLOURS)], "linestyle": dash, "marker": MARKS[k % len(MARKS)]}
-        label = "–" if order is None else f"{order:.2f}"
-        axes.plot(refine[error > 0.0], error[error > 0.0], markersize=4, label=label, **style)
-        drawn += [*error[error > 0.0]]
-    if not drawn:
-        figures.write_reason(axes, "No run has this error.")
-        return
-    figures.percent_axis(axes, min(drawn), max(drawn))
-    axes.legend(title="order", title_fontsize=9, fontsize=9, loc="best", ncols=1 + (len(fitted) - 1) // 8)

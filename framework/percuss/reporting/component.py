@@ -210,11 +210,7 @@ def registry_text(registry: Registry) -> str:
             facts = [f"{source.distribution} {source.version}" if source.distribution else source.file]
             facts += [f"contract {contract}"] if (contract := component.contract_version) else []
             origin = "" if source.distribution == "percuss" else f" (from {', '.join(facts)})"
-            head = f"  {name}"
-            if len(head) > NAMES - 2:
-                lines.append(head)
-                head = ""
-            lines += _folded(head.ljust(NAMES) + component.summary + origin, " " * NAMES)
+            lines += _folded(f"  {name}  ".ljust(NAMES) + component.summary + origin, " " * NAMES)
         lines.append("")
     for broken in registry.broken:
         lines += _folded(f"not usable: {broken.source}{f' ({broken.file})' if broken.file else ''}: {broken.error}")

@@ -168,31 +168,22 @@ def write_reason(axes: Axes, text: str) -> None:
 
 def legend(axes: Axes, entries: Entries, *, room: int = 82, up: float = 1.0) -> None:
     """Put a legend above a panel, where it hides no data, in as many columns as `room` letters allow."""
-    _add_legend(axes, entries, room, loc="lower left", bbox_to_anchor=(0, up), borderaxespad=0.2)
+    add_legend(axes, entries, room, loc="lower left", bbox_to_anchor=(0, up), borderaxespad=0.2)
 
 
-def legend_below(figure: Figure, entries: Entries) -> None:
-    """Put one legend below all panels."""
-    if entries:
-        _add_legend(figure, entries, int(12 * figure.get_figwidth()), loc="outside lower center")
-
-
-def _add_legend(owner: Any, entries: Entries, room: int, **options: Any) -> None:
+def add_legend(owner: Any, entries: Entries, room: int = 120, **options: Any) -> None:
+    """Add a legend to a panel or a figure, in as many columns as `room` letters allow."""
     # The space keeps matplotlib from dropping a label that begins with an underscore.
     labels = [f" {one_line(label)}" for label in entries]
     columns = room // (max(map(len, labels), default=0) + 7)
     owner.legend(list(entries.values()), labels, ncols=max(1, min(len(labels), columns)), **options)
 
 
-def log_axis(axes: Axes, which: str, limits: tuple[float, float] | None = None, per: float = 1, unit: str = "") -> None:
-    """Make the axis `which`, x or y, logarithmic between limits, those of its data by default, with plain ticks.
+def log_axis(axes: Axes, which: str) -> None:
+    """Make the axis `which`, x or y, logarithmic, with plain ticks: texts are never read as mathematics."""
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-    Ticks are the values over `per` with the sign of their unit. Texts are never read as mathematics, as a user's title
-    may have a $.
-    """
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
-
-    axes.set(**{f"{which}scale": "log", **({f"{which}lim": limits} if limits else {})})
+    axes.set(**{f"{which}scale": "log"})
     axis = axes.xaxis if which == "x" else axes.yaxis
     low, high = axis.get_view_interval()
     if high > 6.0 * low:
@@ -200,14 +191,8 @@ def log_axis(axes: Axes, which: str, limits: tuple[float, float] | None = None, 
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < most * low else (1.0,)))
     else:
         axis.set_major_locator(MaxNLocator(3 if which == "x" else 5))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / per:.6g}{unit}"))
+    axis.set_major_formatter("{x:.6g}")
     axis.set_minor_formatter(NullFormatter())
-
-
-def percent_axis(axes: Axes, low: float, high: float) -> None:
-    """Make the axis of positive fractions logarithmic around `low` to `high`, with ticks in per cent."""
-    margin = (high / low) ** 0.06 if high > low else 2.0
-    log_axis(axes, "y", (low / margin, high * margin), 0.01, " %")
 
 
 DOTS_PER_INCH = 180

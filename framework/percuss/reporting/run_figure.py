@@ -42,8 +42,9 @@ def figure_of(result: Result) -> Figure:
     forces are drawn over those of the run; else those of a finer run, ``finer_histories``.
     """
     until = figures.axis_end(result)
-    count, notes = _panel_count(result), contacts_left_out(result.coordinates["contact"])
-    small, loud = [*figures.subtitle_lines(result), *notes], figures.warning_lines(result)
+    names = result.coordinates["contact"]
+    count = min(max(len(names), 1), MOST_PANELS)
+    small, loud = [*figures.subtitle_lines(result), *contacts_left_out(names)], figures.warning_lines(result)
     with figures.new_figure(12.8, 5.0 + 1.2 * (count + result.marched), result.title, small, loud) as figure:
         widths, heights = (1.15, 1.0 if result.field_arrays else 0.4), [1.0] * count
         heights += [1.0 if count == 1 else 1.4] * result.marched
@@ -63,10 +64,6 @@ def figure_of(result: Result) -> Figure:
         else:
             space_time(figure.add_subplot(grid[:, 1]), result, until)
     return figure
-
-
-def _panel_count(result: Result) -> int:
-    return min(max(len(result.coordinates["contact"]), 1), MOST_PANELS)
 
 
 def contacts_left_out(names: Sequence[str]) -> list[str]:

@@ -118,21 +118,9 @@ def axis(column: pd.Series, label: str, field: str = "", *, is_measure: bool) ->
     label = re.sub(r'[\x00-\x1f"\\]+', " ", label)  # it stands in expressions of Vega too
     values = study_data.numbers(column)
     if values is None:
-        words = study_data.in_order(study_data.texts(column))
-        return Axis(
-            label,
-            field,
-            drawn=field,
-            place=field,
-            type="nominal",
-            kind="",
-            scale={},
-            axis={"labelAngle": -25},
-            sort=words,
-            joined="tick",
-            aside={"field": "pair", "type": "nominal"},
-            panel="all" if field == "case" else "case",
-        )
+        words, panel = study_data.in_order(study_data.texts(column)), "all" if field == "case" else "case"
+        beside: Entries = {"aside": {"field": "pair", "type": "nominal"}, "joined": "tick", "panel": panel}
+        return Axis(label, field, field, field, "nominal", "", {}, {"labelAngle": -25}, words, **beside)
     # Each refinement halves the elements, so that the mesh is a logarithmic axis however few of its values there are.
     suits = is_measure or column.name == "refine" or study_data.is_log(values)
     kind = "log" if suits and study_data.may_be_log(values) else "linear"

@@ -26,10 +26,11 @@ STATISTICS: dict[str, Callable[[Any], Any]] = {"best": np.min, "median": np.medi
 
 def numbers(column: Any) -> Any:
     """Return a column as float64 with nan for missing values, or None if it holds anything but numbers."""
-    present = [] if column.dtype.kind in "iuf" else column[column.notna()]
-    if not all(isinstance(v, (int, float, np.number)) and not isinstance(v, (bool, np.bool_)) for v in present):
-        return None
-    return column.to_numpy(dtype=float, na_value=np.nan)
+    import pandas as pd
+
+    kinds = ("integer", "floating", "mixed-integer-float", "empty")
+    known = pd.api.types.infer_dtype(column, skipna=True) in kinds
+    return column.to_numpy(dtype=float, na_value=np.nan) if known else None
 
 
 def as_text(value: object) -> str:

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from percuss.studies.study_table import Study
 
-AGAIN = "study.yaml"
 MOST_CHOICES = 16  # A value with more choices is filtered in the table alone.
 NAMED = re.compile(r"^\{name: ([^,}]+).*", re.DOTALL)  # a method with options
 UNKNOWN = "not registered where this page was made; the provenance below names the plug-ins of the study"
@@ -60,8 +59,8 @@ def report_html(study: Study, statistic: str = "best", files: Sequence[str | Pat
         **{name: escape(text) for name, text in study_charts.description()["captions"].items()},
         "lost": _losses_html(study.table, roles),
         "methods": _methods_html(study, Registry.load(files)),
-        "again": _study_html(study),
-        "provenance": f"<pre>{escape(_yaml(study.provenance))}</pre>",
+        "again": escape(_yaml(study.spec)),
+        "provenance": escape(_yaml(study.provenance)),
         "data": _script_json(payload(study, roles, charts) | {"statistic": statistic}),
         "licences": escape(_file("vendor", "LICENSES")),
         "css": _file("report.css"),
@@ -160,16 +159,12 @@ def _answer_html(table: pd.DataFrame, roles: ColumnRoles, charts: Charts) -> str
 
 
 def _question_html(study: Study, charts: Charts) -> str:
-    question = study.spec.get("question")
-    question_html = f'<p class="question">{escape(str(question))}</p>' if question else ""
+    question = escape(str(study.spec.get("question") or ""))
     counts = study.table["status"].replace(study_data.WAITING, "still to be made").value_counts()
-    status_counts = [f"{count:,} {escape(str(status))}" for status, count in counts.items()]
-    words = [
-        count_of(len(study.table), "run"),
-        count_of(len(charts.pairs), "pair", " of methods"),
-        count_of(len(charts.cases), "case"),
-    ]
-    return f"{question_html}<p>{'  ·  '.join(words)}  ·  <strong>{', '.join(status_counts)}</strong></p>"
+    of_status = ", ".join(f"{count:,} {escape(str(status))}" for status, count in counts.items())
+    pairs, cases = count_of(len(charts.pairs), "pair", " of methods"), count_of(len(charts.cases), "case")
+    words = f"{count_of(len(study.table), 'run')}  ·  {pairs}  ·  {cases}  ·  <strong>{of_status}</strong>"
+    return f'<p class="question">{question}</p><p>{words}</p>'
 
 
 # ---------------------------------------------------------------------------------------- further sections
@@ -194,12 +189,6 @@ def _methods_html(study: Study, registry: Registry) -> str:
             (method_text(registry, *key) if key in registry.components else f"{key[1]}: {UNKNOWN}").partition("\n\n")
         ]
     )
-
-
-def _study_html(study: Study) -> str:
-    """Return how the study is made again, and the study as it was read."""
-    where = f"With this file saved as <code>{AGAIN}</code> where its cases are found from:"
-    return f'<p>{where}</p><pre class="command">percuss study {AGAIN}</pre><pre>{escape(_yaml(study.spec))}</pre>'
 
 
 def _yaml(data: Entries) -> str:

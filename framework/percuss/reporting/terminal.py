@@ -353,14 +353,11 @@ def _difference_words(difference: Difference) -> str:
     """Return a difference in words."""
     of = f" of {difference.of}" if difference.of else ""
     when = "" if difference.time is None else f" from t = {difference.time:.9g} on"
-    words = f"{difference.quantity}{of}{when}: {_or_none(difference.then)}, now {_or_none(difference.now)}"
+    then, now = ("none" if value is None else str(value) for value in (difference.then, difference.now))
+    words = f"{difference.quantity}{of}{when}: {then}, now {now}"
     if difference.largest is None or difference.time is None:
         return words
     return f"{words}; at most {difference.largest:.3g} apart"
-
-
-def _or_none(value: object) -> str:
-    return "none" if value is None else str(value)
 
 
 def _shortened(value: str | None) -> str:

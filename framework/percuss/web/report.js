@@ -159,7 +159,7 @@ const table = new Tabulator("#table", {
   rowFormatter: (row) => row.getElement().classList.toggle("picked", picked.includes(row.getData().row)),
   columnDefaults: { headerWordWrap: true, headerFilter: "input", minWidth: 100, maxWidth: 330 },
   columns: page.columns.map((column) => ({
-    title: escaped(column.title), headerTooltip: escaped(column.what), titleDownload: column.name, field: column.field, sorter: column.number ? "number" : "string",
+    title: `<span title="${escaped(column.what)}">${escaped(column.title)}</span>`, titleDownload: column.name, field: column.field, sorter: column.number ? "number" : "string",
     sorterParams: { alignEmptyValues: "bottom" }, hozAlign: column.number ? "right" : "left", frozen: innerWidth > 900 && column.names,
     headerFilterPlaceholder: column.number ? "> < .." : "contains", headerFilterFunc: (wanted, value) => passes(wanted, value, column),
     formatter: (cell) => escaped(shortText(cell.getValue())), accessorDownload: (_, row) => row[column.raw],
