@@ -151,7 +151,7 @@ def bodies_of(case: Case) -> Bodies:
             name=name,
             number=number,
             spec=spec,
-            mesh=mesh,
+            view=view,
             start=bodies[-1].stop if bodies else 0,
             mass=masses.nodal,
             frequency=frequency,

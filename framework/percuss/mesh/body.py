@@ -28,7 +28,7 @@ class Body:
     name: str
     number: int
     spec: BodySpec
-    mesh: Mesh
+    view: BodyMesh  # as its element receives it
     start: int  # its first node
     mass: Floats  # (nodes,), 0 at an end of a bar in contact that the mass method leaves without mass
     frequency: Floats  # (n,) highest of the element, 2c/h of a two-node bar
@@ -46,9 +46,9 @@ class Body:
         return self.mesh.line is not None
 
     @property
-    def view(self) -> BodyMesh:
-        """The body as its element receives it."""
-        return BodyMesh(self.mesh, self.spec.section, self.spec.plane_of(self.mesh.nodes.shape[1]))
+    def mesh(self) -> Mesh:
+        """Its mesh."""
+        return self.view.mesh
 
     @property
     def of_cells(self) -> bool:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.mesh.cells import PROBING_STRAIN, SAME_SHAPE, cells_of, element_masses, lumping_of
+from percuss.mesh.cells import PROBING_STRAIN, cells_of, element_masses, lumping_of
 from percuss.mesh.element_probe import ElementProbe
 from percuss.mesh.stiffness_rows import StiffnessRows, stiffness_rows
 
@@ -32,19 +32,6 @@ class CellStiffness(NamedTuple):
     first: Integers
 
 
-def kinds_of_cells(body: BodyMesh) -> tuple[Integers, Integers]:
-    """Return the first cell of each kind, (kinds,), and the kind of each cell, (cells,), by shape and size."""
-    nodes, cells = body.mesh.nodes, cells_of(body.mesh)
-    relative = nodes[cells] - nodes[cells[:, :1]]
-    size = np.abs(relative).max()
-    if body.plane == "axisymmetric":  # where the distance from the axis tells cells apart, too
-        relative[..., 0] = nodes[cells, 0]
-    rounded = np.round(relative / size, SAME_SHAPE).reshape(len(cells), -1) + 0.0  # which makes 0 of -0
-    as_bytes = rounded.view(f"V{rounded[0].nbytes}").ravel()  # which are sorted much faster than rows of numbers
-    _, first, kind = np.unique(as_bytes, return_index=True, return_inverse=True)
-    return first, kind
-
-
 def cell_stiffness(element: Element, material: Material, body: BodyMesh) -> CellStiffness:
     """Return the stiffness of the cells of a body about rest, of a bar along it with a linear material.
 
@@ -54,10 +41,11 @@ def cell_stiffness(element: Element, material: Material, body: BodyMesh) -> Cell
         If a force is not finite.
     """
     modulus = None if body.mesh.line is None else material.modulus
-    size = PROBING_STRAIN * float(np.ptp(body.mesh.nodes[cells_of(body.mesh)], axis=1).max())
-    first, kind = kinds_of_cells(body)
-    matrices = ElementProbe(element, material, body, modulus).stiffness(first, size)
-    return CellStiffness(matrices, kind, first)
+    first, kind = body.kinds
+    probed, numbers = (body, first) if body.mesh.line is not None else (body.of_each_kind, np.arange(len(first)))
+    size = PROBING_STRAIN * float(np.ptp(body.mesh.nodes[cells_of(probed.mesh)], axis=1).max())
+    probe = ElementProbe(element, material, probed, modulus)
+    return CellStiffness(probe.stiffness(numbers, size, first), kind, first)
 
 
 def rows_of_solid(element: Element, material: Material, body: BodyMesh) -> StiffnessRows:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Element, Floats, Integers, Material, Region
 
 PROBING_STRAIN = 1e-7  # far below any strain at which the stiffness of a material or an element changes
-SAME_SHAPE = 11  # decimal digits of the coordinates of a cell, over its length, by which cells are told apart
 
 
 def has_cells(element: Element | type[Element]) -> bool:
@@ -101,11 +100,20 @@ def pieces_of(mesh: Mesh) -> Integers:
     return np.unique(piece[cells[:, 0]], return_inverse=True)[1].ravel()
 
 
+def of_kinds(element: Element, question: str, body: BodyMesh) -> Floats:
+    """Return what an element answers about each cell of a solid; it is asked about one cell of each kind."""
+    found: Floats = np.asarray(answer(element, question, body.of_each_kind), dtype=float)[body.kinds[1]]
+    return found
+
+
 def lumping_of(element: Element, body: BodyMesh) -> Lumping:
     """Return how the elements of a body share their mass among their nodes."""
     if not isinstance(element, CellElement):
         return Lumping.of_line(len(cells_of(body.mesh)))
-    shares, cells = np.asarray(answer(element, "mass_shares", body), dtype=float), cells_of(body.mesh)
+    cells, asked = cells_of(body.mesh), body if body.mesh.line is not None else body.of_each_kind
+    shares = np.asarray(answer(element, "mass_shares", asked), dtype=float)
+    if asked is not body and shares.ndim == 2:
+        shares = shares[body.kinds[1]]
     return Lumping(np.broadcast_to(shares, cells.shape), cells, body.mesh.nodes.shape[0])
 
 
@@ -113,7 +121,7 @@ def element_masses(element: Element, body: BodyMesh, density: float) -> Floats:
     """Return the mass of each element of a body, (elements,)."""
     if body.mesh.line is not None:
         return density * body.section * body.mesh.lengths
-    masses: Floats = density * answer(element, "volumes_of_cells", body)
+    masses: Floats = density * of_kinds(element, "volumes_of_cells", body)
     return masses
 
 
@@ -121,7 +129,10 @@ def volumes_of(element: Element, body: BodyMesh) -> Floats:
     """Return the volume of each quadrature point of each element, (elements, points) [length^3]; one of a bar."""
     if not isinstance(element, CellElement):
         return (body.section * body.mesh.lengths)[:, None]
-    return np.asarray(answer(element, "volumes", body), dtype=float)
+    if body.mesh.line is not None:
+        return np.asarray(answer(element, "volumes", body), dtype=float)
+    volumes: Floats = of_kinds(element, "volumes", body)
+    return volumes
 
 
 def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:

@@ -181,7 +181,7 @@ class ElementProbe:
         """Return the force of an element on its nodes at their displacements, (nodes * dim,) both."""
         return self._forces(np.array([number]), np.reshape(displacement, (1, *self._shape))).ravel()
 
-    def stiffness(self, numbers: Integers, size: float) -> Floats:
+    def stiffness(self, numbers: Integers, size: float, called: Integers | None = None) -> Floats:
         """Return the symmetric stiffness of elements about rest, by differences of their forces back and forth.
 
         Parameters
@@ -190,6 +190,8 @@ class ElementProbe:
             Numbers of the elements.
         size
             How far a node moves back and forth, in each direction of space, of a bar along it.
+        called
+            Numbers of the elements in messages, where they are others.
 
         Returns
         -------
@@ -212,7 +214,8 @@ class ElementProbe:
             if not np.isfinite(forces).all():
                 k = np.argwhere(~np.isfinite(forces))[0, 0]
                 fault, place = self.fault(moved[k], motions[k])
-                raise PluginError(f"{fault}, in cell {moved[k]}", place)
+                number = moved[k] if called is None else called[np.flatnonzero(numbers == moved[k])[0]]
+                raise PluginError(f"{fault}, in cell {number}", place)
             back, forth = np.moveaxis((forces.reshape(-1, dim) @ axes.T).reshape(-1, 2, count, count), 1, 0)
             along = (back - forth) / (2.0 * size)
             stiffness[first : first + step] = 0.5 * (along + along.swapaxes(1, 2))

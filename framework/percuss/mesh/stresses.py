@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.mesh.cell_stiffness import kinds_of_cells
 from percuss.mesh.cells import PROBING_STRAIN, cells_of
 from percuss.mesh.element_probe import ElementProbe
 
@@ -44,7 +43,7 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
     # Of a linear body one element of each kind is asked, once for each motion of a node. A translation has no stress at
     # all: motion counts from the first node, unless a body of revolution is widened.
     times, count, nodes, dim = displacement.shape
-    first, kind = kinds_of_cells(body.view)
+    first, kind = body.view.kinds
     kinds, kind = np.unique(kind[elements], return_inverse=True)
     held = 0 if body.view.plane == "axisymmetric" else dim
     size = PROBING_STRAIN * body.shortest
@@ -66,7 +65,7 @@ def tangent_as_declared(bodies: Iterable[Body]) -> bool:
     for body in bodies:
         if not body.why_not_linear or not body.is_bar:
             continue
-        numbers, _ = kinds_of_cells(body.view)
+        numbers, _ = body.view.kinds
         places = body.mesh.nodes[cells_of(body.mesh)[numbers]] @ body.mesh.direction
         stretched = (places - places[:, :1]) / np.ptp(places, axis=1, keepdims=True)
         probe = ElementProbe(body.spec.element, body.spec.material, body.view)

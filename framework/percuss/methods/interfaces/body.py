@@ -6,6 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -13,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from percuss.methods.interfaces.base import Component, Floats, Integers
+
+SAME_SHAPE = 11  # decimal digits of the coordinates of a cell, over its length, by which cells are told apart
 
 
 class Region(NamedTuple):
@@ -310,6 +313,27 @@ class BodyMesh:
     def plane_of_material(self) -> str:
         """The plane as a material receives it; a body of revolution has stresses in three dimensions."""
         return "" if self.plane == "axisymmetric" else self.plane
+
+    @cached_property
+    def kinds(self) -> tuple[Integers, Integers]:
+        """The first cell of each kind, (kinds,), and the kind of each cell, (cells,), by shape and size."""
+        nodes, cells = self.mesh.nodes, next(iter(self.mesh.cells.values()))
+        relative = nodes[cells] - nodes[cells[:, :1]]
+        size = np.abs(relative).max()
+        if self.plane == "axisymmetric":  # where the distance from the axis tells cells apart, too
+            relative[..., 0] = nodes[cells, 0]
+        rounded = np.rint(relative.reshape(len(cells), -1) * (10.0**SAME_SHAPE / size)).astype(np.int64)
+        mixed = rounded.view(np.uint64) @ np.random.default_rng(0).integers(1 << 63, size=rounded.shape[1], dtype=np.uint64)
+        _, first, kind = np.unique(mixed, return_index=True, return_inverse=True)
+        if not np.array_equal(rounded[first][kind], rounded):  # two kinds were mixed to one number
+            _, first, kind = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+        return first, kind.ravel()
+
+    @cached_property
+    def of_each_kind(self) -> BodyMesh:
+        """The first cell of each kind alone, among the nodes of the whole body."""
+        ((name, cells),) = self.mesh.cells.items()
+        return BodyMesh(self.mesh._replace(cells={name: cells[self.kinds[0]]}), self.section, self.plane)
 
 
 class Element(Component, contract="elements"):
