@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from functools import cache, cached_property
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -23,10 +23,9 @@ from percuss.certificate.assessment import MARGINAL_DISTANCE, Assessment, larges
 from percuss.certificate.bounds import Bounds
 from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.matrices import columns_at_nodes, held_throughout
-from percuss.jit import Kernel, compiled_function, jit_disabled
-from percuss.mesh.cell_kernels import room
+from percuss.jit import compiled_function
 from percuss.mesh.loads import directions_at_nodes
-from percuss.mesh.stiffness_rows import set_forces_of_rows
+from percuss.mesh.stiffness_rows import SET_FORCES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,16 +41,6 @@ NO_MORE_MOTIONS = 1e-14  # relative size of what is left of a motion where the s
 TAKING_PART = 0.1  # of the largest force of a contact in a motion, from which on it is named
 WITHIN = "it lies so near to the critical one that {} products do not tell them apart; `percuss check` does"
 THETA = "theta of contacts evaluated at the predicted gap may be above 1; `percuss check` tells it"
-
-
-@cache
-def _set_forces() -> Kernel:
-    """Return what the march takes the forces of a body from, compiled alone."""
-    if jit_disabled():
-        return set_forces_of_rows
-    from percuss.step import linked
-
-    return compiled_function(set_forces_of_rows, {room: linked.room})
 
 
 def products_for(margin: float, size: int) -> int:
@@ -107,7 +96,7 @@ class Lanczos:
         moved, forces = self._root * motion, np.empty(motion.size)
         for place, rows in self._stiffness:
             if isinstance(rows, tuple):
-                _set_forces()(rows, moved[place], forces[place])
+                compiled_function(SET_FORCES[self.model.dim])(rows, moved[place], forces[place])
                 np.negative(forces[place], out=forces[place])
             else:
                 forces[place] = rows @ moved[place]

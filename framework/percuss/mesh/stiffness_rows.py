@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.jit import called, compiled_function, fused
-from percuss.mesh.cell_kernels import room
+from percuss.jit import Kernel, called, compiled_function, fused
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -28,14 +27,12 @@ class StiffnessRows(NamedTuple):
     node: Integers  # (pairs,) the neighbour, in rising order; numbers without sign: none counts from the end
     pairs: Floats  # (pairs, dim, dim) minus the stiffness between the node and its neighbour [force/length]
     outward: Floats  # (nodes, dim) stiffness against a motion of all nodes away from the axis; (0, dim) of other bodies
-    axes: tuple[int, ...]  # 0, 1, ... for each dimension; the compiler knows how many there are
-    row: tuple[int, ...]  # 0
 
     def matrix(self) -> Any:
         """Return the stiffness as a sparse array, (nodes * dim, nodes * dim) [force/length]."""
         from scipy.sparse import bsr_array, csr_array
 
-        count, dim, pairs = len(self.edges) - 1, len(self.axes), len(self.node)
+        count, dim, pairs = len(self.edges) - 1, self.pairs.shape[1], len(self.node)
         size, numbers = (count * dim, count * dim), np.arange(count + 1, dtype=np.int32)
         sums = csr_array((np.ones(pairs), np.arange(pairs), self.edges), shape=(count, pairs))
         own = (sums @ self.pairs.reshape(pairs, dim * dim)).reshape(count, dim, dim)
@@ -67,7 +64,7 @@ def stiffness_rows(cells: Integers, kind: Integers, matrices: Floats, count: int
     node, pairs = np.empty(edges[-1], dtype=np.uint32), np.zeros((edges[-1], dim, dim))
     outward = np.zeros((count if about_axis else 0, dim))
     compiled_function(add_pairs)(cells, kind, matrices, first, at, edges, node, pairs, outward, work)
-    return StiffnessRows(edges, node, pairs, outward, tuple(range(dim)), (0,))
+    return StiffnessRows(edges, node, pairs, outward)
 
 
 # --------------------------------------------------------------------------------------------------- assembly
@@ -139,46 +136,76 @@ def add_pairs(
 # ------------------------------------------------------------------------------------------------------ kernels
 
 
+def each(count: int) -> Any:
+    """Return the numbers below `count`; in compiled code a loop over them may be shared out among threads (slot)."""
+    return range(count)
+
+
 @fused
-def force_of_row(rows: StiffnessRows, i: int, displacement: Floats, sums: Floats) -> None:
-    """Set `sums` to the internal force on a node, (1, dim)."""
-    dim = len(rows.axes)
-    for c in range(dim):
-        sums[0, c] = 0.0
-    for p in range(rows.edges[i], rows.edges[i + 1]):
-        other = rows.node[p] * dim
-        for d in range(dim):
-            apart = displacement[other + d] - displacement[i * dim + d]
-            for c in range(dim):
-                sums[0, c] += rows.pairs[p, c, d] * apart
-    if len(rows.outward) > 0:
-        for c in range(dim):
-            sums[0, c] -= rows.outward[i, c] * displacement[i * dim]
+def force_in_plane(edges: Integers, node: Integers, pairs: Floats, u: Floats, i: int) -> tuple[float, float]:
+    """Return the sum of the forces of a node's neighbours on it, in two dimensions, in their one order."""
+    x, y = 0.0, 0.0
+    for p in range(edges[i], edges[i + 1]):
+        other, pair = 2 * node[p], pairs[p]
+        along, across = u[other] - u[2 * i], u[other + 1] - u[2 * i + 1]
+        x += pair[0, 0] * along
+        y += pair[1, 0] * along
+        x += pair[0, 1] * across
+        y += pair[1, 1] * across
+    return x, y
+
+
+@fused
+def force_in_space(edges: Integers, node: Integers, pairs: Floats, u: Floats, i: int) -> tuple[float, float, float]:
+    """Return the sum of the forces of a node's neighbours on it, in three dimensions, in their one order."""
+    x, y, z = 0.0, 0.0, 0.0
+    for p in range(edges[i], edges[i + 1]):
+        other, pair = 3 * node[p], pairs[p]
+        a, b, c = u[other] - u[3 * i], u[other + 1] - u[3 * i + 1], u[other + 2] - u[3 * i + 2]
+        x += pair[0, 0] * a
+        y += pair[1, 0] * a
+        z += pair[2, 0] * a
+        x += pair[0, 1] * b
+        y += pair[1, 1] * b
+        z += pair[2, 1] * b
+        x += pair[0, 2] * c
+        y += pair[1, 2] * c
+        z += pair[2, 2] * c
+    return x, y, z
 
 
 @called
-def set_forces_of_rows(rows: StiffnessRows, displacement: Floats, force: Floats) -> None:
-    """Set `force` to the internal force on the nodes of a body."""
-    dim, sums = len(rows.axes), room(rows.row, rows.axes)
-    for i in range(len(rows.edges) - 1):
-        force_of_row(rows, i, displacement, sums)
-        for d in range(dim):
-            force[i * dim + d] = sums[0, d]
+def set_forces_in_plane(rows: StiffnessRows, u: Floats, force: Floats) -> None:
+    """Set `force` to the internal force on the nodes of a body in two dimensions."""
+    edges, node, pairs = rows.edges, rows.node, rows.pairs
+    for i in each(edges.size - 1):
+        force[2 * i], force[2 * i + 1] = force_in_plane(edges, node, pairs, u, i)
+    for i in range(len(rows.outward)):
+        force[2 * i] -= rows.outward[i, 0] * u[2 * i]
+        force[2 * i + 1] -= rows.outward[i, 1] * u[2 * i]
 
 
 @called
-def energy_of_rows(rows: StiffnessRows, u: Floats, v: Floats, dt: float) -> float:
-    """Return the staggered strain energy of a body: minus half the product of force and displacement before.
+def set_forces_in_space(rows: StiffnessRows, u: Floats, force: Floats) -> None:
+    """Set `force` to the internal force on the nodes of a body in three dimensions."""
+    edges, node, pairs = rows.edges, rows.node, rows.pairs
+    for i in each(edges.size - 1):
+        force[3 * i], force[3 * i + 1], force[3 * i + 2] = force_in_space(edges, node, pairs, u, i)
+
+
+SET_FORCES: dict[int, Kernel] = {2: set_forces_in_plane, 3: set_forces_in_space}
+
+
+@called
+def energy_of_rows(rows: StiffnessRows, force: Floats, u: Floats, v: Floats, dt: float) -> float:
+    """Return the staggered strain energy of a body: minus half the product of its force and the displacement before.
 
     Displacements are taken relative to those of its first node, but for those away from an axis: the forces of a body
     add up to zero to round-off alone, which a body that has moved far would multiply with all of its way.
     """
-    dim, sums, total = len(rows.axes), room(rows.row, rows.axes), 0.0
-    for i in range(len(rows.edges) - 1):
-        force_of_row(rows, i, u, sums)
-        for d in range(dim):
-            before = u[i * dim + d] - dt * v[i * dim + d]
-            if d > 0 or len(rows.outward) == 0:
-                before -= u[d] - dt * v[d]
-            total -= sums[0, d] * before
+    dim, total = rows.pairs.shape[1], 0.0
+    for d in range(dim):
+        first = 0.0 if d == 0 and len(rows.outward) > 0 else u[d] - dt * v[d]
+        for k in range(d, u.size, dim):
+            total -= force[k] * (u[k] - dt * v[k] - first)
     return 0.5 * total

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from percuss.jit import Kernel, called, reduction
 from percuss.mesh.cell_kernels import Block, add_up_forces, energy_of_cells, energy_of_points
 from percuss.mesh.materials import MaterialPoints
-from percuss.mesh.stiffness_rows import StiffnessRows, energy_of_rows, set_forces_of_rows
+from percuss.mesh.stiffness_rows import SET_FORCES, StiffnessRows, each, energy_of_rows
 from percuss.methods.slots import energy, internal_force, unbound
 from percuss.record_arrays import Records
 
@@ -63,7 +63,7 @@ def force_of_cells(data: Bulk, material: MaterialPoints, b: int, u: Floats, v: F
 
 
 def internal_force_of_cells(element: Any, material: MaterialPoints, b: int, u: Floats, force: Floats) -> None:
-    """Set the internal force of the cells of body `b` (a slot, see `OF_LINEAR_SOLIDS`)."""
+    """Set the internal force of the cells of body `b` (a slot, see `of_linear_solids`)."""
     add_up_forces(element, material, b, u, force)
 
 
@@ -213,6 +213,11 @@ def energy_of_cell_body(data: Bulk, b: int, u: Floats, v: Floats, dt: float) -> 
 # --------------------------------------------------------------------------------------------------- linear solids
 
 
+def set_forces_of_rows(rows: StiffnessRows, u: Floats, force: Floats) -> None:
+    """Set `force` to the internal force on the nodes of a body (slot for one of `SET_FORCES`)."""
+    unbound()
+
+
 def internal_force_of_rows(rows: StiffnessRows, material: MaterialPoints, b: int, u: Floats, force: Floats) -> None:
     """Set the internal force of a linear solid, which is alone in its block."""
     set_forces_of_rows(rows, u, force)
@@ -221,14 +226,17 @@ def internal_force_of_rows(rows: StiffnessRows, material: MaterialPoints, b: int
 def energy_of_linear_solid(data: Bulk, b: int, u: Floats, v: Floats, dt: float) -> float:
     """Return the strain energy of a linear solid, which is alone in its block."""
     lo, hi = data.block.start[b] * data.dim, data.block.stop[b] * data.dim
-    return energy_of_rows(data.block.element, u[lo:hi], v[lo:hi], dt)
+    set_forces_of_rows(data.block.element, u[lo:hi], data.force)
+    return energy_of_rows(data.block.element, data.force, u[lo:hi], v[lo:hi], dt)
 
 
-# The slots of linear solids, whose `Block.element` has the rows of their stiffness, and what fills them.
-OF_LINEAR_SOLIDS: dict[Kernel, Kernel] = {
-    internal_force_of_cells: internal_force_of_rows,
-    energy_of_body: energy_of_linear_solid,
-}
+def of_linear_solids(dim: int) -> dict[Kernel, Kernel]:
+    """Return the slots of a linear solid, whose `Block.element` has the rows of its stiffness, and what fills them."""
+    return {
+        internal_force_of_cells: internal_force_of_rows,
+        energy_of_body: energy_of_linear_solid,
+        set_forces_of_rows: SET_FORCES[dim],
+    }
 
 
 # ---------------------------------------------------------------------------------------------------------- nodes
@@ -260,7 +268,7 @@ def move_loaded_nodes(data: Bulk, force: Floats, first: int, u: Floats, v: Float
 
 def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, acceleration: float, dt: float) -> None:
     """Advance degrees of freedom with the same acceleration, of which the compiler handles several at a time."""
-    for i in range(u.size):
+    for i in each(u.size):
         v[i] += dt * (inverse_mass[i] * force[i] + acceleration)
         u[i] += dt * v[i]
 
