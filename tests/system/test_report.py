@@ -245,16 +245,16 @@ def test_the_steps_of_a_profile_are_the_shares_of_its_definition(ratios):
 
 def test_options_of_a_method_are_no_problems(several):
     """A law without stiffness and one with four values of it are set the same problems: a case with one mesh."""
-    asked = study_data.problems(several.table, ("method.contact.beta_s", "refine"))
-    assert (len(asked.rows), len(asked.solvers), asked.left_out) == (4 * 3, 6, 0)
-    table = several.table
-    for of_problem in asked.rows:
-        assert [len(rows) for rows in of_problem] == [1 if "lagrange" in pair else 4 for pair in asked.solvers]
-        own = table.iloc[list(itertools.chain(*of_problem))]
-        assert own["case"].nunique() == own["refine"].nunique() == 1
+    table, varied = several.table, ("method.contact.beta_s", "refine")
+    asked = study_data.problems(table, varied)
+    assert (asked["problem"].nunique(), asked["pair"].nunique()) == (4 * 3, 6)
+    for (_, pair), own in asked.groupby(["problem", "pair"]):
+        assert len(own) == (1 if "lagrange" in pair else 4)
+    for _, own in asked.groupby("problem"):
+        assert table.loc[own.index, "case"].nunique() == table.loc[own.index, "refine"].nunique() == 1
     lone = table.index[(table["contact"] == "lagrange") & (table["case"] == "hunek") & (table["refine"] == 1)][0]
     less = table.drop(index=lone).reset_index(drop=True)
-    assert study_data.problems(less, ("method.contact.beta_s", "refine")).left_out == 1
+    assert study_data.profile(less, "force_error_l1", study_data.problems(less, varied)).left_out == 1
 
 
 def test_the_page_begins_with_the_verdict_and_what_the_error_depends_on(several):
