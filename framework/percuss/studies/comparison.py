@@ -106,11 +106,11 @@ def compare(
     runs: list[Run] = []
     notes, errors, pairs = [*case.notes], list[InputError](), sum(not task.tied for task in planned)
     for task in planned:
-        run, error = perform(case, task)
+        run = perform(case, task)
         if run.status == "interrupted":
             raise KeyboardInterrupt
-        if error is not None:
-            told = as_given_by(options, error)
+        if run.error is not None:
+            told = as_given_by(options, run.error)
             run = replace(run, reason=str(told))
             errors += [told] if not task.tied else []
             if len(errors) == pairs:

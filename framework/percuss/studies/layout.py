@@ -19,7 +19,7 @@ from percuss.case.specs import MeasureSection
 from percuss.case.type_words import Expects
 from percuss.case.validation import EmptyIfAbsent, Section
 from percuss.jsonable import Data, Entries
-from percuss.methods.interfaces import Doc, Ge, Le, Unit
+from percuss.methods.interfaces import Doc, Ge, Le, OptionError, Unit
 from percuss.methods.registry import Registry
 
 NAMES = Expects("a list of names", "Write the names in brackets, separated by commas.")
@@ -82,6 +82,10 @@ class SampleSection(Section):
         "latin-hypercube"
     )
     seed: Annotated[int, Ge(0), Unit("1"), Doc("the same seed draws the same points")] = 0
+
+    def __post_init__(self) -> None:
+        if not self.of:
+            raise OptionError("expected at least one path as {PATH: {from: 0, to: 1}}, found none", "of")
 
     def points(self) -> list[dict[str, float]]:
         """Return the points in the order drawn: independent random numbers, or a sequence of `scipy.stats.qmc`."""

@@ -49,18 +49,14 @@ def values(text: str, place: str = "--vary") -> list[int | float | str]:
     if not (len(parts) == 3 or log):
         raise _grammar_error(place, f"expected a range, found '{text}'")
     first, last, count = _number(parts[0]), _number(parts[1]), _number(parts[-1])
-    if isinstance(first, str) or isinstance(last, str) or not isinstance(count, int) or count < 1:
-        raise _grammar_error(place, f"expected numbers and a count of at least 1, found '{text}'")
-    if count > MOST:
-        raise _grammar_error(place, f"expected at most {MOST} values, found {count}")
+    if isinstance(first, str) or isinstance(last, str) or not isinstance(count, int) or not 1 <= count <= MOST:
+        raise _grammar_error(place, f"expected numbers and a count of 1 to {MOST}, found '{text}'")
     if not (abs(first) <= LARGEST_NUMBER and abs(last) <= LARGEST_NUMBER):
         message = f"expected ends of at most {LARGEST_NUMBER:g} in size, found '{shortened(text, 60)}'"
         raise _grammar_error(place, message)
     if log and not (first > 0 and last > 0):
         raise _grammar_error(place, f"expected ends above 0 for a logarithmic range, found '{text}'")
-    if log:
-        return [float(x) for x in np.geomspace(first, last, count)]
-    return [float(x) for x in np.linspace(first, last, count)]
+    return [float(x) for x in (np.geomspace if log else np.linspace)(first, last, count)]
 
 
 def varied(given: list[str], option: str = "--vary") -> dict[str, list[int | float | str]]:
@@ -94,14 +90,6 @@ def _grammar_error(place: str, message: str) -> InputError:
     return wrong_input(place, message, f"{GRAMMAR[0].upper()}{GRAMMAR[1:]}.")
 
 
-def number_of_combinations(
-    varied: Mapping[str, Sequence[object]], paired: Sequence[Data] = (), sample: SampleSection | None = None
-) -> int:
-    """Return the number of points that `combinations` makes, without making them."""
-    drawn = sample.count if sample is not None else 1
-    return math.prod(map(len, varied.values())) * max(len(paired), 1) * drawn
-
-
 def combinations(
     varied: Mapping[str, Sequence[object]], paired: Sequence[Data] = (), sample: SampleSection | None = None
 ) -> list[Entries]:
@@ -113,8 +101,10 @@ def combinations(
         If there are more than `MOST`.
     """
     varied = {path: list(values) for path, values in varied.items()}
-    if (count := number_of_combinations(varied, paired, sample)) > MOST:
-        raise _grammar_error("--vary", f"expected at most {MOST} combinations of values, found {count}")
+    count = math.prod(map(len, varied.values())) * max(len(paired), 1) * (sample.count if sample is not None else 1)
+    if count > MOST:
+        message = f"expected at most {MOST} combinations of values, found {count}"
+        raise wrong_input("--vary", message, "Vary fewer values.")
     grid = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
     drawn: Sequence[Data] = sample.points() if sample is not None else [{}]
     return [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,6 @@ from percuss.studies.columns import RowSettings
 from percuss.studies.perform import Record, label_of, perform, record, tied_twin, unpacked
 from percuss.studies.spec import settings_of
 from percuss.studies.study_table import Study
-from percuss.studies.tasks import Task
 
 
 class StoredRows:
@@ -32,15 +32,15 @@ class StoredRows:
     ----------
     study
         The study.
-    plan
+    rows
         What it has of each row, by key.
     """
 
     def __init__(self, path: Path, plugins: Sequence[Path] = ()) -> None:
         self.study = Study(path)
-        self.plan, self._plugins = self.study.plan, plugins
-        self._about, self._spec, self._runs = self.study.cases, self.study.spec, self.study.runs
-        self._read: dict[str, tuple[Case, RowSettings]] = {}
+        self.rows = {task.key: (task, run) for task, run in self.study.rows()}
+        self._plugins, self._about, self._spec = plugins, self.study.cases, self.study.spec
+        self._read = functools.cache(self._case)
 
     def key(self, start: str) -> str:
         """Return the key that begins with a text.
@@ -50,30 +50,28 @@ class StoredRows:
         InputError
             If no row or several rows have such a key.
         """
-        keys = [key for key in self.plan if key.startswith(start)]
+        keys = [key for key in self.rows if key.startswith(start)]
         if len(keys) != 1:
-            near = nearest(start, list(self.plan))
-            advice = (
-                f"Did you mean '{near}'?" if near else "The column `key` of the table and the report have the keys."
-            )
+            near = nearest(start, self.rows)
+            advice = f"Did you mean '{near}'?" if near else "The column `key` of the table has the keys."
             message = f"expected the key of one row of {self.study.path}, found {len(keys)}"
             raise wrong_input(f"--row {start}", message, advice)
         return keys[0]
 
     def case(self, key: str) -> Case:
         """Return the case of a row with its changes, which ties its contacts if the row is a tied twin."""
-        task = self._task(key)
-        changed = task.changed(self._case(task.case)[0])
+        task, _ = self.rows[key]
+        changed = task.changed(self._read(task.case)[0])
         return tied_twin(changed) if task.tied else changed
 
     def rerun(self, key: str) -> Rerun:
         """Make the run of a row again, and compare what the study holds of it to the last bit."""
-        task = self._task(key)
-        about, (case, settings) = self._about[task.case], self._case(task.case)
-        run, _ = perform(case, task, replace(settings, repeats=1).run)
+        task, then = self.rows[key]
+        about, (case, settings) = self._about[task.case], self._read(task.case)
+        run = perform(case, task, replace(settings, repeats=1).run)
         if run.status == "interrupted":
             raise KeyboardInterrupt
-        now, then = record(key, run, settings, case.registry), self._runs[key]
+        now = record(key, run, settings, case.registry)
         timed = {column.name for column in settings.columns if column.path.startswith("seconds")}
         arrays = unpacked(now.histories) if now.histories else {}
         found = row_differences(_numbers(then, timed), _numbers(now, timed), self.study.histories(key) or {}, arrays)
@@ -81,15 +79,10 @@ class StoredRows:
         label = f"{task.case}: {label_of(task.integrator, task.contact, task.varied)}"
         return Rerun(f"{self.study.path} --row {key[:12]}", label, tuple(found), tuple(since))
 
-    def _task(self, key: str) -> Task:
-        return Task(**self.plan[key])
-
     def _case(self, label: str) -> tuple[Case, RowSettings]:
         """Return the case of a label as the study has it, and the settings of its rows; see `case_inside`."""
-        if label not in self._read:
-            case = case_inside(self._about[label], plugins=self._plugins, name=str(self.study.path))
-            self._read[label] = case, settings_of(self._spec, {label: case})
-        return self._read[label]
+        case = case_inside(self._about[label], plugins=self._plugins, name=str(self.study.path))
+        return case, settings_of(self._spec, {label: case})
 
 
 def rerun_rows(
@@ -114,7 +107,7 @@ def rerun_rows(
         If no row or several rows have such a key, or the case cannot be read; see `case_inside`.
     """
     rows, made = StoredRows(path, plugins), []
-    keys = [rows.key(start)] if start else [key for key, run in rows.study.runs.items() if run.status == "done"]
+    keys = [rows.key(start)] if start else [key for key, (_, run) in rows.rows.items() if run.status == "done"]
     for key in keys:
         made.append(rows.rerun(key))
         if progress is not None:
