@@ -130,7 +130,7 @@ def test_the_accounts_are_those_of_the_histories(integrator, case):
 
 
 @pytest.mark.parametrize("integrator", LEAPFROG)
-@given(case=rows(gaps=True))
+@given(case=rows())
 def test_lagrange_multipliers_are_complementary_to_the_gaps(integrator, case):
     result = finished(with_pair(case, (integrator, {"name": "lagrange"})), certify=verdict.unasked)
     force, gap = result.arrays["contact_force"], result.arrays["gap"]
