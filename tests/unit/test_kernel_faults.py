@@ -9,6 +9,7 @@ import percuss
 from percuss.jit import jit_disabled
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
+from strategies import bar, case_of
 
 LAW = '''
 from dataclasses import dataclass
@@ -54,14 +55,11 @@ class Faulty(ContactLaw):
                 raise ValueError("too late")
             multiplier[p] = force
 '''
-BAR = {"bar": {"length": 1.0, "elements": 4}, "material": {"young": 100.0, "density": 0.01}, "area": 1.0}
-CASE = {
-    "percuss": 1,
-    "bodies": {"a": {**BAR, "velocity": 1.0}, "b": {**BAR, "at": 1.0}},
-    "contacts": {"tip": {"between": ["a.right", "b.left"]}, "stop": {"body": "b.right", "wall": 2.0}},
-    "method": {"integrator": "central-difference", "contact": "faulty"},
-    "time": {"end": 0.3, "courant": 0.5, "on_unstable": "warn"},
-}
+CASE = case_of(
+    {"a": bar(1.0, 4, velocity=1.0), "b": bar(1.0, 4, 1.0)},
+    {"tip": {"between": ["a.right", "b.left"]}, "stop": {"body": "b.right", "wall": 2.0}},
+    {"end": 0.3, "courant": 0.5, "on_unstable": "warn"},
+)
 
 
 @pytest.fixture(scope="module")
