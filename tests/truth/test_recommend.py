@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-import json
 import math
 
 import numpy as np
@@ -21,7 +20,6 @@ from percuss.studies.candidates import Candidate, evaluations, meshes, neighbour
 from percuss.studies.recommendation import (
     GUARANTEE,
     STABLE,
-    Bounds,
     Search,
     Tried,
     bound_of,
@@ -66,6 +64,9 @@ def test_the_recommended_run_meets_the_bounds_and_no_run_does_so_cheaper(small):
     assert best.energy <= 0.05
     assert best.evaluations == min(one.evaluations for one in answer.tried if one.meets)
     assert answer.left == 0
+    told = "\n".join(map(str, recommendation_lines(answer)))
+    assert answer.as_dict()["best"]["command"] in told
+    assert f"time: {{courant: {best.candidate.courant:g}}}" in told
     ran = [one.candidate for one in answer.tried]
     case = percuss.load(small)
     for one in neighbours(best.candidate, case.registry):
@@ -347,19 +348,6 @@ def test_bad_input_is_one_message(words, message, tmp_path):
     assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.deep
-def test_the_command_recommends_and_draws(tmp_path):
-    options = "--integrator central-difference --contact penalty,lagrange --error 5% --runs 12 --plot r.svg"
-    words = ["recommend", CASES / "doyen-impact.yaml", *options.split()]
-    told = percuss_command(*words, cwd=tmp_path).stdout
-    assert (tmp_path / "r.svg").exists()
-    data = json.loads(percuss_command(*words, "--json", cwd=tmp_path).stdout)
-    assert data["best"]["command"] in told
-    assert f"courant: {data['best']['time.courant']:g}" in told
-    assert f"that were not tried, as --runs allows no more: {data['choices_left']}." in told
-    assert Bounds(**data["bounds"]).error == 0.05
 
 
 @pytest.mark.deep

@@ -354,6 +354,7 @@ def refuse_wrong_values(spec: StudySpec, read: Sequence[tuple[Task, InputError |
         wrong_here = {path: places[value] for path, value in values_of_task.items() if value in places}
         told = (mistake_in_study(problem, wrong_here) for problem in wrong.problems)
         mistakes |= dict.fromkeys(filter(None, told))
-    refuse_if_any([spec.source.problem(*mistake[:3], key=mistake.key) for mistake in mistakes])
+    ordered = sorted(mistakes, key=lambda mistake: spec.source.order(mistake.path, key=mistake.key))
+    refuse_if_any([spec.source.problem(*mistake[:3], key=mistake.key) for mistake in ordered])
     if len(errors) == len(read):
         raise errors[0][1]
