@@ -426,7 +426,7 @@ def test_any_cache_folder_will_do(tmp_path, monkeypatch, folder):
 
 def source_digest_of(file):
     """The digest of a file as a new process finds it."""
-    sources._package_digest.cache_clear()
+    sources._digest.cache_clear()
     sources.source_digest.cache_clear()
     return sources.source_digest(str(file))
 
