@@ -1,13 +1,10 @@
-"""Studies for the tests of what is made of one: a small one that was really run, and a large one that is drawn."""
+"""Studies for the tests of what is made of one, whose numbers are drawn: of several cases, and a large one."""
 
 import itertools
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-
-from percuss.case.case import load
-from percuss.studies.comparison import compare, metrics
 
 BAR = {"material": {"young": 100, "density": 0.01}, "area": 1}
 TWO_BARS = {
@@ -23,13 +20,7 @@ TWO_BARS = {
 }
 INTEGRATORS = ("central-difference", "wu-predictor-corrector")
 CONTACTS = ("penalty", "bipenalty", "lagrange")
-VARIED = {
-    "method.contact.beta_s": [0.05, 0.2, 0.5, 1.0, 3.0],
-    "time.courant": [0.3, 0.5, 0.9],
-    "refine": [1, 2],
-}
-NOT_TOLD = {"impulse", "ledger_error", "energy_growth", "seconds"}
-HISTORIES = ("time", "contact_force", "contact_force_exact")
+VARIED = {"method.contact.beta_s": [0.05, 0.2, 0.5, 1.0, 3.0], "time.courant": [0.3, 0.5, 0.9], "refine": [1, 2]}
 
 
 class FakeStudy:
@@ -39,7 +30,7 @@ class FakeStudy:
         self.title = given.get("title", "Penalty stiffness of two bars")
         self.spec = {
             "title": self.title,
-            "question": given.get("question", "How stiff may a penalty be before its force is noise?"),
+            "question": "How stiff may a penalty be before its force is noise?",
             "cases": ["two-bars.yaml"],
             "methods": {"integrator": list(INTEGRATORS), "contact": list(CONTACTS)},
             "vary": given.get("vary", VARIED),
@@ -50,7 +41,7 @@ class FakeStudy:
             "machine": {"system": "Linux", "processor": "x86_64", "cores": 2},
             "plugins": [{"file": "damped.py", "sha256": "0f" * 32}],
         }
-        self.table, self.units = table, given.get("units", {})
+        self.table, self.units = table, {}
         self.kept = kept or {}
         self.path = Path("fake.sqlite")
         about = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key", *self.spec["vary"]}
@@ -62,23 +53,6 @@ class FakeStudy:
 
     def histories(self, key):
         return self.kept.get(key)
-
-
-def run_study():
-    """Run a small case with every pair and every varied value."""
-    lines, kept = [], {}
-    for number, row in enumerate(compare(load(TWO_BARS), INTEGRATORS, CONTACTS, VARIED)):
-        known = metrics(row)
-        told = {name: known[name] for name in known if name not in NOT_TOLD}
-        if known:
-            told["seconds.march"] = known["steps"] * 1e-7 * (1 + number % 7)  # a clock would make no two reports alike
-        line = {name: getattr(row, name) for name in ("integrator", "contact", "status", "reason", "said_by")}
-        varied = {path: row.varied.get(path) for path in VARIED}
-        lines.append({"case": "two-bars", **line, **varied, "fragile": None, **told, "key": f"r{number:04d}"})
-        if row.result is not None and row.result.summary["steps"]:
-            arrays = row.result.arrays
-            kept[f"r{number:04d}"] = {name: arrays[name] for name in HISTORIES if name in arrays}
-    return FakeStudy(pd.DataFrame(lines), kept)
 
 
 def several_cases(seed=2):
