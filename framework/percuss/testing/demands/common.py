@@ -10,7 +10,6 @@ import itertools
 import json
 import math
 import pickle
-import sys
 from collections.abc import Iterator
 from typing import Any, Literal, get_args, get_origin
 
@@ -80,7 +79,7 @@ def _documented(subject: Subject) -> None:
     cls = subject.component
     text = vars(cls).get("__doc__") or ""
     own = text and not text.startswith(f"{cls.__name__}(")  # the one that `dataclass` makes
-    must(own or sys.flags.optimize == 2, "it has no docstring of its own")
+    must(own, "it has no docstring of its own")
     in_a_line = cls.summary.strip() and "\n" not in cls.summary and len(cls.summary) <= 100
     must(in_a_line, f"its summary is {cls.summary!r}, expected one line of at most 100 characters")
 
@@ -88,7 +87,7 @@ def _documented(subject: Subject) -> None:
 def _formula(subject: Subject) -> None:
     paragraphs = inspect.cleandoc(subject.component.__doc__ or "").split("\n\n")
     shown = any(paragraph.startswith("Formula:") for paragraph in paragraphs)
-    must(shown or sys.flags.optimize == 2, 'no paragraph of its docstring begins with "Formula:"')
+    must(shown, 'no paragraph of its docstring begins with "Formula:"')
 
 
 def _references(subject: Subject) -> None:
@@ -323,12 +322,9 @@ def check_runs_in_a_case(subject: Subject) -> None:
         if dim > 1:
             body["bar"]["direction"] = start
         push = {subject.name: dict(options), **({} if load.everywhere else {"on": "a.left"})}
-        case = draws.chain({"a": body}, loads={"push": push}, time={"steps": 400, "courant": 0.5})
-        result = subject.run(case)
-        draws.must_balance(result)
-        again = subject.run(case) if follows else result
-        same = again.summary["momentum"] == result.summary["momentum"]
-        must(same, "the run gives another motion the second time")
+        draws.must_balance(
+            subject.run(draws.chain({"a": body}, loads={"push": push}, time={"steps": 400, "courant": 0.5}))
+        )
 
 
 @demand("solutions")
@@ -396,15 +392,11 @@ def _check_contacts(subject: Subject, case: Entries) -> None:
 def check_measure(subject: Subject, case: Entries) -> None:
     """It measures the same number each time.
 
-    A measure returns a finite number or None, the same each time for a result, and does not change the result.
+    A measure returns a finite number or None, the same each time for a result.
     `what` states quantity, norm and averaging, because a column without them cannot be interpreted.
     """
     what = getattr(subject.component, "what", "")
     must(isinstance(what, str) and what.strip(), "`what` is empty: say quantity, norm and averaging")
     result = subject.run(case)
-    before = {name: np.array(values, copy=True) for name, values in result.arrays.items()}
     first, second = (answer(subject.make(subject.options), "of", result) for _ in range(2))
     must(first == second, f"it measures {first!r}, and {second!r} the second time")
-    for name, values in before.items():
-        same = np.array_equal(values, result.arrays[name], equal_nan=True)
-        must(same, f"it changes {name} of the result")
