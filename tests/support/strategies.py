@@ -15,6 +15,7 @@ from percuss.case.options import options_of
 from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.results.runner import examined_run
+from percuss.testing import draws
 
 NUDGE = 1e-12  # relative; what it does to a run is what round-off may do
 HANGS = 1e-4  # a nudge that moves the answer by more: the run depends on round-off and is compared with nothing
@@ -109,58 +110,27 @@ def swapped(case):
     return case | {"contacts": contacts}
 
 
-# powers of two would change nothing at all
-UNITS = {"length": 1000.0, "mass": 1e-3, "time": 1e6}
-POWERS = {  # of length, mass, time
-    "force": (1, 1, -2), "acceleration": (1, 0, -2), "velocity": (1, 0, -1), "energy": (2, 1, -2), "length": (1, 0, 0),
-    "stiffness": (0, 1, -2), "mass": (0, 1, 0), "time": (0, 0, 1), "area": (2, 0, 0), "young": (-1, 1, -2),
-    "density": (-3, 1, 0), "frequency": (0, 0, -1), "impulse": (1, 1, -1),
-}  # fmt: skip
-OF_OPTION = {"time": "time", "1/time": "frequency", "length/time": "velocity", "length/time^2": "acceleration"}
+UNITS = dict(zip(("length", "mass", "time"), draws.OTHER_UNITS, strict=True))
 
 
 def unit(kind, units=UNITS):
-    return math.prod(units[name] ** power for name, power in zip(("length", "mass", "time"), POWERS[kind], strict=True))
+    return draws.unit_factor(kind, tuple(units.values()))
 
 
 def converted(case, units=UNITS):
     """Return a case of bars along x in other units of length, mass and time."""
-
-    def scaled(value, factor):
-        return type(value)(v * factor for v in value) if isinstance(value, list | tuple) else value * factor
-
-    def scale(one, **kinds):  # parts of a case may be one and the same mapping
-        return one | {key: scaled(one[key], unit(kind, units)) for key, kind in kinds.items() if key in one}
+    scales = tuple(units.values())
 
     def load(one):
         name, kind = next(iter(one)), "acceleration" if "gravity" in one else one.get("as") or "velocity"
-        amplitude = unit(kind, units)
-        factors = {"amplitude": amplitude, "1": 1.0, "radian": 1.0}
-        factors |= {option: unit(kind, units) for option, kind in OF_OPTION.items()}
         options = options_of(REGISTRY.get("loads", name))
-        value = (
-            {key: scaled(value, factors[options[key].unit]) for key, value in one[name].items()}
-            if isinstance(one[name], dict)
-            else scaled(one[name], amplitude)
-        )
-        return scale(one, **{"from": "time", "until": "time"}) | {name: value}
+        given = one[name] if isinstance(one[name], dict) else {next(iter(options)): one[name]}
+        factors = {key: unit(kind if options[key].unit == "amplitude" else options[key].unit, units) for key in given}
+        value = {key: draws.scaled(given[key], factors[key]) for key in given}
+        return {name: value} | draws.converted({key: one[key] for key in one if key != name}, scales)
 
-    def body(one):
-        material = scale(one["material"], young="young", density="density")
-        return scale(one, at="length", area="area", velocity="velocity") | {
-            "bar": scale(one["bar"], length="length"), "material": material,
-        }  # fmt: skip
-
-    out = case | {
-        "bodies": {name: body(one) for name, one in case["bodies"].items()},
-        "contacts": {name: scale(one, wall="length") for name, one in case["contacts"].items()},
-        "loads": {name: load(one) for name, one in case["loads"].items()},
-        "time": scale(case["time"], end="time", step="time"),
-    }
-    if "method" in case:
-        contact = scale(case["method"]["contact"], epsilon_s="stiffness", epsilon_m="mass")
-        out["method"] = case["method"] | {"contact": contact}
-    return out
+    loads = {name: load(one) for name, one in case.get("loads", {}).items()}
+    return draws.converted(case, scales) | {"loads": loads}
 
 
 def run(case, overrides=None, **kwargs):
