@@ -81,12 +81,10 @@ def check_any_number_of_contacts(subject: Subject) -> None:
 
     A law binds at any number of contact points, also at none, and treats each point as it would treat it alone. Its
     kernel sets every multiplier in every kind of state, open, closed and touching, in approach and parting, and writes
-    to nothing else. `resolved` gives numbers, one for each point or one for all, and `chosen` gives texts.
+    to nothing else.
     """
     for options, count in itertools.product(subject.examples, COUNTS):
         together = _bound(subject, options, sample_points(count))
-        if count:
-            _check_resolved(together)
         alone = [_bound(subject, options, sample_points(count, slice(p, p + 1))) for p in range(count)]
         if together.linear is not None:
             for name in COEFFICIENTS:
@@ -107,33 +105,16 @@ def _compare(name: str, together: Any, alone: list[Any]) -> None:
     must(same, f"{name} of each point is {together} at {len(alone)} points, and {single} alone")
 
 
-def _check_resolved(bound: Bound) -> None:
-    """Raise `CheckFailed` unless `resolved` gives numbers and `chosen` texts."""
-    count = len(bound.points.names)
-    for name, value in bound.law.resolved(bound.points, STEP).items():
-        array = np.asarray(value, dtype=float)
-        right = array.shape in {(), (count,)} and not np.isnan(array).any()
-        must(right, f"`resolved` gives {name} = {value!r} at {count} points")
-    for name, text in bound.law.chosen(bound.points, STEP).items():
-        must(isinstance(text, str) and text.strip(), f"`chosen` gives {name} = {text!r}, expected a text")
-
-
 @demand("contacts")
 def check_coupling(subject: Subject) -> None:
-    """`uses_coupling` is true, and the order of contacts at one end does not matter.
+    """The order of contacts at one end does not matter.
 
-    A kernel that declares `uses_coupling` gives other multipliers if contacts share an end than if they do not. It
-    solves the contacts at one end together: with too few sweeps the result depends on their order.
+    A kernel that declares `uses_coupling` solves the contacts at one end together: with too few sweeps the result
+    depends on their order.
     """
     if not subject.component.uses_coupling:  # type: ignore[attr-defined]
         raise NotApplicable("it does not declare `uses_coupling`")
     for options in subject.examples:
-        bound, deep = _bound(subject, options, sample_points(5)), [np.full(5, -1e-3)] * 4
-        words = "it declares `uses_coupling`, but it is linear: such laws are solved together anyway"
-        must(bound.linear is None, words)
-        coupled, uncoupled = (bound.answer(deep, strength=strength)[0] for strength in (COUPLED, 0.0))
-        words = "it declares `uses_coupling`, but contacts at its ends change no multiplier"
-        must(not np.array_equal(coupled, uncoupled), words)
         for partner in subject.partners:
             case = subject.placed(STRUCK_TWICE, options, partner)
             swapped = {**case, "contacts": dict(reversed(case["contacts"].items()))}
@@ -180,7 +161,7 @@ def check_stored_and_dissipated(subject: Subject) -> None:
 def check_pushes_apart(subject: Subject) -> None:
     """A wall pushes a bar back.
 
-    A bar that strikes a wall is pushed back: the contact impulse is positive and the bar loses momentum.
+    A bar that strikes a wall is pushed back: the contact impulse is positive.
     Multipliers are positive in compression, so a law of the opposite sign pulls the bodies into each other. No force
     in closed contact falls with the speed of approach: a dashpot of the opposite sign adds energy.
     """
@@ -197,8 +178,6 @@ def check_pushes_apart(subject: Subject) -> None:
             continue
         impulse = result.summary["contacts"]["wall"]["impulse"]
         must(impulse > 0.0, f"{NOT_BACK}: its impulse is {impulse:.3g}")
-        before, after = (result.summary["momentum"][name][0] for name in ("initial", "final"))
-        must(after < before, f"{NOT_BACK}: the bar does not slow down")
 
 
 def was_not_started(stopped: RunError) -> bool:
