@@ -1,5 +1,7 @@
 """Blocks of cells that meet along x, and the bars that they are where nothing strains them across."""
 
+import numpy as np
+
 import percuss
 from strategies import LAWS_OF_SURFACES
 
@@ -30,10 +32,11 @@ def plane_at(point, normal):
     return {"point": list(point), "normal": list(normal)}
 
 
-def loaded(bodies, contacts=None, method=None, time=None, plugins=(), **more):
+def loaded(bodies, contacts=None, method=None, time=None, plugins=(), registry=None, **more):
     """Return the case of some bodies; of one step, unless `time` says otherwise."""
     data = {"percuss": 1, "bodies": bodies, "contacts": contacts or {}, "method": method or {}}
-    return percuss.load({**data, "time": time or {"courant": 0.5, "steps": 1}, **more}, plugins=plugins)
+    data |= {"time": time or {"courant": 0.5, "steps": 1}, **more}
+    return percuss.load(data, plugins=plugins, registry=registry)
 
 
 def impact(bodies, integrator, law, step=0.02, pairing=None, contacts=SEAM, end=2.5):
@@ -46,3 +49,13 @@ def impact(bodies, integrator, law, step=0.02, pairing=None, contacts=SEAM, end=
 def alone(body, wall=None, on="right", **more):
     """Return a case of one body, perhaps at a wall."""
     return loaded({"a": body}, {} if wall is None else {"w": {"body": f"a.{on}", "wall": wall}}, **more)
+
+
+def chain(places, start=0):
+    """Return the surface of a body along a chain of points in the plane, the body on the left."""
+    points = np.array(places, dtype=float)
+    numbers = np.arange(len(points))
+    along = np.diff(points, axis=0)
+    lengths = np.linalg.norm(along, axis=1)
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / lengths[:, None]
+    return percuss.Surface(start + numbers, points, np.stack([numbers[:-1], numbers[1:]], axis=1), normals, lengths)

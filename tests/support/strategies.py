@@ -15,7 +15,7 @@ from percuss.case.options import options_of
 from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.results.runner import examined_run
-from percuss.testing import draws
+from percuss.testing import Subject, draws
 
 NUDGE = 1e-12  # relative; what it does to a run is what round-off may do
 HANGS = 1e-4  # a nudge that moves the answer by more: the run depends on round-off and is compared with nothing
@@ -31,6 +31,7 @@ COMPARED = ("contact_force", "gap", "displacement", "velocity", "kinetic_energy"
 
 
 WU, CD = "wu-predictor-corrector", "central-difference"
+UNIT = {"young": 1.0, "density": 1.0}
 STEEL = {"young": 100.0, "density": 0.01}
 BRASS = {"young": 49.0, "density": 0.02}
 
@@ -42,7 +43,9 @@ def bar(length, elements, at=0.0, velocity=0.0, material=STEEL, area=1.0, fixed=
     }  # fmt: skip
 
 
-def case_of(bodies, contacts, time, loads=None):
+def case_of(bodies, contacts, time, loads=None, integrator=None, contact=None, **more):
+    """Return a case of bars, with a probe at each end, and perhaps an integrator and a law for all contacts."""
+    method = {"integrator": integrator, "contact": contact}
     return {
         "percuss": 1,
         "bodies": bodies,
@@ -50,6 +53,8 @@ def case_of(bodies, contacts, time, loads=None):
         "loads": loads or {},
         "time": time,
         "record": {"probes": [f"{name}.{end}" for name in bodies for end in ("left", "right")]},
+        **({"method": {name: value for name, value in method.items() if value}} if integrator else {}),
+        **more,
     }
 
 
@@ -215,6 +220,14 @@ LOADS = [
 ALONG = [one for one in LOADS if not any(isinstance(o.get("value"), tuple) and "gravity" in one for o in one.values())]
 ON_ENDS = [one for one in ALONG if "gravity" not in one]
 FORCES = [one for one in ON_ENDS if REGISTRY.get("loads", next(iter(one))).acts_as != "velocity"]
+
+
+def with_methods(*classes):
+    """Return the registry with further methods."""
+    registry = REGISTRY
+    for cls in classes:
+        registry = Subject.of(cls, registry).registry
+    return registry
 
 
 def is_refused(integrator, law):

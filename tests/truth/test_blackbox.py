@@ -36,6 +36,7 @@ from strategies import (
     each_pair,
     hunek,
     rows,
+    with_methods,
     with_pair,
 )  # fmt: skip
 
@@ -132,9 +133,8 @@ def test_the_limit_is_tight(pair, case):
 @pytest.mark.parametrize("scale", [1.0, 1.2])
 def test_a_step_may_be_stable_though_theta_is_above_one_at_every_step(scale):
     """Contact damps all of a bar of one element whose other end is held."""
-    bar = {"bar": {"length": 1.0, "elements": 1}, "material": {"young": 1.0, "density": 1.274}, "area": 1.0}
     case = wall(1.0, 1.0, WU)
-    case["bodies"] = {"b": bar | {"fixed": ["right"]}}
+    case["bodies"] = {"b": bar(1.0, 1, material={"young": 1.0, "density": 1.274}, fixed=["right"])}
     case["method"]["contact"] = {"name": "penalty", "stiffness": "from-step", "scale": scale}
     found = certificate(made(case))
     assert found["theta"] == pytest.approx(scale)
@@ -333,7 +333,7 @@ def test_what_is_said_of_a_law_that_yields_hangs_neither_on_the_step_nor_on_the_
 
     def said(beta_s):
         method = {"integrator": CD, "contact": {"name": "crushing", "beta_s": beta_s}}
-        registry = Subject.of(Crushing).registry
+        registry = with_methods(Crushing)
         return certificate(model_of(percuss.load({**case, "method": method}, registry=registry)))["stable"]
 
     assert said(0.25) == "unknown"

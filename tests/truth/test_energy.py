@@ -15,11 +15,16 @@ from percuss.certificate.closed_laws import closed_laws
 from percuss.march.model_of_case import model_of
 from percuss.step import loop as leapfrog_loop
 from strategies import (
+    CD,
     FIRST,
     INTEGRATORS,
     LEAPFROG,
     PAIRS,
     PLAIN_PAIRS,
+    UNIT,
+    WU,
+    bar,
+    case_of,
     each_integrator,
     each_pair,
     examined,
@@ -30,7 +35,6 @@ from strategies import (
     with_pair,
 )
 
-WU, CD = "wu-predictor-corrector", "central-difference"
 WITHIN = 1e-12
 
 
@@ -86,16 +90,9 @@ def closings(result):
 
 def between_two_walls(law, integrator=WU, steps=10_000, courant=0.5, elements=12, **record):
     """A bar that flies to and fro."""
-    steel = {"young": 100.0, "density": 0.01}
-    bar = {"bar": {"length": 1.0, "elements": elements}, "material": steel, "area": 1.0, "velocity": 1.0}
-    return {
-        "percuss": 1,
-        "bodies": {"a": bar},
-        "contacts": {"left": {"body": "a.left", "wall": -0.013}, "right": {"body": "a.right", "wall": 1.02}},
-        "method": {"integrator": integrator, "contact": law},
-        "time": {"steps": steps, "courant": courant},
-        "record": record,
-    }  # fmt: skip
+    contacts = {"left": {"body": "a.left", "wall": -0.013}, "right": {"body": "a.right", "wall": 1.02}}
+    time = {"steps": steps, "courant": courant}
+    return case_of({"a": bar(1.0, elements, velocity=1.0)}, contacts, time, None, integrator, law, record=record)
 
 
 def is_guaranteed(integrator, law):
@@ -305,20 +302,14 @@ def test_a_force_that_acts_twice_is_seen(monkeypatch, law):
 
 def let_go(beta_s, **window):
     """Two bars pressed together, the end of one of them held for a part of the run."""
-    bar = {"bar": {"length": 1, "elements": 10}, "material": {"young": 1, "density": 1}, "area": 1}
-    return {
-        "percuss": 1,
-        "bodies": {"a": bar, "b": {**bar, "at": 1}},
-        "contacts": {"c": {"between": ["a.right", "b.left"]}},
-        "loads": {
-            "push": {"ramp": {"value": 1, "duration": 4}, "on": "a.left"},
-            "back": {"ramp": {"value": -1, "duration": 4}, "on": "b.right"},
-            "hold": {"prescribed-velocity": 0, "on": "b.left", **window},
-        },
-        "method": {"integrator": "wu-predictor-corrector", "contact": {"name": "penalty", "beta_s": beta_s}},
-        "time": {"end": 12, "courant": 0.5},
-        "record": {"every": 1},
+    loads = {
+        "push": {"ramp": {"value": 1, "duration": 4}, "on": "a.left"},
+        "back": {"ramp": {"value": -1, "duration": 4}, "on": "b.right"},
+        "hold": {"prescribed-velocity": 0, "on": "b.left", **window},
     }
+    bars = {"a": bar(1.0, 10, material=UNIT), "b": bar(1.0, 10, 1.0, material=UNIT)}
+    seam, law = {"c": {"between": ["a.right", "b.left"]}}, {"name": "penalty", "beta_s": beta_s}
+    return case_of(bars, seam, {"end": 12, "courant": 0.5}, loads, WU, law)
 
 
 @pytest.mark.parametrize("window", [{"until": 6.01}, {"from": 6.01}, {"from": 3.3, "until": 7.7}], ids=str)

@@ -6,7 +6,7 @@ Two equal blocks meet squarely. The exact pressure is uniform, and the surfaces 
 import numpy as np
 import pytest
 
-from blocks import SEAM, block, loaded
+from blocks import SEAM, block, chain, loaded
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from percuss.methods.interfaces import Surface
@@ -98,22 +98,11 @@ def test_other_pairings_fail_by_the_figures_of_an_independent_program(
         assert (pressure.min(), pressure.max()) == pytest.approx(pressures, abs=0.006)
 
 
-def surface(points, start=0):
-    """Return the surface of a body along a chain of points in space, the body on the left."""
-    points = np.array(points, dtype=float)
-    count = len(points)
-    facets = np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
-    along = points[1:] - points[:-1]
-    lengths = np.linalg.norm(along, axis=1)
-    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / lengths[:, None]
-    return Surface(np.arange(start, start + count), points, facets, normals, lengths)
-
-
 @pytest.mark.parametrize("cover", [1.0, 0.9, 0.6, 0.31, 0.1, 1e-3, 1e-5])
 def test_mortar_weights_are_positive_areas_of_what_is_covered(cover):
     """With dual functions of whole edges a node with less than two thirds of an edge covered has a negative area."""
-    first = surface([(0.0, y) for y in np.linspace(0.0, 1.0, 5)])
-    second = surface([(0.0, y) for y in np.linspace(cover, -0.4, 7)], 5)
+    first = chain([(0.0, y) for y in np.linspace(0.0, 1.0, 5)])
+    second = chain([(0.0, y) for y in np.linspace(cover, -0.4, 7)], 5)
     found = Mortar().points(first, second)
     assert (found.weight > 0.0).all()
     assert found.weight.sum() == pytest.approx(cover, rel=1e-12)

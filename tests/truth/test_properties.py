@@ -17,6 +17,7 @@ import percuss
 from percuss.certificate import verdict
 from percuss.march.model_of_case import model_of
 from strategies import (
+    CD,
     CORE_PAIRS,
     FIRST,
     INTEGRATORS,
@@ -24,6 +25,8 @@ from strategies import (
     PAIRS,
     REGISTRY,
     apart,
+    bar,
+    case_of,
     converted,
     each_integrator,
     examined,
@@ -215,28 +218,18 @@ def test_plain_python_gives_what_compiled_code_gives(case, pair):
 
 
 # The unit of time decides on which side of a tie round-off leaves instants at the midpoints of steps.
+AB = {"ab": {"between": ["a.right", "b.left"]}}
 TIMES_OF_A_SECOND = (1.0, 3.0, 1.1, 0.7, 1e6)
 
 
 def begun_and_ended_at_midpoints(second, of):
-    bars = {
-        name: {
-            "bar": {"length": 1.0, "elements": 5}, "area": 1.0, "at": at, "velocity": speed / second,
-            "material": {"young": 1.0 / second**2, "density": 1.0},
-        }
-        for name, at, speed in (("a", 0.0, 0.1), ("b", 1.0, -0.1))
-    }  # fmt: skip
+    material = {"young": 1.0 / second**2, "density": 1.0}
+    bars = {name: bar(1.0, 5, at, speed / second, material) for name, at, speed in (("a", 0.0, 0.1), ("b", 1.0, -0.1))}
     during = ((0.35 * second, 0.95 * second), (1.15 * second, 2.25 * second))
     law = {"name": "tied", "during": during} if of == "law" else "lagrange"
     drive = {"prescribed-velocity": 0.3 / second, "on": "a.left", "from": during[0][0], "until": during[0][1]}
-    return {
-        "percuss": 1,
-        "bodies": bars,
-        "contacts": {"ab": {"between": ["a.right", "b.left"]}},
-        "loads": {"drive": drive} if of == "drive" else {},
-        "method": {"integrator": "central-difference", "contact": law},
-        "time": {"end": 3.0 * second, "step": 0.1 * second},
-    }
+    time, drives = {"end": 3.0 * second, "step": 0.1 * second}, {"drive": drive} if of == "drive" else {}
+    return case_of(bars, AB, time, drives, CD, law)
 
 
 @pytest.mark.parametrize("of", ["law", "drive"])
@@ -253,16 +246,12 @@ def test_of_two_sides_of_the_same_stiffness_none_is_the_softer_one_by_round_off(
     masses = []
     for area, order in itertools.product((1.0, 1.1, 0.7), ("ab", "ba")):
         bars = {
-            "a": {"bar": {"length": 0.7, "elements": 7}, "material": {"young": 0.3, "density": 1.0}},
-            "b": {"bar": {"length": 0.35, "elements": 7}, "at": 0.7, "material": {"young": 0.15, "density": 3.0}},
+            "a": bar(0.7, 7, 0.0, 0.0, {"young": 0.3, "density": 1.0}, area),
+            "b": bar(0.35, 7, 0.7, 0.0, {"young": 0.15, "density": 3.0}, area),
         }
-        case = {
-            "percuss": 1,
-            "bodies": {name: bars[name] | {"area": area} for name in order},
-            "contacts": {"ab": {"between": ["a.right", "b.left"] if order == "ab" else ["b.left", "a.right"]}},
-            "method": {"integrator": "central-difference", "contact": "penalty"},
-            "time": {"end": 1.0, "courant": 0.5},
-        }
+        contacts = AB if order == "ab" else {"ab": {"between": ["b.left", "a.right"]}}
+        time = {"end": 1.0, "courant": 0.5}
+        case = case_of({name: bars[name] for name in order}, contacts, time, None, CD, "penalty")
         masses.append(model_of(percuss.load(case)).contact_points.mass[0] / area)
     assert np.allclose(masses, masses[0], rtol=1e-12)
 
