@@ -93,6 +93,21 @@ def test_three_bars_that_meet_pairwise_move_alike_though_their_forces_are_not_un
     assert np.abs(force[:-1] * gaps[1:]).max() <= 1e-12 * force.max() * moved
 
 
+@pytest.mark.parametrize("integrator", [WU, CD])
+def test_tied_bars_are_one_bar(integrator):
+    """The ends have their mass in common, and the tie pulls, too."""
+    push = {"push": {"half-sine": {"peak": 0.3, "duration": 0.01}, "on": "a.left"}}
+    halves, seam = {"a": bar(1.0, 10), "b": bar(1.0, 10, 1.0)}, {"ab": {"between": ["a.right", "b.left"]}}
+    tied, whole = (
+        run(case_of(bars, contacts, {"steps": 300, "courant": 0.5}, push, integrator, "tied"))
+        for bars, contacts in ((halves, seam), ({"a": bar(2.0, 20)}, {}))
+    )
+    u, of_one = tied.arrays["displacement"][:, [0, 3]], whole.arrays["displacement"]
+    assert tied.arrays["contact_force"].min() < -0.1
+    assert np.abs(u - of_one).max() <= 1e-12 * np.abs(of_one).max()
+    assert tied.summary["energy"]["ledger_error"] <= 1e-12
+
+
 # -------------------------------------------------------------------------- against the table of formulas: schemes
 
 STAGED = {
