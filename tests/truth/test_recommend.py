@@ -27,8 +27,8 @@ from percuss.studies.recommendation import (
     recommend,
     why_never,
 )
-from percuss.studies.rows import rerun_rows
 from percuss.studies.study import Session
+from percuss.studies.study_table import rerun_rows
 from places import CASES
 
 REGISTRY = Registry.load()

@@ -91,7 +91,7 @@ def run(
 
 def _of_row(row: str, file: Path, overrides: Data, plugins: list[Path]) -> Case:
     """Return the case of a row of a study."""
-    from percuss.studies.rows import StoredRows
+    from percuss.studies.study_table import StoredRows
 
     rows = StoredRows(file, plugins)
     return rows.case(rows.key(row)).with_overrides(overrides)

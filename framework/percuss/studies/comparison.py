@@ -16,7 +16,7 @@ from percuss.case.quantities import METRICS, TRUE_ERRORS
 from percuss.errors import InputError
 from percuss.jsonable import Entries
 from percuss.studies.columns import metric
-from percuss.studies.parameters import combinations
+from percuss.studies.layout import combinations
 from percuss.studies.perform import Run, perform
 from percuss.studies.tasks import tasks, two_references
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,8 @@ from percuss.errors import InputError, Problem, refuse_if_any, suggestion
 from percuss.jsonable import Data, Entries, as_lists
 from percuss.methods.blame import SINGULAR
 from percuss.methods.registry import Registry
-from percuss.studies import parameters
 from percuss.studies.columns import Column, RowSettings, column, column_by_name
-from percuss.studies.layout import StudySection
+from percuss.studies.layout import GRAMMAR, StudySection, combinations, values_in
 from percuss.studies.tasks import FAMILIES, NAMES, Task, method_name, two_references
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
@@ -91,9 +90,7 @@ def read_study(given: str | Path | Data, plugins: list[Path] | None = None, chan
     InputError
         With all mistakes in the study.
     """
-    source = Source.of(given) if isinstance(given, Mapping) else Source.read(given)
-    if isinstance(given, Mapping):
-        source = Source("study", "", source.data, source.marks)
+    source = replace(Source.of(given), name="study") if isinstance(given, Mapping) else Source.read(given)
     if changes and isinstance(source.data, Mapping) and isinstance(source.get(("set",), {}), Mapping):
         source = source.replaced(("set",), {**source.get(("set",), {}), **changes})
     return _StudyReader(source, plugins or []).study()
@@ -170,7 +167,7 @@ class _StudyReader:
         self.check_paths()
         points: list[Entries] = []
         try:
-            points = parameters.combinations(varied, section.paired, section.sample)
+            points = combinations(varied, section.paired, section.sample)
         except InputError as error:
             self.wrong_as_in(error, ("vary",), key=True)
         each = [{path: value} for path, values in varied.items() for value in values]
@@ -192,8 +189,6 @@ class _StudyReader:
         """Return the cases by label: the file name without its ending, or the path if two names are alike."""
         names = self.section.cases
         stems = [Path(case_file).stem for case_file in names]
-        if not names:
-            self.reader.wrong(("cases",), "expected at least one case, found none", "Name a file.")
         cases: dict[str, Case] = {}
         for i, case_file in enumerate(names):
             label = stems[i] if stems.count(stems[i]) == 1 else case_file
@@ -250,16 +245,16 @@ class _StudyReader:
         return out
 
     def values(self, at: KeyPath, given: object) -> list[object]:
-        """Return the values of a list or of a text in the grammar of `parameters`, or a single value as a list."""
+        """Return the values of a list or of a text in the grammar of `values_in`, or a single value as a list."""
         if isinstance(given, str):
             try:
-                return [*parameters.values(given)]
+                return [*values_in(given)]
             except InputError as error:
                 self.wrong_as_in(error, at)
                 return []
         out = list(given) if isinstance(given, tuple) else [given]
         if not out or given is None or isinstance(given, Mapping):
-            advice = f"Or {parameters.GRAMMAR}."
+            advice = f"Or {GRAMMAR}."
             self.reader.wrong(at, f"expected a list of values, found {found(given)}", advice)
         return out
 
@@ -284,16 +279,11 @@ class _StudyReader:
         """Return the measured columns."""
         out: dict[str, Column] = {}
         for i, measure in enumerate(self.section.measure):
-            column_of_measure = self.column(("measure", i), measure, cases)
-            if column_of_measure is None:
-                continue
-            name = column_of_measure.name
-            if not isinstance(measure, str) and name in RESERVED:
-                self.reader.wrong(("measure", i), f"the name '{name}' is the name of another column", "Rename it.")
-            elif name in out:
-                self.reader.wrong(("measure", i), f"the name '{name}' is taken by another measure", "Rename it.")
-            else:
-                out[name] = column_of_measure
+            made = self.column(("measure", i), measure, cases)
+            if made is not None and (made.name in out or (made.name in RESERVED and not isinstance(measure, str))):
+                self.reader.wrong(("measure", i), f"the name '{made.name}' is the name of another column", "Rename it.")
+            elif made is not None:
+                out[made.name] = made
         # Every row has the cost that does not depend on the machine, and the finer runs by which it may be judged.
         names, judges = [*([] if out else METRICS), COST], [case.reference for case in cases.values()]
         names += [JUDGED_BY] if any(judge is not None for judge in judges) else []

@@ -1,9 +1,9 @@
 """Studies: many runs, distributed to workers, resumed after any interruption, collected in one table.
 
-The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, and the bench of
+The way of a row: `spec` reads the plan in its `layout` and draws its points, `tasks` makes them tasks, and the bench of
 `perform` gives each a key. A `Session` gives the tasks that are left to workers (`pool`), where the bench reads their
-cases, makes the runs and says what is kept of each, and `columns` measures them. `study_table` keeps the rows and shows
-them, and `rows` makes one of them again.
+cases, makes the runs and says what is kept of each, and `columns` measures them. `study_table` keeps the rows, shows
+them, and makes one of them again.
 """
 
 from __future__ import annotations
