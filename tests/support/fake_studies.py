@@ -23,6 +23,36 @@ CONTACTS = ("penalty", "bipenalty", "lagrange")
 VARIED = {"method.contact.beta_s": [0.05, 0.2, 0.5, 1.0, 3.0], "time.courant": [0.3, 0.5, 0.9], "refine": [1, 2]}
 
 
+LAW = """\
+import os, signal, time
+from dataclasses import dataclass
+from typing import Annotated
+from percuss import ContactLaw
+from percuss.methods.interfaces import Gt, LinearLaw, Unit
+
+
+@dataclass(frozen=True)
+class Mine(ContactLaw):
+    '''A law of mine.'''
+
+    name = "mine"
+    summary = "Mine"
+
+    beta_s: Annotated[float, Gt(0), Unit("1")] = 0.25
+
+    def bind(self, points, dt):
+        FATE
+        return LinearLaw("explicit", 1.0 / (SOFT * self.beta_s * points.stiffness))
+"""
+
+
+def law(folder, soft=1.0, fate="pass"):
+    """Write a plug-in of a contact law, so many times as soft, that does something whenever it is bound."""
+    path = folder / "mine.py"
+    path.write_text(LAW.replace("SOFT", str(soft)).replace("FATE", fate))
+    return path
+
+
 class FakeStudy:
     """What a study gives a report."""
 

@@ -18,6 +18,7 @@ import yaml
 import percuss
 import places
 from command_line import percuss_command
+from fake_studies import law
 from percuss.errors import InputError
 from percuss.methods.registry import Registry
 from percuss.reporting.tables import show
@@ -35,27 +36,6 @@ TIMES = ["seconds"]
 SHIPPED = sorted((ROOT / "cases" / "studies").glob("*.yaml"))
 SHORT = ({"path": "refine", "op": "==", "value": 1},)
 FEW = 4
-LAW = """\
-import os, signal, time
-from dataclasses import dataclass
-from typing import Annotated
-from percuss import ContactLaw
-from percuss.methods.interfaces import Gt, LinearLaw, Unit
-
-
-@dataclass(frozen=True)
-class Mine(ContactLaw):
-    '''A law of mine.'''
-
-    name = "mine"
-    summary = "Mine"
-
-    beta_s: Annotated[float, Gt(0), Unit("1")] = 0.25
-
-    def bind(self, points, dt):
-        FATE
-        return LinearLaw("explicit", 1.0 / (SOFT * self.beta_s * points.stiffness))
-"""
 
 
 def given(**more):
@@ -65,12 +45,6 @@ def given(**more):
 def write(folder, text="", name="study.yaml", **more):
     path = folder / name
     path.write_text(text or yaml.safe_dump(given(**more)))
-    return path
-
-
-def law(folder, soft=1.0, fate="pass"):
-    path = folder / "mine.py"
-    path.write_text(LAW.replace("SOFT", str(soft)).replace("FATE", fate))
     return path
 
 
@@ -106,8 +80,8 @@ def test_every_pair_case_and_point_is_a_row(tmp_path):
     assert set(stiff.status) == {"unstable"}
     assert stiff.reason.str.contains("certificate says unstable").all()
     assert stiff.impulse.isna().all()
-    for law, count in (("lagrange", 8), ("tied", 8)):  # neither has a stiffness that could be varied
-        rows = table[table.contact == law]
+    for name, count in (("lagrange", 8), ("tied", 8)):  # neither has a stiffness that could be varied
+        rows = table[table.contact == name]
         assert (len(rows), set(rows.status)) == (count, {"done"})
         assert rows["method.contact.beta_s"].isna().all()
     done = table[table.status == "done"]

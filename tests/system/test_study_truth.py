@@ -5,7 +5,6 @@ import json
 import math
 import shlex
 import sqlite3
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +13,7 @@ import yaml
 
 import percuss
 from command_line import percuss_command
+from fake_studies import law
 from percuss import digest
 from percuss.case.quantities import METRICS
 from percuss.errors import InputError
@@ -27,39 +27,21 @@ pytestmark = pytest.mark.slow
 
 # ------------------------------------------------------------------------------- what can change a number is in the key
 
-LAW = """\
-from dataclasses import dataclass
-from percuss import ContactLaw
-from percuss.methods.interfaces import LinearLaw
-
-
-@dataclass(frozen=True)
-class Mine(ContactLaw):
-    '''A law of mine.'''
-
-    name = "mine"
-    summary = "Mine"
-
-    def bind(self, points, dt):
-        return LinearLaw("explicit", 1.0 / (0.25 * points.stiffness))
-"""
-
 
 def test_the_digest_of_a_method_is_that_of_all_its_package(tmp_path):
     """So that a helper two modules away from a law counts; what lies beside the package does not."""
-    for file in ("theirs/__init__.py", "theirs/laws/__init__.py", "theirs/laws/mine.py", "theirs/elsewhere.py", "x.py"):
-        (tmp_path / file).parent.mkdir(exist_ok=True, parents=True)
-        (tmp_path / file).write_text("SOFT = 1.0\n")
 
-    def now():
-        digest._package_digest.cache_clear()
-        return digest.source_digest.__wrapped__(str(tmp_path / "theirs" / "laws" / "mine.py"))
+    def digest_of(place, elsewhere, beside):
+        package = tmp_path / place / "theirs"
+        (package / "laws").mkdir(parents=True)
+        texts = {"__init__.py": "", "laws/__init__.py": "", "laws/mine.py": "", "elsewhere.py": elsewhere}
+        for file, text in {**texts, "../x.py": beside}.items():
+            (package / file).write_text(text)
+        return digest.source_digest(str(package / "laws" / "mine.py"))
 
-    before = now()
-    (tmp_path / "x.py").write_text("SOFT = 0.5\n")
-    assert now() == before
-    (tmp_path / "theirs" / "elsewhere.py").write_text("SOFT = 0.5\n")
-    assert now() != before
+    first = digest_of("one", "SOFT = 1", "SOFT = 1")
+    assert digest_of("two", "SOFT = 1", "SOFT = 2") == first
+    assert digest_of("three", "SOFT = 2", "SOFT = 1") != first
 
 
 def test_an_edit_of_a_table_makes_the_row_again(tmp_path):
@@ -79,12 +61,9 @@ def test_an_edit_of_a_table_makes_the_row_again(tmp_path):
 
 def test_versions_and_own_sources_count(monkeypatch):
     """All rooms but those that only show a result."""
-    read = []
-    real = Path.read_bytes
-    monkeypatch.setattr(Path, "read_bytes", lambda path: read.append(path) or real(path))
+    rooms = set()
+    monkeypatch.setattr(digest, "_digest", lambda _, parts: rooms.update(part.name for part in parts))
     digest.own_digest.__wrapped__()
-    package = Path(digest.__file__).parent
-    rooms = {path.relative_to(package).parts[0] for path in read}
     assert rooms >= {"case", "certificate", "contact", "march", "mesh", "methods", "results", "step", "studies"}
     assert not rooms & {"cli", "reporting", "testing"}
     assert {"python", "numpy", "numba", "scipy"} <= set(digest.surroundings())
@@ -136,8 +115,7 @@ def test_what_the_machine_does_is_not_the_methods_fault(tmp_path, monkeypatch, e
 
 
 def test_a_plug_ins_own_error_is_kept_and_made_again_when_asked_for(tmp_path):
-    file = tmp_path / "mine.py"
-    file.write_text(LAW.replace("return LinearLaw", "{}['nothing']\n        return LinearLaw"))
+    file = law(tmp_path, fate="{}['nothing']")
     study = given(tmp_path, methods={"contacts": ["mine", "penalty"]})
     first = percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=[file])
     assert first.counts == {"failed": 1, "done": 1}
@@ -265,7 +243,7 @@ def whole(tmp_path_factory):
     case["loads"] = {"push": {"table": {"file": "pulse.csv"}, "on": "short.left"}}
     (folder / "it's here" / "pulse.csv").write_text("0, 0\n0.1, 0.01\n")
     (folder / "it's here" / "my case.yaml").write_text(yaml.safe_dump(case))
-    (folder / "mine.py").write_text(LAW)
+    law(folder)
     plan = {
         "percuss-study": 1,
         "cases": ["it's here/my case.yaml"],
@@ -308,11 +286,11 @@ def test_rows_are_verified_to_the_last_bit(whole, tmp_path):
     assert f"DIFFERS {file} --row {key[:12]}" in told.stdout
     assert f"  impulse: {math.nextafter(impulse, math.inf)}, now {impulse}" in told.stdout
     assert "nothing that percuss records has changed" in told.stdout
-    law, mine = whole.folder / "mine.py", done.query("contact == 'mine'")["key"].iloc[0]
-    law.write_text(LAW.replace("1.0 /", "1.5 /"))
+    mine = done.query("contact == 'mine'")["key"].iloc[0]
+    law(whole.folder, soft=0.5)
     refused = percuss_command("verify", file, "--row", mine, cwd=whole.folder)
     told = percuss_command("verify", file, "--row", mine, "--plugin", "mine.py", cwd=whole.folder)
-    law.write_text(LAW)
+    law(whole.folder)
     assert (refused.returncode, told.returncode) == (2, 1)
     assert "it has changed since" in refused.stderr
     assert "changed since: plug-in contacts/mine: a file, sources " in told.stdout
