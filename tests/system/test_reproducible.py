@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 import scipy.linalg  # noqa: F401 - a library of BLAS of its own
 from threadpoolctl import ThreadpoolController, threadpool_limits
@@ -38,21 +37,6 @@ for name, case in cases.items():
 print(json.dumps(bits))
 """
 LONG = {"refine": 150, "time.end": None, "time.steps": 5}  # sums of more than ten thousand terms
-DAMPED = """\
-from dataclasses import dataclass
-from percuss import ContactLaw, LinearLaw
-
-
-@dataclass(frozen=True)
-class Damped(ContactLaw):
-    '''A penalty spring with a dashpot, which the black box certifies.'''
-
-    name = "damped"
-    summary = "Penalty spring and dashpot"
-
-    def bind(self, points, dt):
-        return LinearLaw("explicit", 1 / (1.3 * points.stiffness), rate=1e-4)
-"""
 
 
 def threads_of_blas():
@@ -68,28 +52,6 @@ def test_bits_do_not_depend_on_the_threads_of_blas():
         with threadpool_limits(threads, user_api="blas"):
             errors.append(percuss.run(case).summary["exact"]["displacement_error"])
     assert len(set(errors)) == 1
-
-
-def test_eigenvalues_that_choose_the_step_are_found_by_one_thread(tmp_path, monkeypatch):
-    """The step that `courant: auto` takes depends on their last digits, and all histories on the step."""
-    law = tmp_path / "damped.py"
-    law.write_text(DAMPED, encoding="utf-8")
-    case = hunek(5, contact="damped", integrator="central-difference") | {"plugins": [str(law)]}
-    case["time"] = {"courant": "auto", "steps": 3}
-    found, eigenvalues = [], np.linalg.eigvals
-
-    def counted(matrix):
-        found.append(threads_of_blas())
-        return eigenvalues(matrix)
-
-    monkeypatch.setattr(np.linalg, "eigvals", counted)
-    with threadpool_limits(2, user_api="blas"):
-        result = percuss.run(percuss.load(case))
-        after = threads_of_blas()
-    assert result.summary["certificate"]["by"] == "black-box"
-    assert found
-    assert {threads for counts in found for threads in counts} == {1}
-    assert set(after) == {2}
 
 
 def bits_of(names, around="", **environment):

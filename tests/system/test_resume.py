@@ -14,6 +14,7 @@ import yaml
 from benchmarks import digest_cases
 
 import percuss
+import places
 from command_line import percuss_command
 from percuss.certificate import verdict
 from percuss.errors import PercussError
@@ -161,28 +162,14 @@ def test_ctrl_c_saves_the_state_whatever_the_time(monkeypatch):
     assert left[0] == (7, 29)
 
 
-LAW = '''
-from dataclasses import dataclass
-from percuss import ContactLaw, LinearLaw
-
-
-@dataclass(frozen=True)
-class Spring(ContactLaw):
-    """A spring."""
-
-    name = "spring-of-mine"
-    summary = "Spring"
-
-    def bind(self, points, dt):
-        return LinearLaw(at="explicit", sigma=1.0 / points.stiffness)
-'''
+LAW = (places.SUPPORT / "bodies" / "spring.py").read_text(encoding="utf-8")
 
 
 @pytest.fixture
 def bench(tmp_path):
     """A folder with a case of a plug-in, whose run has saved its state."""
     (tmp_path / "law.py").write_text(LAW)
-    case = {**hunek(4, end=0.2), "plugins": ["law.py"], "method": {"contact": "spring-of-mine"}}
+    case = {**hunek(4, end=0.2), "plugins": ["law.py"], "method": {"contact": "spring"}}
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(case))
     with pytest.MonkeyPatch.context() as monkeypatch:
         kill_after(monkeypatch, 1)
@@ -206,7 +193,7 @@ def refused(folder, *options):
 def test_the_command_goes_on_with_the_state_of_its_case_alone(bench):
     none = "--resume: expected the saved state of a run of this case, found none\n"
     assert refused(bench, "--set", "time.end=0.3").startswith(none)
-    (bench / "law.py").write_text(LAW.replace("1.0", "2.0"))
+    (bench / "law.py").write_text(LAW.replace("0.25", "0.5"))
     assert refused(bench).startswith(none)
     (bench / "law.py").write_text(LAW)
     assert "expected --resume or --exact-only, found both" in refused(bench, "--exact-only")
