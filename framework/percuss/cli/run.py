@@ -43,7 +43,7 @@ def run(
         from percuss.reporting.terminal import result_lines
         from percuss.reporting.verdict import run_verdict
         from percuss.results.ledger import open_accounts
-        from percuss.results.vtkhdf import expect_meshes
+        from percuss.results.netcdf import expect_meshes
 
         for_paraview = out is not None and expect_suffix(out, "a result", RESULTS, "Name it result.nc.") == RESULTS[1]
         common.expect_drawable(plot)

@@ -45,15 +45,11 @@ def largest_error(summary: ExactEntries) -> float | None:
     Where the exact solution ends before the run, it is the error of the part that the solution covers; where a finer
     run stands for it, it is an estimate, and the larger one of two.
     """
-    found = errors_of(summary)
-    largest = [_largest(summary, errors) for errors in (found, found and found.get("second")) if errors]
+    found, largest = errors_of(summary), []
+    for errors in filter(None, (found, found and found.get("second"))):
+        known = errors_of_contacts(summary, errors, "force_error_l1").values()
+        largest.append(max(known) if known else errors.get("displacement_error"))
     return max((error for error in largest if error is not None), default=None)
-
-
-def _largest(summary: ExactEntries, errors: Any) -> float | None:
-    known = errors_of_contacts(summary, errors, "force_error_l1").values()
-    displacement: float | None = errors.get("displacement_error")
-    return max(known) if known else displacement
 
 
 def errors_of_contacts(summary: Any, errors: Any, name: str) -> dict[str, float]:
