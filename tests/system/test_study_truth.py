@@ -17,7 +17,7 @@ from fake_studies import law
 from percuss import digest
 from percuss.case.quantities import METRICS
 from percuss.errors import InputError
-from percuss.locks import locked
+from percuss.files import locked
 from percuss.studies import columns
 from percuss.studies.spec import read_study
 from percuss.studies.study import planned

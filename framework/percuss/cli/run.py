@@ -12,7 +12,7 @@ from percuss.cli import common
 from percuss.cli.common import option
 from percuss.errors import InputError, Problem, RunError
 from percuss.files import expect_writable
-from percuss.listeners import heard_by
+from percuss.interrupt import heard_by
 from percuss.process import INTERRUPTED
 
 if TYPE_CHECKING:

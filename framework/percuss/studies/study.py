@@ -19,10 +19,9 @@ from pathlib import Path
 
 from percuss.case.arguments import expect_files
 from percuss.errors import InputError, wrong_input
-from percuss.files import expect_no_input, expect_place, expect_writable
+from percuss.files import expect_no_input, expect_place, expect_writable, locked
 from percuss.interrupt import interruptible
 from percuss.jsonable import Data, Entries, as_lists
-from percuss.locks import locked
 from percuss.results.provenance import keys_of, machine, origins
 from percuss.studies import pool
 from percuss.studies.perform import LOST, Bench, Record
