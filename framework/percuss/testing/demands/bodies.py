@@ -539,8 +539,7 @@ def _proportional_stress(material: Material) -> bool:
     if material.state or material.stress is None:
         return not material.state
     parameters = np.array(material.parameters(), dtype=float)
-    sizes = np.geomspace(1e-6, 10.0, 15)
-    strains = np.concatenate([-sizes, sizes])
+    strains = np.outer(np.geomspace(1e-6, 10.0, 15), (1.0, -1.0)).ravel()
     stresses = np.array([material.stress(parameters, strain) for strain in strains])
     return bool(np.allclose(stresses, material.modulus * strains, rtol=EXACT, atol=0.0))
 

@@ -61,8 +61,8 @@ def check_well_formed(subject: Subject) -> None:
 
     documented: It has a docstring of its own and a summary in one line; `percuss plugins NAME` shows both. formula: The
     docstring has a paragraph that begins with "Formula:", so that the reader sees which equation is solved. references:
-    It names its source, with a DOI if there is one; the source of a new method is its author and the year. facts: Class
-    facts are known, and each expected failure names a check and a reason. frozen: Instances with the same
+    It names its source, with a DOI if there is one; the source of a new method is its author and the year. facts: Each
+    expected failure names a check and a reason. frozen: Instances with the same
     options are equal, hashable and picklable, as studies need them. examples: Every set of options in `examples` is
     accepted. options: Every option has a description, `Doc("...")`, and every number a unit, `Unit("force/length")`.
     refusals: A partner is refused with a reason in words, and not every partner is refused. schema: Its options
@@ -97,10 +97,7 @@ def _references(subject: Subject) -> None:
 
 
 def _facts(subject: Subject) -> None:
-    cls: Any = subject.component
-    if subject.family == "loads":
-        acts = cls.acts_as in {"force", "acceleration", "velocity"}
-        must(acts, f"`acts_as` is {cls.acts_as!r}, expected force, acceleration or velocity")
+    cls = subject.component
     must(cls.examples, "`examples` is empty: ({},) runs the defaults")
     for name, reason in cls.expected_failures.items():
         advice = suggestion(name, subject.declarable, "check")
