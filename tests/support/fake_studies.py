@@ -6,18 +6,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from strategies import hunek
+
 BAR = {"material": {"young": 100, "density": 0.01}, "area": 1}
-TWO_BARS = {
-    "percuss": 1,
-    "title": "Two bars",
-    "bodies": {
-        "short": {"bar": {"length": 10, "elements": 20}, "velocity": 0.1, **BAR},
-        "long": {"bar": {"length": 20, "elements": 40}, "at": 10, "fixed": ["right"], **BAR},
-    },
-    "contacts": {"tip": {"between": ["short.right", "long.left"]}},
-    "method": {"contact": {"name": "bipenalty", "beta_s": 0.25, "ratio": 1}},
-    "time": {"end": 0.8, "courant": 0.5},
-}
+TWO_BARS = {**hunek(20), "title": "Two bars", "record": {}}
 INTEGRATORS = ("central-difference", "wu-predictor-corrector")
 CONTACTS = ("penalty", "bipenalty", "lagrange")
 VARIED = {"method.contact.beta_s": [0.05, 0.2, 0.5, 1.0, 3.0], "time.courant": [0.3, 0.5, 0.9], "refine": [1, 2]}
@@ -107,21 +99,12 @@ def several_cases(seed=2):
                 "node_steps": 400 * refine * (60 * refine + 2),
                 "seconds.march": 4e-4 * refine**2 * 10 ** rng.normal(0, 0.1),
             }
-            lines.append(
-                {
-                    "case": case,
-                    "integrator": integrator,
-                    "contact": contact,
-                    "method.contact.beta_s": beta,
-                    "refine": refine,
-                    "status": status,
-                    "reason": "" if status == "done" else "a reason",
-                    "said_by": "",
-                    "fragile": None,
-                    **{name: value if status == "done" else None for name, value in measured.items()},
-                    "key": f"s{len(lines):04d}",
-                }
-            )
+            lines.append({
+                "case": case, "integrator": integrator, "contact": contact, "method.contact.beta_s": beta,
+                "refine": refine, "status": status, "reason": "" if status == "done" else "a reason", "said_by": "",
+                "fragile": None, **{name: value if status == "done" else None for name, value in measured.items()},
+                "key": f"s{len(lines):04d}",
+            })  # fmt: skip
     varied = {"method.contact.beta_s": [0.1, 0.3, 1.0, 3.0], "refine": [1, 2, 4]}
     return FakeStudy(pd.DataFrame(lines), title="Several cases", vary=varied)
 
