@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import assume, event
 from hypothesis import strategies as st
 
 import percuss
@@ -145,6 +146,18 @@ def run(case, overrides=None, **kwargs):
 def examined(case, **kwargs):
     """Run a case as the kit does: its critical step is not searched where the black box would have to tell it."""
     return examined_run(percuss.load(case), **kwargs)
+
+
+def finished(case, stopped=None, **kwargs):
+    """Run a drawn case; one that is refused or stopped is no example. `stopped` is asked first whether it may stop."""
+    try:
+        return examined(case, **kwargs)
+    except (percuss.RefusedPair, percuss.RunError) as error:
+        event(type(error).__name__)
+        if stopped and isinstance(error, percuss.RunError):
+            stopped(case)
+    assume(False)
+    raise AssertionError
 
 
 def nudged(case, nudge):

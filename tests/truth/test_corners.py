@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import corners
 import percuss
-from blocks import chain, plane_at
+from blocks import chain, plane_at, plate
 from corners import GAP, ORDERS, SPEED, STEEL, falling
 from pages import shown
 from percuss.march.model_of_case import model_of
@@ -81,16 +81,8 @@ def test_no_gap_is_below_the_least_distance_of_plane_faces(tilts, place, cells, 
 
 def plane(start, size, cells):
     """Return a surface in the plane z = 0 that looks up."""
-    axes = [np.linspace(a, a + length, n + 1) for a, length, n in zip(start, size, cells, strict=True)]
-    positions = np.array([[a, b, 0.0] for b in axes[1] for a in axes[0]])
-    row = cells[0] + 1
-    corners = np.array([j * row + i for j in range(cells[1]) for i in range(cells[0])])
-    facets = corners[:, None] + np.array([0, 1, row + 1, row])
-    count = len(facets)
-    area = size[0] * size[1] / count
-    return percuss.Surface(
-        np.arange(len(positions)), positions, facets, np.tile([0.0, 0.0, 1.0], (count, 1)), np.full(count, area)
-    )
+    found = plate(*(np.linspace(a, a + length, n + 1) for a, length, n in zip(start, size, cells, strict=True)))
+    return found._replace(positions=found.positions[:, [1, 2, 0]], normals=found.normals[:, [1, 2, 0]])
 
 
 @pytest.mark.parametrize(("pairing", "early"), [("node-to-segment", False), ("mortar", True)])

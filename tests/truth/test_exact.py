@@ -126,143 +126,9 @@ def test_doyen_bounces_a_hundred_times_without_drift():
     assert solution.fronts < 40 * 100  # those of the contacts, not doubled from one to the next
 
 
-# ------------------------------------------------------------------------------------------------ bars on a grid
-
-STEP = 0.1
-
-
-@dataclass(frozen=True)
-class GridBar:
-    cells: int
-    impedance: float
-    wave: float  # speed
-    start: float
-
-    @property
-    def length(self):
-        return self.cells * STEP * self.wave
-
-
-@dataclass(frozen=True)
-class GridRow:
-    """A row whose waves take whole steps, and whose loads change between them."""
-
-    bars: tuple[GridBar, ...]
-    gaps: tuple[float, ...]  # left wall or None, between, right wall or None
-    held: dict[tuple[int, int], float]  # velocity of (bar, end)
-    pushed: tuple[tuple[int, int, int, int, float], ...]  # bar, end, first step, one past the last, force
-    steps: int
-
-    def row(self):
-        bars = tuple(
-            one_bar(bar.length, bar.start, 2 * bar.impedance * bar.wave, 2 * bar.impedance / bar.wave, 0.5)
-            for bar in self.bars
-        )  # fmt: skip
-        ends = [{} if gap is None else {"wall": gap} for gap in (self.gaps[0], self.gaps[-1])]
-        extra, last = [], len(bars) - 1
-        for (_, end), speed in self.held.items():
-            ends[end] |= {"drive": {"constant": speed}} if speed else {"fixed": True}
-        for b, end, first, stop, force in self.pushed:
-            load = {"constant": force, "from": first * STEP, "until": stop * STEP}
-            if b == (0, last)[end]:
-                ends[end].setdefault("loads", []).append(load)
-            else:
-                extra.append((b, ("left", "right")[end], load))
-        return Row(bars, self.gaps[1:-1], *ends, tuple(extra), end=self.steps * STEP)
-
-    def reference(self):
-        """Return the march on the grid."""
-        bars = []
-        for b, bar in enumerate(self.bars):
-            one = characteristics.Bar(bar.cells, bar.impedance, bar.start)
-            for end in (0, 1):
-                force = np.zeros(self.steps)
-                for at, side, first, stop, value in self.pushed:
-                    if (at, side) == (b, end):
-                        force[first:stop] += value
-                one.force[end] = force
-                if (b, end) in self.held:
-                    one.velocity[end] = np.full(self.steps, self.held[b, end])
-            bars.append(one)
-        last = len(bars)
-        contact_pairs = [
-            (k - 1 if k else None, k if k < last else None, gap) for k, gap in enumerate(self.gaps) if gap is not None
-        ]
-        return characteristics.march(bars, contact_pairs, STEP, self.steps)
-
-    @property
-    def speed(self):
-        """Size of the velocities."""
-        softest = min(bar.impedance for bar in self.bars)
-        return max(
-            [abs(bar.start) for bar in self.bars] + [abs(v) for v in self.held.values()]
-            + [sum(abs(one[4]) for one in self.pushed) / softest]
-        )  # fmt: skip
-
-
-@st.composite
-def grid_rows(draw):
-    count = draw(st.integers(2, 6))
-    bars = tuple(
-        GridBar(
-            draw(st.integers(1, 6)),
-            draw(number(0.3, 3)),
-            draw(st.sampled_from([1.0, 2.0, 0.7, 3.3])),
-            draw(st.integers(-4, 4)) / 4,
-        )
-        for _ in range(count)
-    )
-    starts = [0.0, *[bar.start for bar in bars], 0.0]
-    # bars in free flight close on the grid; others, as a rule, off it
-    between = [
-        max(one - other, 0.0) * draw(st.integers(0, 4)) * STEP or draw(st.sampled_from([0.0, 0.0, 0.0, 0.05, 0.13]))
-        for one, other in itertools.pairwise(starts)
-    ]
-    held = {}
-    for place, key in ((0, (0, 0)), (count, (count - 1, 1))):
-        what = draw(st.sampled_from(["free", "wall", "fixed", "driven"]))
-        if what != "wall":
-            between[place] = None
-        if what == "fixed":
-            held[key] = 0.0
-        elif what == "driven":
-            held[key] = draw(st.integers(1, 4)) / 4 * draw(st.sampled_from([-1, 1]))
-    steps = draw(st.integers(8, 40))
-    pushed = []
-    for _ in range(draw(st.integers(0, 3))):
-        key = (draw(st.integers(0, count - 1)), draw(st.integers(0, 1)))
-        first = draw(st.integers(0, steps - 2))
-        stop = draw(st.integers(first + 1, steps))
-        if key not in held:
-            pushed.append((*key, first, stop, draw(number(-1, 1))))
-    return GridRow(bars, tuple(between), held, tuple(pushed), steps)
-
-
-@MORE
-@given(grid_rows())
-def test_agrees_with_the_march_on_a_grid_until_a_contact_closes_off_it(row):
-    drawn, grid = row.row(), row.reference()
-    assume(drawn.names)
-    solution = solved(drawn)
-    n = grid.exact
-    middle = (np.arange(n) + 0.5) * STEP
-    times = np.arange(n + 1) * STEP
-    hardest = max(bar.impedance for bar in row.bars)
-    length = max(row.speed * row.steps * STEP, *[gap or 0.0 for gap in row.gaps])
-    for k, name in enumerate(drawn.names):
-        contact = solution.contacts[name]
-        assert np.abs(contact.force(middle) - grid.force[k, :n]).max(initial=0.0) <= 1e-12 * row.speed * hardest
-        impulse = np.append(0.0, np.cumsum(grid.force[k, :n])) * STEP
-        assert np.abs(contact.impulse(times) - impulse).max() <= 1e-12 * hardest * length
-        assert np.abs(contact.gap(times) - grid.gap[k, : n + 1]).max() <= 1e-12 * length
-    for b, bar in enumerate(row.bars):
-        for end, x in enumerate((0.0, bar.length)):
-            found = solution.displacement(f"b{b}", x, times)
-            assert np.abs(found - grid.displacement[b, end, : n + 1]).max() <= 1e-12 * length
-
-
 # ------------------------------------------------------------------------------------------------ drawn rows
 
+SIDES = ("left", "right")
 AXES = ((1.0,), (-1.0,), (0.6, 0.8), (-0.28, 0.96), (2 / 7, -3 / 7, 6 / 7))
 
 
@@ -322,21 +188,31 @@ class Row:
         }  # fmt: skip
 
     @property
-    def speed(self):
-        """Size of the velocities."""
-        softest = min(bar["area"] * math.sqrt(bar["young"] * bar["density"]) for bar in self.bars)
+    def impedances(self):
+        return [bar["area"] * math.sqrt(bar["young"] * bar["density"]) for bar in self.bars]
+
+    @property
+    def speeds(self):
+        """Sizes of the velocities that each part brings."""
+        softest = min(self.impedances)
         out = [abs(bar["velocity"]) for bar in self.bars]
         out += [(abs(self.gravity) + max(map(abs, self.pulled.values()), default=0.0)) * self.end]
         for what in (self.left, self.right):
             out += [sum(peak(one) for one in what.get("loads", ())) / softest]
             out += [peak(what["drive"])] if "drive" in what else []
-        out += [sum(peak(one) for *_, one in self.extra) / softest]
-        return sum(out)
+        return [*out, sum(peak(one) for *_, one in self.extra) / softest]
+
+    @property
+    def speed(self):
+        return sum(self.speeds)
 
     @property
     def hardest(self):
-        """Largest impedance."""
-        return max(bar["area"] * math.sqrt(bar["young"] * bar["density"]) for bar in self.bars)
+        return max(self.impedances)
+
+
+def peak(load):
+    return float(np.abs(load["table"]["value"]).max())
 
 
 def one_bar(length, velocity=0.0, young=1.0, density=1.0, area=1.0):
@@ -372,34 +248,12 @@ def written(case, axis=(1.0,), turned=frozenset(), swap=False, reverse=False):
     return strategies.reordered(case) if reverse else case
 
 
-def parts(entry):
-    """Return what a load is called, and its options."""
-    return next((key, value) for key, value in entry.items() if key not in {"from", "until", "as"})
-
-
-def peak(entry):
-    options = parts(entry)[1]
-    if not isinstance(options, dict):
-        return abs(options)
-    value = options.get("value", options.get("peak"))
-    return float(np.abs(value).max()) + abs(options.get("mean", 0.0))
-
-
 @st.composite
 def amplitudes(draw, window=True):
-    kind = draw(st.sampled_from(["constant", "ramp", "table"]))
-    if kind == "constant":
-        out = {kind: draw(number(-1, 1))}
-    elif kind == "ramp":
-        out = {kind: {"value": draw(number(-1, 1)), "duration": draw(number(0.1, 3))}}
-    else:
-        steps = draw(st.lists(number(0.05, 1.5), min_size=1, max_size=4))
-        out = {
-            kind: {
-                "time": [round(float(t), 6) for t in np.cumsum(steps)],
-                "value": [draw(number(-1, 1)) for _ in steps],
-            }
-        }
+    """Draw straight lines through points, on and off any time; what each kind of load is, the kit asks."""
+    steps = draw(st.lists(number(0.05, 1.5), min_size=1, max_size=4))
+    time = [round(float(t), 6) for t in np.cumsum(steps)]
+    out = {"table": {"time": time, "value": [draw(number(-1, 1)) for _ in steps]}}
     if window and draw(st.booleans()):
         out["from"] = draw(number(-0.5, 2))
         if draw(st.booleans()):
@@ -559,6 +413,91 @@ def test_long_after_the_last_front_work_and_impulse_are_those_of_statics(cells, 
     assert abs(solution.impulse(end)) <= 1e-13 * (length * abs(speed) + push * end)
 
 
+# ------------------------------------------------------------------------------------------------ bars on a grid
+
+STEP = 0.1
+
+
+@st.composite
+def grid_rows(draw):
+    """Draw rows whose waves take whole steps, and whose loads change between them."""
+    count, steps = draw(st.integers(2, 6)), draw(st.integers(8, 40))
+
+    def grid_bar():
+        wave, impedance = draw(st.sampled_from([1.0, 2.0, 0.7, 3.3])), draw(number(0.3, 3))
+        start = draw(st.integers(-4, 4)) / 4
+        return one_bar(draw(st.integers(1, 6)) * STEP * wave, start, 2 * impedance * wave, 2 * impedance / wave, 0.5)
+
+    def constant(value):
+        return {"table": {"time": [0.0], "value": [value]}}
+
+    bars = tuple(grid_bar() for _ in range(count))
+    starts = [0.0, *[bar["velocity"] for bar in bars], 0.0]
+    # bars in free flight close on the grid; others, as a rule, off it
+    gaps = [
+        max(one - other, 0.0) * draw(st.integers(0, 4)) * STEP or draw(st.sampled_from([0.0, 0.0, 0.0, 0.05, 0.13]))
+        for one, other in itertools.pairwise(starts)
+    ]
+
+    def edge(gap):
+        return draw(st.sampled_from([
+            {}, {"wall": gap}, {"fixed": True},
+            {"drive": constant(draw(st.integers(1, 4)) / 4 * draw(st.sampled_from([-1, 1])))},
+        ]))  # fmt: skip
+
+    left, right, extra = edge(gaps[0]), edge(gaps[-1]), []
+    held = {(0, "left")} if left.keys() & {"fixed", "drive"} else set()
+    held |= {(count - 1, "right")} if right.keys() & {"fixed", "drive"} else set()
+    for _ in range(draw(st.integers(0, 3))):
+        place, first = (
+            draw(st.tuples(st.integers(0, count - 1), st.sampled_from(SIDES))),
+            draw(st.integers(0, steps - 2)),
+        )
+        window = {"from": first * STEP, "until": draw(st.integers(first + 1, steps)) * STEP}
+        if place not in held:
+            extra.append((*place, constant(draw(number(-1, 1))) | window))
+    return Row(bars, tuple(gaps[1:-1]), left, right, tuple(extra), end=steps * STEP)
+
+
+def on_grid(row):
+    """Return the march of a row on a grid."""
+    bars, steps = [], round(row.end / STEP)
+    middle = (np.arange(steps) + 0.5) * STEP
+    for k, (bar, impedance) in enumerate(zip(row.bars, row.impedances, strict=True)):
+        transit = bar["length"] * math.sqrt(bar["density"] / bar["young"])
+        one = characteristics.Bar(round(transit / STEP), impedance, bar["velocity"])
+        for end, side in enumerate(SIDES):
+            what = (row.left, row.right)[end] if k == (0, len(row.bars) - 1)[end] else {}
+            loads = (load for *place, load in row.extra if place == [k, side])
+            one.force[end] = sum((history(load, middle) for load in loads), np.zeros(steps))
+            if what.keys() & {"fixed", "drive"}:
+                one.velocity[end] = history(what["drive"], middle) if "drive" in what else np.zeros(steps)
+        bars.append(one)
+    return characteristics.march(bars, pairs(row), STEP, steps)
+
+
+@MORE
+@given(grid_rows())
+def test_agrees_with_the_march_on_a_grid_until_a_contact_closes_off_it(row):
+    assume(row.names)
+    solution, grid = solved(row), on_grid(row)
+    n = grid.exact
+    middle = (np.arange(n) + 0.5) * STEP
+    times = np.arange(n + 1) * STEP
+    speed, gaps = max(row.speeds), [gap for *_, gap in pairs(row)]
+    length = max(speed * row.end, *gaps, 0.0)
+    for k, name in enumerate(row.names):
+        contact = solution.contacts[name]
+        assert np.abs(contact.force(middle) - grid.force[k, :n]).max(initial=0.0) <= 1e-12 * speed * row.hardest
+        impulse = np.append(0.0, np.cumsum(grid.force[k, :n])) * STEP
+        assert np.abs(contact.impulse(times) - impulse).max() <= 1e-12 * row.hardest * length
+        assert np.abs(contact.gap(times) - grid.gap[k, : n + 1]).max() <= 1e-12 * length
+    for b, bar in enumerate(row.bars):
+        for end, x in enumerate((0.0, bar["length"])):
+            found = solution.displacement(f"b{b}", x, times)
+            assert np.abs(found - grid.displacement[b, end, : n + 1]).max() <= 1e-12 * length
+
+
 # ------------------------------------------------------------------------------------------------ largest values
 
 
@@ -642,44 +581,30 @@ def test_the_ends_obey_their_conditions(row, manner):
         velocity = sign * solution.velocity(f"b{k}", x, t)
         return velocity, -bar["area"] * solution.stress(f"b{k}", x, t)
 
-    def acting(loads):
-        return sum((history(one, t) for one in loads), np.zeros(t.shape))
-
     fast, hard = 1e-11 * row.speed, 1e-11 * row.hardest * row.speed
-    for k in range(len(row.bars)):
-        for side, sign, what in (("left", 1.0, row.left), ("right", -1.0, row.right)):
-            velocity, pressed = at(k, side)
-            pushed = [one for b, s, one in row.extra if (b, s) == (k, side)]
-            if k != (0 if side == "left" else last):
-                number_ = k if side == "left" else k + 1
-                pushing = solution.contacts[f"c{number_}"].force(t) * sign
-                other = at(k - 1, "right")[0] if side == "left" else at(k + 1, "left")[0]
-                closed = pushing * sign > 100 * hard
-                assert np.abs(velocity - other)[closed].max(initial=0.0) <= fast
-                assert np.abs(sign * pressed - pushing - acting(pushed)).max(initial=0.0) <= hard
-            elif "fixed" in what:
-                assert np.abs(velocity).max(initial=0.0) <= fast
-            elif "drive" in what:
-                assert np.abs(velocity - history(what["drive"], t)).max(initial=0.0) <= fast
-            elif "wall" in what:
-                pushing = solution.contacts["wl" if side == "left" else "wr"].force(t)
-                assert np.abs(velocity)[pushing > 100 * hard].max(initial=0.0) <= fast
-                assert np.abs(pressed - pushing).max(initial=0.0) <= hard
-            else:
-                assert np.abs(sign * pressed - acting(what.get("loads", ()))).max(initial=0.0) <= hard
+    for (k, _), (side, sign, other) in itertools.product(enumerate(row.bars), (("left", 1.0, -1), ("right", -1.0, 1))):
+        velocity, pressed = at(k, side)
+        inside = 0 <= k + other <= last
+        what = {} if inside else getattr(row, side)
+        if "fixed" in what or "drive" in what:
+            driven = history(what["drive"], t) if "drive" in what else 0.0
+            assert np.abs(velocity - driven).max(initial=0.0) <= fast
+            continue
+        loads = [one for *place, one in row.extra if place == [k, side]] + list(what.get("loads", ()))
+        force = sum((history(one, t) for one in loads), np.zeros(t.shape))
+        if inside or "wall" in what:
+            pushing = solution.contacts[f"c{max(k, k + other)}" if inside else f"w{side[0]}"].force(t)
+            beyond = at(k + other, "right" if other < 0 else "left")[0] if inside else 0.0
+            assert np.abs(velocity - beyond)[pushing > 100 * hard].max(initial=0.0) <= fast
+            force = force + sign * pushing
+        assert np.abs(sign * pressed - force).max(initial=0.0) <= hard
 
 
-def history(entry, time):
+def history(load, time):
     """Return a load over time, written out anew."""
-    kind, options = parts(entry)
-    clock = time - entry.get("from", 0.0)
-    if kind == "constant":
-        value = np.full(time.shape, options)
-    elif kind == "ramp":
-        value = options["value"] * np.clip(clock / options["duration"], 0.0, 1.0)
-    elif kind == "table":
-        value = np.interp(clock, options["time"], options["value"])
-    return np.where((clock >= 0) & (time < entry.get("until", math.inf)), value, 0.0)
+    clock = time - load.get("from", 0.0)
+    value = np.interp(clock, load["table"]["time"], load["table"]["value"])
+    return np.where((clock >= 0) & (time < load.get("until", math.inf)), value, 0.0)
 
 
 @MORE
@@ -754,19 +679,10 @@ def test_nothing_depends_on_the_units(row, numbers):
 
 
 def two_bars(dim=1):
-    along = [0.0] * (dim - 1)
-    one = {
-        "bar": {"length": 1.0, "elements": 4, "direction": [1.0, *along]},
-        "material": {"young": 1.0, "density": 1.0},
-        "area": 1.0,
-    }
-    return {
-        "percuss": 1,
-        "bodies": {"a": one | {"at": [0.0, *along]}, "b": copy.deepcopy(one) | {"at": [1.0, *along]}},
-        "contacts": {"ab": {"between": ["a.right", "b.left"]}},
-        "loads": {"push": {"constant": 0.1, "on": "a.left"}},
-        "time": {"end": 1.0, "step": 0.1},
-    }
+    bars = {name: strategies.bar(1.0, 4, at, material=strategies.UNIT) for name, at in (("a", 0.0), ("b", 1.0))}
+    push = {"push": {"constant": 0.1, "on": "a.left"}}
+    case = strategies.case_of(bars, {"ab": {"between": ["a.right", "b.left"]}}, {"end": 1.0, "step": 0.1}, push)
+    return strategies.turned(case, [1.0, 0.0][:dim])
 
 
 def changed(path, value, dim=1):
