@@ -238,14 +238,9 @@ def test_a_law_that_solves_contacts_together_is_refused_where_one_of_the_end_has
         return model_of(percuss.load(made, registry=REGISTRY))
 
     two = {"one": SHARED["contacts"]["one"], "two": {**SHARED["contacts"]["two"], "method": other}}
-    with pytest.raises(percuss.InputError) as refused:
+    said = "contacts.two: expected newton-impact with the options of contact 'one'.* solves all contacts there together"
+    with pytest.raises(percuss.InputError, match=f"{said}; found {found}"):
         model(two)
-    told = refused.value.problems[0]
-    assert told.message == (
-        "expected newton-impact with the options of contact 'one', as both act on one end and the kernel of "
-        f"newton-impact solves all contacts there together; found {found}"
-    )
-    assert told.path == "contacts.two"
     apart = {"one": SHARED["contacts"]["one"], "two": {"body": "hammer.left", "wall": -1.0, "method": other}}
     assert [bound_law.law.name for bound_law in model(apart).laws]
 

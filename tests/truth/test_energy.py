@@ -254,15 +254,6 @@ def test_the_step_beyond_the_end_does_not_count():
 # ------------------------------------------------------------------------------------------------ planted defects
 
 
-def noted(result, integrator, law):
-    """Whether the watch saw that a guarantee was not kept, and said so."""
-    found = result.summary["energy_growth"]
-    (note,) = (note for note in result.summary["notes"] if note.startswith("energy grew"))
-    assert found["kept"] is False
-    assert f"{integrator} with {law}" in note
-    return f"step {found['step']}," in note
-
-
 def warned(case):
     return {**case, "time": {**case["time"], "on_unstable": "warn"}}
 
@@ -274,14 +265,43 @@ def twice(points, boundary, dt):
             boundary[entry.place].new_v += 2 * dt * entry.response * state.multiplier
 
 
+def a_step_late():
+    """Return a solver whose closed contacts press with the force of the step before."""
+    before, right = [np.zeros(2)], leapfrog_loop.find_multipliers
+
+    def behind(points, *others):
+        sound = right(points, *others)
+        multiplier = points.state.multiplier
+        asked = multiplier.copy()
+        closed = (asked != 0) & (before[0] != 0)
+        multiplier[closed] = before[0][closed]
+        before[0] = asked
+        return sound
+
+    return behind
+
+
+SOFT = {"name": "penalty", "beta_s": 0.1}
+
+
 @pytest.mark.usefixtures("loop_anew")
-@pytest.mark.parametrize("law", ["penalty", "matched", "lagrange"])
-def test_a_force_that_acts_twice_is_seen(monkeypatch, law):
-    monkeypatch.setattr(leapfrog_loop, "push", twice)
-    result = run(warned(between_two_walls(NEVER[law], WU, 300)), compiled=False)
-    assert rise(result) > 1e-6
-    assert result.summary["energy"]["ledger_error"] > 1e-6
-    assert noted(result, WU, NEVER[law]["name"])
+@pytest.mark.parametrize(
+    ("integrator", "law", "place", "defect", "broken", "said"),
+    [
+        *((WU, NEVER[law], "push", twice, rise, "energy grew") for law in ("penalty", "matched", "lagrange")),
+        (CD, SOFT, "find_multipliers", a_step_late(), drift, "energy changed"),  # conserved between switchings
+    ],
+)
+def test_a_force_that_acts_twice_or_a_step_late_is_seen(monkeypatch, integrator, law, place, defect, broken, said):
+    monkeypatch.setattr(leapfrog_loop, place, defect)
+    result = run(warned(between_two_walls(law, integrator, 300)), compiled=False)
+    assert broken(result) > 1e-6
+    assert (result.summary["energy"]["ledger_error"] > 1e-6) == (defect is twice)
+    growth = result.summary["energy_growth"]
+    assert growth["kept"] is False
+    (note,) = (note for note in result.summary["notes"] if note.startswith(said))
+    assert f"{integrator} with {law['name']}" in note
+    assert broken is drift or f"step {growth['step']}," in note
 
 
 # ------------------------------------------------------------------------------------- changes of supports and drives

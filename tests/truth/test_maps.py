@@ -158,7 +158,10 @@ def test_waves_that_fade_are_no_harmonics():
         waves(model_of(percuss.load(hunek(n=6, integrator="viscous-central-difference", contact={"name": "lagrange"}))))
 
 
-def test_unlike_bars_keep_the_energy_of_waves():
+def test_unlike_bars_keep_the_energy_of_waves_and_a_wall_throws_all_of_it_back():
+    back = waves(model_of(percuss.load(wall(1.0, 2.0))))
+    assert np.abs(np.abs(back.reflected) - 1).max() < 1e-9
+    assert np.abs(back.transmitted).max() == 0
     case = beside_another(wall(2.0, 2.0))
     found = waves(model_of(percuss.load(case)))
     inside = found.frequency * 80 * math.sqrt(1.5) / 60 < 2.0  # of the other bar

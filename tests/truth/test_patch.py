@@ -265,6 +265,15 @@ def test_mortar_weights_in_space_are_areas_of_what_is_covered(cover, triangles):
         assert np.abs(force[:20] + on_first).max() < 1e-12 * area
 
 
+def test_mortar_on_a_small_part_inside_a_facet_keeps_momentum():
+    """Shape functions are alike on a small part, and the matrix of their products is nearly singular there."""
+    for size in (0.3, 0.01, 1e-3):
+        second = plate([0.3, 0.3 + size], [0.6, 0.6 + size], 0.0, 4, -1.0)
+        found = Mortar().points(plate([0.0, 1.0], [0.0, 1.0]), second)
+        assert found.weight.sum() == pytest.approx(size**2, rel=1e-12)
+        assert np.abs(np.add.reduceat(found.value, found.start[:-1])).max() < 1e-14 / size**2
+
+
 def test_mortar_between_quadrilaterals_that_are_no_parallelograms_is_nearly_exact():
     """Their shape functions are no polynomials in the plane: the docstring of the pairing tells the error."""
     first, second = (
