@@ -160,11 +160,9 @@ def _opening_error(
     Of the steps that overlap an interval, the last has its middle at most half a step before or after the end of the
     interval, as the first has at its start.
     """
-    if not closed or not pressing_steps.size or pressing_steps[-1] == time.size - 1:
-        return None
-    if closed[-1][1] >= reached * (1.0 - ROUND_OFF):
-        return None
-    return float(time[pressing_steps[-1]] - closed[-1][1])
+    pressed = pressing_steps.size > 0 and pressing_steps[-1] < time.size - 1
+    opened = bool(closed) and closed[-1][1] < reached * (1.0 - ROUND_OFF)
+    return float(time[pressing_steps[-1]] - closed[-1][1]) if pressed and opened else None
 
 
 def displacement_error(model: Model, solution: Exact, displacement: Floats, time: float) -> float | None:
