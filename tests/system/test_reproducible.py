@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import scipy.linalg  # noqa: F401 - a library of BLAS of its own
 from threadpoolctl import ThreadpoolController, threadpool_limits
@@ -52,6 +53,18 @@ def test_bits_do_not_depend_on_the_threads_of_blas():
         with threadpool_limits(threads, user_api="blas"):
             errors.append(percuss.run(case).summary["exact"]["displacement_error"])
     assert len(set(errors)) == 1
+
+
+def test_eigenvalues_that_choose_the_step_are_found_by_one_thread(monkeypatch):
+    """The step that `courant: auto` takes depends on their last digits, and all histories on the step."""
+    law = {"name": "row", "epsilon_s": 1.3, "rate": 1e-4}  # which the black box certifies
+    case = hunek(5, contact=law, integrator="central-difference") | {"time": {"courant": "auto", "steps": 3}}
+    found, eigenvalues = [], np.linalg.eigvals
+    monkeypatch.setattr(np.linalg, "eigvals", lambda matrix: found.append(threads_of_blas()) or eigenvalues(matrix))
+    with threadpool_limits(2, user_api="blas"):
+        percuss.run(percuss.load(case, plugins=[places.SUPPORT / "bodies" / "laws.py"]))
+        assert {threads for counts in found for threads in counts} == {1}
+        assert set(threads_of_blas()) == {2}
 
 
 def bits_of(names, around="", **environment):
