@@ -13,6 +13,7 @@ import pytest
 
 import percuss
 from percuss.errors import PluginError
+from percuss.methods import admission
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.provenance import Broken, Provenance, display_path
 from percuss.methods.registry import Registry
@@ -157,8 +158,8 @@ WRONG = {
         "percuss_load: no such hook; did you mean percuss_loads?", "@hookimpl\ndef percuss_load()",
     ),
     "of a later contract": (
-        ABSTRACT.format(base="Load") + "    contract_version = 2\n" + hook("return [Bad]", "percuss_loads"),
-        "percuss_loads: Bad is written for contract 2, this percuss has contract 1: upgrade percuss",
+        ABSTRACT.format(base="Load") + "    contract_version = 6\n" + hook("return [Bad]", "percuss_loads"),
+        "percuss_loads: Bad is written for contract 6, this percuss has contract 1: upgrade percuss",
         "@dataclass(frozen=True)\nclass Bad",
     ),
 }  # fmt: skip
@@ -189,6 +190,13 @@ def test_a_distribution_or_file_that_registers_nothing_is_named(install, write):
     said = "registers nothing: it has no hook and no finished component"
     assert broken.error == f"entry point 'laws = fake_laws': {said}"
     assert refusal(write("from percuss_methods.contacts.penalty import Penalty\n")) == f"my_law.py: {said}"
+
+
+def test_a_contract_before_the_first_release_is_taken_as_the_first_with_one_note(install, capsys):
+    admission._note_on_unreleased_contracts.cache_clear()
+    install("fake-laws", LAWS.replace('"my-law"\n', '"my-law"\n    contract_version = 5\n'))
+    assert Registry.load().broken == ()
+    assert capsys.readouterr().err.count("are taken as contract 1") == 1
 
 
 # -------------------------------------------------------------------------------------------------------- duplicates
