@@ -113,7 +113,7 @@ def test_a_penalty_written_as_a_kernel_is_the_penalty(tmp_path, extra):
     assert result.summary["energy"]["ledger_error"] < 1e-12
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_bodies_of_unlike_materials_in_any_order(tmp_path, extra):
     """Groups of bodies run through code of their own; a group is not a run of neighbours."""

@@ -46,7 +46,7 @@ def result_of(case, **record):
 
 
 # The cells of these kinds are compiled for these tests alone.
-LASTING = ("tri3", "tet4")
+LASTING = ("tri3", "tet4", "hex8")
 
 
 @pytest.fixture(
