@@ -350,8 +350,14 @@ def test_bad_input_is_one_message(words, message, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize(("case", "error"), [("hunek", 0.02), ("doyen-bounce", 0.01), ("unlike", 0.01)])
+@pytest.mark.parametrize(
+    ("case", "error"),
+    [
+        pytest.param("hunek", 0.02, marks=pytest.mark.deep),
+        pytest.param("doyen-bounce", 0.01, marks=pytest.mark.nightly),
+        pytest.param("unlike", 0.01, marks=pytest.mark.nightly),
+    ],
+)
 def test_a_grid_of_all_that_may_be_chosen_has_hardly_anything_cheaper(case, error, tmp_path, monkeypatch):
     """By brute force over mesh and step of the pairs with their default options, by public means alone."""
     monkeypatch.chdir(tmp_path)

@@ -254,8 +254,10 @@ def test_an_option_that_numba_does_not_know_is_left_out(afresh, monkeypatch):
     assert {"no_such_option"} == jit._UNKNOWN
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
+@pytest.mark.parametrize(
+    "integrator",
+    [pytest.param("central-difference", marks=pytest.mark.deep), pytest.param("noh-bathe", marks=pytest.mark.nightly)],
+)
 def test_without_undocumented_options_the_numbers_are_the_same(integrator, afresh):
     case = percuss.load(hunek(8, integrator=integrator, contact="penalty", end=0.5))
     jit._UNKNOWN.update(jit.UNDOCUMENTED)
