@@ -14,8 +14,8 @@ from percuss.errors import PercussError as PercussError
 from percuss.errors import PluginError as PluginError
 from percuss.errors import RefusedPair as RefusedPair
 from percuss.errors import RunError as RunError
+from percuss.interrupt import progress as progress
 from percuss.jit import compiled_function as compiled_function
-from percuss.listeners import progress as progress
 from percuss.methods.hooks import hookimpl as hookimpl
 from percuss.methods.interfaces import REFERENCE_CELLS as REFERENCE_CELLS
 from percuss.methods.interfaces import AllowInf as AllowInf

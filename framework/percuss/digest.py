@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import platform
-from collections.abc import Iterable
 from pathlib import Path
 
 from percuss.files import PACKAGE
@@ -41,12 +40,7 @@ def source_digest(file: str) -> str:
     folder = path.parent
     while (folder / "__init__.py").is_file():
         path, folder = folder, folder.parent
-    return _package_digest(path)
-
-
-@functools.cache
-def _package_digest(path: Path) -> str:
-    return _digest(path, [path])
+    return _digest(path, (path,))
 
 
 @functools.cache
@@ -56,16 +50,15 @@ def is_of_the_loop(file: str) -> bool:
     return path.is_relative_to(PACKAGE) and path.relative_to(PACKAGE).as_posix().startswith(OF_THE_LOOP)
 
 
-@functools.cache
 def loop_digest() -> str:
     """Return the digest of percuss's own sources from which the time loop is compiled."""
-    return _digest(PACKAGE, [PACKAGE / part for part in OF_THE_LOOP])
+    return _digest(PACKAGE, tuple(PACKAGE / part for part in OF_THE_LOOP))
 
 
 @functools.cache
 def own_digest() -> str:
     """Return the digest of percuss's own sources on which a number may depend."""
-    return _digest(PACKAGE, [part for part in sorted(PACKAGE.iterdir()) if part.name not in SHOWN_ALONE])
+    return _digest(PACKAGE, tuple(part for part in sorted(PACKAGE.iterdir()) if part.name not in SHOWN_ALONE))
 
 
 @functools.cache
@@ -75,7 +68,8 @@ def surroundings() -> dict[str, str]:
     return versions | {name: installed_version(name) for name in COMPUTING_PACKAGES}
 
 
-def _digest(root: Path, parts: Iterable[Path] = ()) -> str:
+@functools.cache
+def _digest(root: Path, parts: tuple[Path, ...] = ()) -> str:
     """Return the digest of all sources in files and folders, in order and by their places below `root`."""
     files = (file for part in parts for file in ([part] if part.is_file() else sorted(part.rglob("*"))))
     sources = (file for file in files if file.suffix in SOURCES and file.is_file())

@@ -1,4 +1,4 @@
-"""Folder of the percuss package, files that may be written, and one written completely or not at all."""
+"""Folder of the percuss package, files that may be written, one written completely or not at all, and locks."""
 
 from __future__ import annotations
 
@@ -130,3 +130,32 @@ def unwritten(target: Path, reason: str) -> UnwrittenError:
     """Return the error for a target that could not be written."""
     before = "what was there is as it was" if target.exists() else "nothing is left behind"
     return UnwrittenError(f"{target}: cannot be written: {reason}; {before}. Make room, or name another place.")
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold the lock on the file of a study, which need not exist, and to which one process writes at a time.
+
+    The operating system keeps a lock, so that it is released when the process that holds it ends, even by a crash.
+
+    Raises
+    ------
+    InputError
+        If another process, or another thread of this one, holds the lock, or the lock file cannot be made.
+    """
+    import filelock
+
+    lock = filelock.FileLock(path.with_name(f"{path.name}.lock"), timeout=0)
+    try:
+        lock.acquire()
+    except filelock.Timeout:
+        advice = "Wait until it has ended, or name another file with -o."
+        raise wrong_input(str(path), "is being written by another process", advice) from None
+    except OSError as error:
+        raise wrong_input(str(path), f"cannot write here: {error.strerror}", "Name another file with -o.") from error
+    try:
+        yield
+    finally:
+        # It is removed while it is still locked: who has opened it meanwhile sees that it is gone, and makes another.
+        Path(lock.lock_file).unlink(missing_ok=True)
+        lock.release()

@@ -15,7 +15,7 @@ import threading
 import time
 import types
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -293,8 +293,11 @@ def entry(bound: Bound, decorate: Callable[..., Any], signature: Any) -> Any:
     key = bound.digest, bound.value.__code__, decorate, signature
     with LOCK:
         if key not in _ENTRIES:
-            silent = not NOTICES or _stored(bound.value.__name__)
-            with compiler(), nullcontext() if silent else announced():
+            told = () if not NOTICES or _stored(bound.value.__name__) else tuple(NOTICES)
+            with compiler(), ExitStack() as end:
+                for notice in told:
+                    notice(True)
+                    end.callback(notice, False)
                 _ENTRIES[key] = _compiled(bound, decorate, signature)
         return _ENTRIES[key]
 
@@ -353,28 +356,21 @@ def type_of(data: object) -> Any:
     """
     import numba
 
-    try:
-        structure = _structure(data)
-    except TypeError:
-        return numba.typeof(data)
+    structure = _structure(data)
     if structure not in _TYPES:
         _TYPES[structure] = numba.typeof(data)
     return _TYPES[structure]
 
 
 def _structure(data: object) -> object:
-    """Return what the numba type of arrays, numbers and tuples of them depends on; refuse other data by TypeError."""
+    """Return what the numba type of arrays, numbers and tuples of them depends on."""
+    import numba
+
     if isinstance(data, tuple):
         return type(data), *map(_structure, data)
     if isinstance(data, np.ndarray):
-        flags = data.flags
-        layout = flags.c_contiguous, flags.f_contiguous, flags.aligned, flags.writeable
-        return type(data), data.dtype, data.ndim, *layout
-    if isinstance(data, float | bool | np.number | np.bool_):
-        return type(data)
-    if type(data) is int and data.bit_length() < 63:
-        return int
-    raise TypeError
+        return type(data), data.dtype, data.ndim, data.flags.num
+    return numba.typeof(data)
 
 
 @dataclass(frozen=True)
@@ -430,8 +426,6 @@ def compile_error() -> tuple[type[Exception], ...]:
 
 def jit_disabled() -> bool:
     """Return whether numba is configured not to compile (``NUMBA_DISABLE_JIT=1``)."""
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"", "0"}:
-        return True
     import numba
 
     return bool(numba.config.DISABLE_JIT)
@@ -468,18 +462,6 @@ class Stopwatch:
     def total(self) -> float:
         """Return the seconds since the beginning, compile time included."""
         return time.perf_counter() - self._began
-
-
-@contextmanager
-def announced() -> Iterator[None]:
-    """Call `NOTICES` as for a compilation: this context compiles, or waits for another process that does."""
-    for notice in NOTICES:
-        notice(True)
-    try:
-        yield
-    finally:
-        for notice in NOTICES:
-            notice(False)
 
 
 @contextmanager

@@ -13,7 +13,6 @@ import sys
 
 import pytest
 
-import percuss
 from command_line import percuss_command
 from fake_studies import TWO_BARS
 from percuss.cli.scaffold import new
@@ -60,22 +59,6 @@ def test_a_run_names_file_and_line(kind, tmp_path):
     assert re.match(rf"error: {plugin}:\d+: ", done.stderr)
     assert said in done.stderr
     assert json.loads(done.stdout)["error"] in done.stderr
-
-
-def rows(folder, monkeypatch, mistake, **study):
-    """Make a study of the case of a plug-in with a mistake, in this process; return its rows."""
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr("numba.config.DISABLE_JIT", True)
-    case, plugin = written(folder, *mistake)
-    return percuss.study({"percuss-study": 1, "cases": [str(case)], **study}, workers=1, plugins=[plugin]).as_records()
-
-
-def test_a_mistake_costs_its_own_rows_of_a_study_alone(tmp_path, monkeypatch):
-    method, line, said = IN_A_RUN["an error"]
-    contacts = {"contacts": ["my-method", "penalty"]}
-    bad, good = rows(tmp_path, monkeypatch, (method, line), methods=contacts)
-    assert (bad["status"], good["status"]) == ("failed", "done")
-    assert re.search(rf"my-method\.py:\d+: {said}", bad["reason"])
 
 
 def test_what_a_plug_in_prints_is_no_part_of_the_output(tmp_path):

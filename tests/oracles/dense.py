@@ -52,17 +52,10 @@ class Outcome:
     u: np.ndarray
     v: np.ndarray
     energy: np.ndarray  # at t_n+1/2
-    penalties: list[tuple[float, float]]
-
-    def displacement(self, address):
-        return self.u[:, self.bars.node(address)]
-
-    def velocity(self, address):
-        return self.v[:, self.bars.node(address)]
 
 
-def lengths_of(bar, refine=1):
-    n = bar["elements"] * refine
+def lengths_of(bar):
+    n = bar["elements"]
     if n == 1 or bar.get("grading", 1.0) == 1.0:
         return np.full(n, bar["length"] / n)
     h = bar["grading"] ** (np.arange(n) / (n - 1))
@@ -70,7 +63,7 @@ def lengths_of(bar, refine=1):
 
 
 def assemble(case):
-    sizes = {name: lengths_of(one["bar"], case.get("refine", 1)) for name, one in case["bodies"].items()}
+    sizes = {name: lengths_of(one["bar"]) for name, one in case["bodies"].items()}
     total = sum(h.size + 1 for h in sizes.values())
     bars = Bars(np.zeros((total, total)), np.zeros((total, total)), np.zeros(total), np.zeros(total))
     bars.given = case["bodies"]
@@ -97,8 +90,6 @@ def penalties(law, sides, dt):
         return eps_s, 0.0
     if "epsilon_m" in law:
         return eps_s, law["epsilon_m"]
-    if "beta_m" in law:
-        return eps_s, law["beta_m"] * softest[2]
     ratio = law.get("ratio", "matched")
     if ratio in {"matched", "free-step"}:
         return eps_s, eps_s * dt**2 * (1.0 if ratio == "matched" else 0.25)
@@ -274,7 +265,7 @@ def march(case, mass=None, law=None, viscosity=0.0):
         ahead = u_next + (-(n + 1) % own) * dt * after  # at the next action of the forces of the body
         out["energy"].append(0.5 * after @ bars.M @ after + 0.5 * (ahead - own * dt * after) @ bars.K @ ahead)
         u, v = u_next, after
-    return Outcome(bars, dt, *(np.array(out[n]) for n in ("force", "gap", "end_force", "u", "v", "energy")), both)
+    return Outcome(bars, dt, *(np.array(out[n]) for n in ("force", "gap", "end_force", "u", "v", "energy")))
 
 
 START = -1  # instead of a stage, the last one: the acceleration that is kept before the first step

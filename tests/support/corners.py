@@ -8,6 +8,8 @@ import itertools
 import math
 import sys
 
+import pandas as pd
+
 import pages
 import percuss
 import places
@@ -63,46 +65,28 @@ def row(dim, pairing, first, tilt, refine):
             "yes" if told else "no"]  # fmt: skip
 
 
-def lines():
-    """Return the rows of the file."""
-    with RESULTS.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+def rows():
+    """Return the numbers of the file by what makes a row."""
+    return pd.read_csv(RESULTS, na_values="-").set_index(list(HEAD[:5]))
 
 
-def _of(name):
-    return {tuple(line[key] for key in HEAD[:5]): line[name] for line in lines()}
-
-
-def _table(cell):
+def _table(texts):
     """Return a table in Markdown with a line for each pairing and order in each number of dimensions."""
-    head = ["", "pairing", "named first", *(f"{tilt}°" for tilt in TILTS)]
-    found = [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
-    for dim, pairing, first in itertools.product(DIMENSIONS, LAWS, ORDERS):
-        cells = [cell(str(dim), pairing, first, str(tilt)) for tilt in TILTS]
-        found.append(f"| {dim}D | `{pairing}` | {first} | {' | '.join(cells)} |")
-    return "\n".join(found) + "\n"
+    cells = texts.groupby(level=list(HEAD[:4]), sort=False).agg(", ".join).unstack("tilt", sort=False)
+    lines = ((f"{dim}D", f"`{pairing}`", first, *line) for (dim, pairing, first), *line in cells.itertuples())
+    return pages.table(("", "pairing", "named first", *(f"{tilt}°" for tilt in TILTS)), lines)
 
 
 def touches():
     """Return the table of the times of touch over that of geometry, on three meshes."""
-    touch = _of("touch")
-
-    def cell(*which):
-        times = [touch[*which, str(refine)] for refine in MESHES]
-        return ", ".join("-" if time == "-" else short(float(time), 3) for time in times)
-
-    return _table(cell)
+    return _table(rows()["touch"].map(lambda time: short(time, 3)))
 
 
 def impulses():
     """Return the table of the impulses over that of the finest mesh of mortar, with the corner first."""
-    impulse = _of("impulse")
-
-    def cell(dim, pairing, first, tilt):
-        one = float(impulse[dim, "mortar", "corner", tilt, str(MESHES[-1])])
-        return ", ".join(f"{float(impulse[dim, pairing, first, tilt, str(refine)]) / one:.2f}" for refine in MESHES)
-
-    return _table(cell)
+    impulse = rows()["impulse"]
+    finest = impulse.xs(("mortar", "corner", MESHES[-1]), level=("pairing", "first", "refine"))
+    return _table((impulse / finest).reindex(impulse.index).map("{:.2f}".format))
 
 
 PARTS = {"times of touch": touches, "impulses of corners": impulses}

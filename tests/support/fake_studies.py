@@ -1,4 +1,4 @@
-"""Studies for the tests of what is made of one: a small one that was really run, and a large one that is drawn."""
+"""Studies for the tests of what is made of one, whose numbers are drawn: of several cases, and a large one."""
 
 import itertools
 from pathlib import Path
@@ -6,28 +6,43 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from percuss.case.case import load
-from percuss.studies.comparison import compare, metrics
+from strategies import hunek
 
 BAR = {"material": {"young": 100, "density": 0.01}, "area": 1}
-TWO_BARS = {
-    "percuss": 1,
-    "title": "Two bars",
-    "bodies": {
-        "short": {"bar": {"length": 10, "elements": 20}, "velocity": 0.1, **BAR},
-        "long": {"bar": {"length": 20, "elements": 40}, "at": 10, "fixed": ["right"], **BAR},
-    },
-    "contacts": {"tip": {"between": ["short.right", "long.left"]}},
-    "method": {"contact": {"name": "bipenalty", "beta_s": 0.25, "ratio": 1}},
-    "time": {"end": 0.8, "courant": 0.5},
-}
+TWO_BARS = {**hunek(20), "title": "Two bars", "record": {}}
 INTEGRATORS = ("central-difference", "wu-predictor-corrector")
 CONTACTS = ("penalty", "bipenalty", "lagrange")
-VARIED = {
-    "method.contact.beta_s": [0.05, 0.2, 0.5, 1.0, 3.0],
-    "time.courant": [0.3, 0.5, 0.9],
-    "refine": [1, 2],
-}
+VARIED = {"method.contact.beta_s": [0.05, 0.2, 0.5, 1.0, 3.0], "time.courant": [0.3, 0.5, 0.9], "refine": [1, 2]}
+
+
+LAW = """\
+import os, signal, time
+from dataclasses import dataclass
+from typing import Annotated
+from percuss import ContactLaw
+from percuss.methods.interfaces import Gt, LinearLaw, Unit
+
+
+@dataclass(frozen=True)
+class Mine(ContactLaw):
+    '''A law of mine.'''
+
+    name = "mine"
+    summary = "Mine"
+
+    beta_s: Annotated[float, Gt(0), Unit("1")] = 0.25
+
+    def bind(self, points, dt):
+        FATE
+        return LinearLaw("explicit", 1.0 / (SOFT * self.beta_s * points.stiffness))
+"""
+
+
+def law(folder, soft=1.0, fate="pass"):
+    """Write a plug-in of a contact law, so many times as soft, that does something whenever it is bound."""
+    path = folder / "mine.py"
+    path.write_text(LAW.replace("SOFT", str(soft)).replace("FATE", fate))
+    return path
 
 
 class FakeStudy:
@@ -37,7 +52,7 @@ class FakeStudy:
         self.title = given.get("title", "Penalty stiffness of two bars")
         self.spec = {
             "title": self.title,
-            "question": given.get("question", "How stiff may a penalty be before its force is noise?"),
+            "question": "How stiff may a penalty be before its force is noise?",
             "cases": ["two-bars.yaml"],
             "methods": {"integrator": list(INTEGRATORS), "contact": list(CONTACTS)},
             "vary": given.get("vary", VARIED),
@@ -48,7 +63,7 @@ class FakeStudy:
             "machine": {"system": "Linux", "processor": "x86_64", "cores": 2},
             "plugins": [{"file": "damped.py", "sha256": "0f" * 32}],
         }
-        self.table, self.units = table, given.get("units", {})
+        self.table, self.units = table, {}
         self.kept = kept or {}
         self.path = Path("fake.sqlite")
         about = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key", *self.spec["vary"]}
@@ -60,37 +75,6 @@ class FakeStudy:
 
     def histories(self, key):
         return self.kept.get(key)
-
-
-def run_study(varied=VARIED, integrators=INTEGRATORS, contacts=CONTACTS, **given):
-    """Run a small case with every pair and every varied value."""
-    lines, kept = [], {}
-    values = {path: varied[path] for path in varied}
-    rows = []
-    for contact in contacts:
-        # a law without a stiffness has none to vary
-        own = {p: v for p, v in values.items() if contact != "lagrange" or not p.startswith("method.contact")}
-        rows += compare(load(TWO_BARS), integrators, [contact], own)
-    for number, row in enumerate(rows):
-        known = metrics(row)
-        line = {"case": "two-bars", "integrator": row.integrator, "contact": row.contact}
-        line |= {path: row.varied.get(path) for path in varied}
-        line |= {"status": row.status, "reason": row.reason, "said_by": row.said_by, "fragile": None}
-        line |= {
-            name: value for name, value in known.items() if name not in {"impulse", "ledger_error", "energy_growth"}
-        }
-        if "seconds" in line:
-            del line["seconds"]
-            line["seconds.march"] = line["steps"] * 1e-7 * (1 + number % 7)  # a clock would make no two reports alike
-        lines.append(line | {"key": f"r{number:04d}"})
-        if row.result is not None and row.result.summary["steps"]:
-            arrays = row.result.arrays
-            kept[f"r{number:04d}"] = {
-                name: np.asarray(arrays[name])
-                for name in ("time", "contact_force", "contact_force_exact")
-                if name in arrays
-            }
-    return FakeStudy(pd.DataFrame(lines), kept, **given)
 
 
 def several_cases(seed=2):
@@ -115,21 +99,12 @@ def several_cases(seed=2):
                 "node_steps": 400 * refine * (60 * refine + 2),
                 "seconds.march": 4e-4 * refine**2 * 10 ** rng.normal(0, 0.1),
             }
-            lines.append(
-                {
-                    "case": case,
-                    "integrator": integrator,
-                    "contact": contact,
-                    "method.contact.beta_s": beta,
-                    "refine": refine,
-                    "status": status,
-                    "reason": "" if status == "done" else "a reason",
-                    "said_by": "",
-                    "fragile": None,
-                    **{name: value if status == "done" else None for name, value in measured.items()},
-                    "key": f"s{len(lines):04d}",
-                }
-            )
+            lines.append({
+                "case": case, "integrator": integrator, "contact": contact, "method.contact.beta_s": beta,
+                "refine": refine, "status": status, "reason": "" if status == "done" else "a reason", "said_by": "",
+                "fragile": None, **{name: value if status == "done" else None for name, value in measured.items()},
+                "key": f"s{len(lines):04d}",
+            })  # fmt: skip
     varied = {"method.contact.beta_s": [0.1, 0.3, 1.0, 3.0], "refine": [1, 2, 4]}
     return FakeStudy(pd.DataFrame(lines), title="Several cases", vary=varied)
 

@@ -113,34 +113,30 @@ def table(head: tuple[str, ...], lines: Iterator[tuple[str, ...]]) -> str:
 # ------------------------------------------------------------------------------------------------- keys
 
 
+NOUNS = {"number": "number", "integer": "whole number", "string": "text", "object": "mapping"}
+NOUNS["boolean"] = "true or false"
+BOUNDS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+
+
 def words(schema: dict[str, Any]) -> str:
     """Return what a value is, from its schema."""
     if "$ref" in schema:
         return "mapping"
     if "const" in schema:
         return f"`{schema['const']}`"
-    if len(schema.get("enum", ())) > MOST_SHOWN:
-        return "text"
     if "enum" in schema:
-        return " or ".join(f"`{value}`" for value in schema["enum"])
-    for branches in (schema.get("anyOf"), schema.get("oneOf")):
-        if branches:
-            texts = [words(branch) for branch in branches if branch.get("type") != "null"]
-            return " or ".join(dict.fromkeys(text for text in texts if text))
-    kind = schema.get("type", "")
-    if kind == "array":
+        few = len(schema["enum"]) <= MOST_SHOWN
+        return " or ".join(f"`{value}`" for value in schema["enum"]) if few else "text"
+    if branches := schema.get("anyOf", schema.get("oneOf")):
+        found = (words(branch) for branch in branches if branch.get("type") != "null")
+        return " or ".join(dict.fromkeys(filter(None, found)))
+    if schema.get("type") == "array":
         items = schema.get("items") or next(iter(schema.get("prefixItems", ())), {})
         inner = words(items) if isinstance(items, dict) else ""
         count = f"{schema['minItems']} " if schema.get("minItems", 0) > 1 else ""
         return f"list of {count}{inner}s" if inner in {"number", "text"} else "list"
-    noun = {"number": "number", "integer": "whole number", "string": "text", "object": "mapping"}
-    noun["boolean"] = "true or false"
-    bounds = [
-        f"{sign} {schema[key]:g}"
-        for key, sign in (("exclusiveMinimum", ">"), ("minimum", "≥"), ("exclusiveMaximum", "<"), ("maximum", "≤"))
-        if key in schema
-    ]
-    return " ".join([noun.get(kind, ""), *bounds]).strip()
+    bounds = (f"{sign} {schema[key]:g}" for key, sign in BOUNDS.items() if key in schema)
+    return " ".join([NOUNS.get(schema.get("type", ""), ""), *bounds]).strip()
 
 
 def resolved(schema: dict[str, Any], whole: dict[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from scipy.sparse import diags_array
 
 from percuss import ContactLaw, Doc, Gt, LinearLaw, Unit, coupled_rate
 from percuss_methods.contacts.penalty import Penalty
@@ -181,16 +180,7 @@ plant(
 # ------------------------------------------------------------------------------------------------ masses, shapes
 
 
-def one_sided_inverse(self, element_mass, lumping):
-    """Return an inverse that couples nodes the more the farther along; a body that moves as a whole hides it."""
-    masses, taken = lumping.at_nodes(element_mass), np.linspace(0.05, 0.1, element_mass.size) * element_mass
-    diagonal = (masses - np.append(taken, 0.0) - np.append(0.0, taken)) / masses**2
-    beside = taken / (masses[:-1] * masses[1:])
-    return diags_array([beside, diagonal, beside], offsets=[-1, 0, 1])
-
-
 plant("heavy", "total-mass", "have the mass", Lumped, nodal=lambda self, *given: 1.5 * Lumped.nodal(self, *given))
-plant("one-sided-inverse", "inverse-mass", "counted from the other end", Lumped, inverse=one_sided_inverse)
 plant("at-the-origin", "mesh", "does not start", Bar, mesh=lambda self, at, refine: Bar.mesh(self, 0.0 * at, refine))
 
 

@@ -34,15 +34,10 @@ def cell(one):
 
 def scoreboard(table):
     """Return the table in Markdown: a row a pair, a column a case."""
-    cases = [case for case in dict.fromkeys(table["case"]) if case != MANY]
-    pairs = list(dict.fromkeys(zip(table["integrator"], table["contact"], strict=True)))
-    pairs.sort(key=lambda pair: (pair[1] == REFERENCE, pair))
-    lines = [f"| pair | {' | '.join(cases)} |", f"| --- |{' --- |' * len(cases)}"]
-    for integrator, contact in pairs:
-        mine = table[(table["integrator"] == integrator) & (table["contact"] == contact)]
-        found = {one["case"]: cell(one) for one in mine.to_dict("records")}
-        lines.append(f"| {integrator} + {contact} | {' | '.join(found.get(case, '-') for case in cases)} |")
-    return "\n".join(lines) + "\n"
+    shown = table[table["case"] != MANY].assign(error=table.apply(cell, axis=1))
+    cells = shown.pivot(index=["integrator", "contact"], columns="case", values="error")[shown["case"].unique()]
+    pairs = sorted(cells.index, key=lambda pair: (pair[1] == REFERENCE, pair))
+    return pages.table(("pair", *cells), ((" + ".join(pair), *cells.loc[pair]) for pair in pairs))
 
 
 def numbers(table, name):

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import assume, event
 from hypothesis import strategies as st
 
 import percuss
@@ -15,6 +16,7 @@ from percuss.case.options import options_of
 from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 from percuss.results.runner import examined_run
+from percuss.testing import Subject, draws
 
 NUDGE = 1e-12  # relative; what it does to a run is what round-off may do
 HANGS = 1e-4  # a nudge that moves the answer by more: the run depends on round-off and is compared with nothing
@@ -30,6 +32,7 @@ COMPARED = ("contact_force", "gap", "displacement", "velocity", "kinetic_energy"
 
 
 WU, CD = "wu-predictor-corrector", "central-difference"
+UNIT = {"young": 1.0, "density": 1.0}
 STEEL = {"young": 100.0, "density": 0.01}
 BRASS = {"young": 49.0, "density": 0.02}
 
@@ -37,11 +40,13 @@ BRASS = {"young": 49.0, "density": 0.02}
 def bar(length, elements, at=0.0, velocity=0.0, material=STEEL, area=1.0, fixed=(), **options):
     return {
         "bar": {"length": length, "elements": elements, **options},
-        "at": at, "velocity": velocity, "material": material, "area": area, "fixed": list(fixed),
+        "at": at, "velocity": velocity, "material": dict(material), "area": area, "fixed": list(fixed),
     }  # fmt: skip
 
 
-def case_of(bodies, contacts, time, loads=None):
+def case_of(bodies, contacts, time, loads=None, integrator=None, contact=None, **more):
+    """Return a case of bars, with a probe at each end, and perhaps an integrator and a law for all contacts."""
+    method = {"integrator": integrator, "contact": contact}
     return {
         "percuss": 1,
         "bodies": bodies,
@@ -49,6 +54,8 @@ def case_of(bodies, contacts, time, loads=None):
         "loads": loads or {},
         "time": time,
         "record": {"probes": [f"{name}.{end}" for name in bodies for end in ("left", "right")]},
+        **({"method": {name: value for name, value in method.items() if value}} if integrator else {}),
+        **more,
     }
 
 
@@ -66,22 +73,13 @@ ROW = case_of(
 
 def hunek(n=100, courant=0.5, integrator="wu-predictor-corrector", contact=None, end=0.8):
     """The two touching bars of Huněk, the longer one with 2 n elements."""
-    steel = {"young": 100.0, "density": 0.01}
+    bodies = {"short": bar(10.0, n, velocity=0.1), "long": bar(20.0, 2 * n, 10.0, fixed=["right"])}
     contact = contact or {"name": "bipenalty", "beta_s": 0.25, "ratio": 1.0}
     return {
-        "percuss": 1,
-        "bodies": {
-            "short": {"bar": {"length": 10.0, "elements": n}, "material": steel, "area": 1.0, "velocity": 0.1},
-            "long": {
-                "bar": {"length": 20.0, "elements": 2 * n}, "at": 10.0, "material": steel, "area": 1.0,
-                "fixed": ["right"],
-            },
-        },
-        "contacts": {"tip": {"between": ["short.right", "long.left"]}},
+        **case_of(bodies, {"tip": {"between": ["short.right", "long.left"]}}, {"end": end, "courant": courant}),
         "method": {"integrator": integrator, "contact": contact},
-        "time": {"end": end, "courant": courant},
         "record": {"probes": ["short.left", "short.right", "long.left"]},
-    }  # fmt: skip
+    }
 
 
 def turned(case, direction):
@@ -118,58 +116,27 @@ def swapped(case):
     return case | {"contacts": contacts}
 
 
-# powers of two would change nothing at all
-UNITS = {"length": 1000.0, "mass": 1e-3, "time": 1e6}
-POWERS = {  # of length, mass, time
-    "force": (1, 1, -2), "acceleration": (1, 0, -2), "velocity": (1, 0, -1), "energy": (2, 1, -2), "length": (1, 0, 0),
-    "stiffness": (0, 1, -2), "mass": (0, 1, 0), "time": (0, 0, 1), "area": (2, 0, 0), "young": (-1, 1, -2),
-    "density": (-3, 1, 0), "frequency": (0, 0, -1), "impulse": (1, 1, -1),
-}  # fmt: skip
-OF_OPTION = {"time": "time", "1/time": "frequency", "length/time": "velocity", "length/time^2": "acceleration"}
+UNITS = dict(zip(("length", "mass", "time"), draws.OTHER_UNITS, strict=True))
 
 
 def unit(kind, units=UNITS):
-    return math.prod(units[name] ** power for name, power in zip(("length", "mass", "time"), POWERS[kind], strict=True))
+    return draws.unit_factor(kind, tuple(units.values()))
 
 
 def converted(case, units=UNITS):
     """Return a case of bars along x in other units of length, mass and time."""
-
-    def scaled(value, factor):
-        return type(value)(v * factor for v in value) if isinstance(value, list | tuple) else value * factor
-
-    def scale(one, **kinds):  # parts of a case may be one and the same mapping
-        return one | {key: scaled(one[key], unit(kind, units)) for key, kind in kinds.items() if key in one}
+    scales = tuple(units.values())
 
     def load(one):
         name, kind = next(iter(one)), "acceleration" if "gravity" in one else one.get("as") or "velocity"
-        amplitude = unit(kind, units)
-        factors = {"amplitude": amplitude, "1": 1.0, "radian": 1.0}
-        factors |= {option: unit(kind, units) for option, kind in OF_OPTION.items()}
         options = options_of(REGISTRY.get("loads", name))
-        value = (
-            {key: scaled(value, factors[options[key].unit]) for key, value in one[name].items()}
-            if isinstance(one[name], dict)
-            else scaled(one[name], amplitude)
-        )
-        return scale(one, **{"from": "time", "until": "time"}) | {name: value}
+        given = one[name] if isinstance(one[name], dict) else {next(iter(options)): one[name]}
+        factors = {key: unit(kind if options[key].unit == "amplitude" else options[key].unit, units) for key in given}
+        value = {key: draws.scaled(given[key], factors[key]) for key in given}
+        return {name: value} | draws.converted({key: one[key] for key in one if key != name}, scales)
 
-    def body(one):
-        material = scale(one["material"], young="young", density="density")
-        return scale(one, at="length", area="area", velocity="velocity") | {
-            "bar": scale(one["bar"], length="length"), "material": material,
-        }  # fmt: skip
-
-    out = case | {
-        "bodies": {name: body(one) for name, one in case["bodies"].items()},
-        "contacts": {name: scale(one, wall="length") for name, one in case["contacts"].items()},
-        "loads": {name: load(one) for name, one in case["loads"].items()},
-        "time": scale(case["time"], end="time", step="time"),
-    }
-    if "method" in case:
-        contact = scale(case["method"]["contact"], epsilon_s="stiffness", epsilon_m="mass")
-        out["method"] = case["method"] | {"contact": contact}
-    return out
+    loads = {name: load(one) for name, one in case.get("loads", {}).items()}
+    return draws.converted(case, scales) | {"loads": loads}
 
 
 def run(case, overrides=None, **kwargs):
@@ -179,6 +146,18 @@ def run(case, overrides=None, **kwargs):
 def examined(case, **kwargs):
     """Run a case as the kit does: its critical step is not searched where the black box would have to tell it."""
     return examined_run(percuss.load(case), **kwargs)
+
+
+def finished(case, stopped=None, **kwargs):
+    """Run a drawn case; one that is refused or stopped is no example. `stopped` is asked first whether it may stop."""
+    try:
+        return examined(case, **kwargs)
+    except (percuss.RefusedPair, percuss.RunError) as error:
+        event(type(error).__name__)
+        if stopped and isinstance(error, percuss.RunError):
+            stopped(case)
+    assume(False)
+    raise AssertionError
 
 
 def nudged(case, nudge):
@@ -256,13 +235,19 @@ ON_ENDS = [one for one in ALONG if "gravity" not in one]
 FORCES = [one for one in ON_ENDS if REGISTRY.get("loads", next(iter(one))).acts_as != "velocity"]
 
 
+def with_methods(*classes):
+    """Return the registry with further methods."""
+    registry = REGISTRY
+    for cls in classes:
+        registry = Subject.of(cls, registry).registry
+    return registry
+
+
 def is_refused(integrator, law):
     """Whether one of the two methods refuses the other."""
-    body = {"bar": {"length": 1, "elements": 1}, "area": 1, "material": {"young": 1, "density": 1}}
-    case = {"percuss": 1, "bodies": {"a": body}, "contacts": {"w": {"body": "a.right", "wall": 1}}}
-    case |= {"method": {"integrator": integrator, "contact": law}, "time": {"steps": 1, "courant": 0.5}}
+    case = case_of({"a": bar(1, 1)}, {"w": {"body": "a.right", "wall": 1}}, {"steps": 1, "courant": 0.5})
     try:
-        model_of(percuss.load(case))
+        model_of(percuss.load(case | {"method": {"integrator": integrator, "contact": law}}))
     except percuss.RefusedPair:
         return True
     return False
@@ -300,84 +285,9 @@ def number(low, high):
 
 
 @st.composite
-def rows(draw, moving=True, loads=True, bars=4, gaps=True):
-    """A row of 1 to 4 bars of unlike material, area, length and mesh, with walls, supports, drives and loads.
-
-    Scales are those of unit bars, so that the examples of laws and loads make sense.
-    """
-    count = draw(st.integers(1, bars))
-    bodies, contacts = {}, {}
-    names = ["a", "b", "c", "d"][:count]
-    at = 0.0
-    for name in names:
-        elements = draw(st.integers(1, 12))
-        bar = {"length": draw(number(0.5, 4)), "elements": elements}
-        if draw(st.booleans()):
-            bar["grading"] = draw(number(0.5, 2))
-        bodies[name] = {
-            "bar": bar,
-            "material": {"young": draw(number(20, 200)), "density": draw(number(0.01, 0.1))},
-            "area": draw(number(0.5, 2)),
-            "at": at,
-            "velocity": draw(number(-1, 1)) if moving else 0.0,
-        }
-        at = round(at + bar["length"] + (draw(number(0, 0.2)) if gaps and draw(st.booleans()) else 0.0), 6)
-    for left, right in itertools.pairwise(names):
-        contacts[f"{left}{right}"] = {"between": [f"{left}.right", f"{right}.left"]}
-    last = bodies[names[-1]]
-    ends = {"left": f"{names[0]}.left", "right": f"{names[-1]}.right"}
-    limits = {"left": 0.0, "right": round(last["at"] + last["bar"]["length"], 6)}
-    found = {}
-    driven = {}
-    for side, end in ends.items():
-        name = end[0]
-        what = draw(st.sampled_from(["free", "wall", "fixed", "driven", "loaded"]))
-        if what == "wall":
-            sign = -1 if side == "left" else 1
-            gap = draw(number(0, 0.1)) if gaps else 0.0
-            contacts[f"wall-{side}"] = {"body": end, "wall": round(limits[side] + sign * gap, 6)}
-        elif what == "fixed":
-            bodies[name]["fixed"] = [side]
-        elif what == "driven" and loads:
-            driven[side] = {**draw(st.sampled_from(ON_ENDS)), "on": end, "as": "velocity"}
-        elif what == "loaded" and loads:
-            kind = draw(st.sampled_from(FORCES))
-            found[f"push-{side}"] = {**kind, "on": end, "as": "force"}
-    if count > 1:  # an end that is held while others strike it
-        inner = draw(st.sampled_from(["free", "free", "fixed", "driven"]))
-        if inner == "fixed":
-            bodies["a"]["fixed"] = [*bodies["a"].get("fixed", []), "right"]
-        elif inner == "driven" and loads:
-            driven["inner"] = {**draw(st.sampled_from(ON_ENDS)), "on": "a.right", "as": "velocity"}
-    found |= {f"drive-{side}": one for side, one in driven.items()}
-    if loads and draw(st.booleans()):
-        kind = draw(st.sampled_from([one for one in ALONG if one in FORCES or "gravity" in one]))
-        on = draw(st.sampled_from([*names, None]))
-        acts = draw(st.sampled_from(["force", "acceleration"]))
-        if "gravity" in kind:
-            acts = "acceleration"
-        if on is None and "gravity" not in kind:
-            on = names
-        found["whole"] = {**kind, "as": acts} | ({"on": on} if on else {})
-    for one in found.values():
-        if draw(st.booleans()):
-            one["from"] = draw(number(-0.1, 0.2))
-        if draw(st.booleans()):
-            one["until"] = round(one.get("from", 0.0) + draw(number(0.02, 0.5)), 6)
-    return {
-        "percuss": 1,
-        "bodies": bodies,
-        "contacts": contacts,
-        "loads": found,
-        "time": {"steps": draw(st.integers(40, 400)), "courant": draw(number(0.3, 1.0))},
-        "record": {"probes": [f"{name}.{end}" for name in names for end in ("left", "right")]},
-    }
-
-
-@st.composite
-def unlike_bars(draw, fewest_elements):
-    """Draw names, bodies and contacts of a row of one to three unlike bars, all of which but the first move left."""
-    names, bodies, at = "abc"[: draw(st.integers(1, 3))], {}, 0.0
+def unlike_bars(draw, fewest_elements=1, bars=3):
+    """Draw names, bodies and contacts of a row of one to `bars` unlike bars, all of which but the first move left."""
+    names, bodies, at = "abcd"[: draw(st.integers(1, bars))], {}, 0.0
     for k, name in enumerate(names):
         bodies[name] = {
             "bar": {
@@ -392,6 +302,46 @@ def unlike_bars(draw, fewest_elements):
         }
         at = round(at + bodies[name]["bar"]["length"] + draw(st.sampled_from([0.0, 0.0, 0.02])), 6)
     return names, bodies, {f"{a}{b}": {"between": [f"{a}.right", f"{b}.left"]} for a, b in itertools.pairwise(names)}
+
+
+@st.composite
+def rows(draw, moving=True, loads=True, bars=4):
+    """A row of 1 to 4 unlike bars, with walls, supports, drives and loads.
+
+    Scales are those of unit bars, so that the examples of laws and loads make sense.
+    """
+    names, bodies, contacts = draw(unlike_bars(bars=bars))
+    for body in bodies.values():
+        body["velocity"] = draw(number(-1, 1)) if moving else 0.0
+    found, ends = {}, {"left": f"{names[0]}.left", "right": f"{names[-1]}.right", "inner": "a.right"}
+    if len(names) == 1:
+        del ends["inner"]  # an end that is held while others strike it
+    for side, end in ends.items():
+        several = ["free", "fixed", "free" if side == "inner" else "wall", *(["driven", "loaded"] if loads else [])]
+        what, name, (_, at) = draw(st.sampled_from(several)), end[0], end.split(".")
+        if what == "wall":
+            last = bodies[name]
+            place = -draw(number(0, 0.1)) if at == "left" else last["at"] + last["bar"]["length"] + draw(number(0, 0.1))
+            contacts[f"wall-{side}"] = {"body": end, "wall": round(place, 6)}
+        elif what == "fixed":
+            bodies[name]["fixed"] = [*bodies[name].get("fixed", []), at]
+        elif what == "driven":
+            found[f"drive-{side}"] = {**draw(st.sampled_from(ON_ENDS)), "on": end, "as": "velocity"}
+        elif what == "loaded":
+            found[f"push-{side}"] = {**draw(st.sampled_from(FORCES)), "on": end, "as": "force"}
+    if len(names) == 1:  # something must be free to move
+        bodies["a"]["fixed"] = bodies["a"].get("fixed", [])[:1]
+    if loads and draw(st.booleans()):
+        kind, on = draw(st.sampled_from([one for one in ALONG if one in FORCES or "gravity" in one])), [*names]
+        acts = "acceleration" if "gravity" in kind else draw(st.sampled_from(["force", "acceleration"]))
+        found["whole"] = {**kind, "as": acts, "on": draw(st.sampled_from([*names, on]))}
+    for one in found.values():
+        if draw(st.booleans()):
+            one["from"] = draw(number(-0.1, 0.2))
+        if draw(st.booleans()):
+            one["until"] = round(one.get("from", 0.0) + draw(number(0.02, 0.5)), 6)
+    time = {"steps": draw(st.integers(40, 400)), "courant": draw(number(0.3, 1.0))}
+    return case_of(bodies, contacts, time, found)
 
 
 def alike(case):
@@ -412,13 +362,10 @@ def alike(case):
 
 def refuses_unlike_bars(law):
     """Whether a law says that it is for equal sides only."""
-    bodies = {
-        name: {"bar": {"length": 1, "elements": k}, "at": k - 1, "area": k, "material": {"young": k, "density": 1}}
-        for name, k in (("a", 1), ("b", 2))
-    }
-    case = {"percuss": 1, "bodies": bodies, "contacts": {"ab": {"between": ["a.right", "b.left"]}}}
+    bodies = {name: bar(1, k, k - 1, 0.0, {"young": k, "density": 1}, k) for name, k in (("a", 1), ("b", 2))}
+    case = case_of(bodies, {"ab": {"between": ["a.right", "b.left"]}}, {"steps": 1, "courant": 0.5})
     # Central difference shows a law all that any law weighs.
-    case |= {"method": {"integrator": "central-difference", "contact": law}, "time": {"steps": 1, "courant": 0.5}}
+    case |= {"method": {"integrator": CD, "contact": law}}
     try:
         model_of(percuss.load(case))  # the law is bound to its points; a run would compile the loop too
     except percuss.InputError as error:

@@ -11,12 +11,15 @@ import gallery
 import pages
 
 ALWAYS = {"hunek", "two-bars", "compared", "family"}  # the pictures of the first pages; each takes some seconds
+NIGHTLY = {"two-spheres"}
+
+
+def mark_of(name):
+    return () if name in ALWAYS else pytest.mark.nightly if name in NIGHTLY else pytest.mark.deep
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [name if name in ALWAYS else pytest.param(name, marks=pytest.mark.deep) for name in gallery.ALL]
-)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=mark_of(name)) for name in gallery.ALL])
 def test_a_picture_shows_what_is_drawn_today(name, tmp_path):
     """`python tests/support/gallery.py` draws the pictures anew."""
     pages.fill(tmp_path)

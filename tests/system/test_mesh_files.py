@@ -14,6 +14,9 @@ from percuss.errors import InputError
 from percuss_methods.shapes.mesh import MeshFromFile
 
 pytest.importorskip("meshioplusplus")
+# Made with gmsh 4.15, as text and as bytes of both versions: a rectangle 2 by 1 of triangles and of quadrilaterals, a
+# box 1 by 1 by 2 of tetrahedra and of hexahedra, with `bottom` and `top` at the ends of the last coordinate; and
+# `parts`, the box of two parts `low` and `high`, which are `both` too.
 MADE_BY_GMSH = Path(__file__).parents[1] / "support" / "meshes"
 ASCII = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
 TWO_TRIANGLES = (

@@ -242,26 +242,6 @@ def test_no_part_that_a_program_writes_is_empty() -> None:
     assert [mark for mark, part in parts if len(part.split()) < 5] == []
 
 
-def address(heading: str) -> str:
-    """Return a heading as GitHub names it: small letters, hyphens for spaces, no other punctuation."""
-    return re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-"))
-
-
-def test_pictures_and_links_lead_somewhere() -> None:
-    for name, page in PAGES.items():
-        folder, prose = (ROOT / name).parent, re.sub(r"^```.*?^```$", "", page, flags=re.MULTILINE | re.DOTALL)
-        for picture in re.findall(r"!\[.*?\]\((.*?)\)", prose):
-            assert (folder / picture).stat().st_size > 5_000, f"{name}: {picture}"
-        for link in re.findall(r"(?<!!)\[[^\]]*\]\(([^)\s]*)\)", re.sub(r"`[^`\n]*`", "", prose)):
-            path, _, heading = link.partition("#")
-            if path.startswith("https://"):
-                continue
-            target = folder / path if path else ROOT / name
-            assert target.is_file(), f"{name}: {link}"
-            headings = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE) if heading else []
-            assert not heading or heading in {address(text) for text in headings}, f"{name}: {link}"
-
-
 @pytest.mark.skipif(not places.has_source_tree, reason="reads the source tree, and here are the tests alone")
 def test_files_named_in_the_pages_are_there() -> None:
     named = {path for page in PAGES.values() for path in re.findall(r"`((?:\w+/)+\w+\.(?:py|yaml|c))`", page)}
@@ -275,18 +255,3 @@ def test_the_first_page_is_short_and_of_the_version_of_today() -> None:
     assert len(README.split()) <= MOST_WORDS
     assert f"This is version {percuss.__version__};" in README
     assert f"version = {{{percuss.__version__}}}" in README
-
-
-def links(name: str) -> set[str]:
-    """Return the pages to which a page links, by their paths from the top."""
-    found = re.findall(r"\]\(([^)#\s]+\.md)[)#]", PAGES[name])
-    return {((ROOT / name).parent / link).resolve().relative_to(ROOT.resolve()).as_posix() for link in found}
-
-
-def test_every_page_is_reached_from_the_first_one() -> None:
-    reached, waiting = set(), ["README.md"]
-    while waiting:
-        reached.add(name := waiting.pop())
-        waiting += [link for link in links(name) if link in PAGES and link not in reached]
-    beside = {name for name in PAGES if name.startswith("framework/docs/") or "/vendor/" in name}
-    assert set(PAGES) - beside <= reached

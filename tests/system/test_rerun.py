@@ -7,25 +7,12 @@ import pytest
 import yaml
 
 import percuss
+import places
 from command_line import percuss_command
 from percuss import digest
 from strategies import hunek
 
-LAW = """\
-from dataclasses import dataclass
-from percuss import ContactLaw, LinearLaw
-
-
-@dataclass(frozen=True)
-class Spring(ContactLaw):
-    '''A penalty spring.'''
-
-    name = "spring"
-    summary = "Penalty spring"
-
-    def bind(self, points, dt):
-        return LinearLaw("explicit", 1 / (0.25 * points.stiffness))
-"""
+LAW = (places.SUPPORT / "bodies" / "spring.py").read_text(encoding="utf-8")
 PULSE = {"push": {"table": {"file": "pulse.csv"}, "on": "short.left"}}
 
 

@@ -1,4 +1,4 @@
-"""The memory that a node takes, which the framework states, and the fit of the benchmark of growth."""
+"""The memory that a node takes, which the framework states, and the estimate of a run."""
 
 import json
 import subprocess
@@ -6,14 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from benchmarks.scale import SERIES, once
 
 import percuss
 from percuss.march.estimate import START
-from percuss.mesh.size_limits import (
-    BYTES_PER_NODE,
-    bytes_in_words,
-)
+from percuss.mesh.size_limits import BYTES_PER_NODE, bytes_in_words
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -47,29 +43,3 @@ def test_the_estimate_follows_elements_steps_and_records():
     assert finer == pytest.approx(100 * 4**3 * (seconds - START), rel=0.1)
     assert f"the steps take about {finer:.0f} s" in text
     assert more > 10 * size
-
-
-def calls_of(contacts, method):
-    """Return how many functions the parts of one run of a row of bars call."""
-    series = SERIES[method]
-    once(series.case(contacts, 0.1))
-    count = 0
-
-    def called(_, event, __):
-        nonlocal count
-        count += event in {"call", "c_call"}
-
-    sys.setprofile(called)
-    try:
-        once(series.case(contacts, 0.1001))
-    finally:
-        sys.setprofile(None)
-    return count
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("method", [name for name in SERIES if "contacts" in name])
-def test_functions_called_grow_with_the_number_of_contacts_and_no_faster(method):
-    """Calls are counted and not timed; 100 to 400 contacts would be sixteen times as many in a quadratic part."""
-    few, some, many = (calls_of(contacts, method) for contacts in (100, 200, 400))
-    assert many - some < 2.2 * (some - few)

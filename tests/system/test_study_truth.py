@@ -1,22 +1,23 @@
-"""A study never shows a number that is not that of its plan: keys, files, failures, costs."""
+"""A study never shows a number that is not that of its plan: keys, files, failures, costs, and rows made again."""
 
 import dataclasses
 import json
-import os
-import re
-import signal
-import subprocess
-import sys
-from pathlib import Path
+import math
+import shlex
+import sqlite3
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 
 import percuss
-import places
+from command_line import percuss_command
+from fake_studies import law
 from percuss import digest
+from percuss.case.quantities import METRICS
 from percuss.errors import InputError
+from percuss.files import locked
 from percuss.studies import columns
 from percuss.studies.spec import read_study
 from percuss.studies.study import planned
@@ -24,191 +25,67 @@ from strategies import hunek
 
 pytestmark = pytest.mark.slow
 
-ROOT = places.ROOT
-
 # ------------------------------------------------------------------------------- what can change a number is in the key
 
-UTIL = "SOFT = {soft}\n"
-LAW = """\
-from dataclasses import dataclass
-from percuss import ContactLaw
-from percuss.methods.interfaces import LinearLaw
-from {util} import SOFT
+
+def test_the_digest_of_a_method_is_that_of_all_its_package(tmp_path):
+    """So that a helper two modules away from a law counts; what lies beside the package does not."""
+
+    def digest_of(place, elsewhere, beside):
+        package = tmp_path / place / "theirs"
+        (package / "laws").mkdir(parents=True)
+        texts = {"__init__.py": "", "laws/__init__.py": "", "laws/mine.py": "", "elsewhere.py": elsewhere}
+        for file, text in {**texts, "../x.py": beside}.items():
+            (package / file).write_text(text)
+        return digest.source_digest(str(package / "laws" / "mine.py"))
+
+    first = digest_of("one", "SOFT = 1", "SOFT = 1")
+    assert digest_of("two", "SOFT = 1", "SOFT = 2") == first
+    assert digest_of("three", "SOFT = 2", "SOFT = 1") != first
 
 
-@dataclass(frozen=True)
-class Mine(ContactLaw):
-    '''A law of mine.'''
-
-    name = "mine"
-    summary = "Mine"
-
-    def bind(self, points, dt):
-        return LinearLaw("explicit", 1.0 / (SOFT * points.stiffness))
-"""
-HOOKS = """\
-from percuss import hookimpl
-from theirs.laws.mine import Mine
-
-
-@hookimpl
-def percuss_contacts():
-    return [Mine]
-"""
-RUN = """
-import json, sys, percuss
-study = percuss.study("study.yaml", "a.sqlite", workers=1)
-rows = study.as_records()
-print(json.dumps([study.found, [row["status"] for row in rows], [row["impulse"] for row in rows]]))
-"""
-
-
-def editable(folder):
-    """Write a package outside the folders of installations, as an editable one is, and a study that uses it."""
-    package = folder / "src" / "theirs"
-    (package / "laws").mkdir(parents=True)
-    (package / "__init__.py").write_text(HOOKS)
-    (package / "laws" / "__init__.py").write_text("")
-    (package / "laws" / "mine.py").write_text(LAW.format(util="theirs.laws.util"))
-    (package / "laws" / "util.py").write_text("from theirs.elsewhere import SOFT\n")
-    (package / "elsewhere.py").write_text(UTIL.format(soft=1.0))
-    info = folder / "src" / "theirs-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[percuss]\nmethods = theirs\n")
-    case = hunek(4, contact="mine", integrator="central-difference", end=0.4)
-    (folder / "pulse.csv").write_text("0,0\n1,0.002\n")
-    case["loads"] = {"pulse": {"table": {"file": "pulse.csv"}, "on": "short.left"}}
-    (folder / "case.yaml").write_text(yaml.safe_dump(case))
-    study = {"percuss-study": 1, "cases": ["case.yaml"], "methods": {"contacts": ["mine"]}, "repeats": 1}
-    (folder / "study.yaml").write_text(yaml.safe_dump(study))
-    return package
-
-
-def run(folder, **environment):
-    """Run the study in a process of its own; return how many rows were there, their statuses, and their impulses."""
-    path = os.pathsep.join(filter(None, (str(folder / "src"), os.environ.get("PYTHONPATH"))))
-    given = {**os.environ, "PYTHONPATH": path, "NUMBA_DISABLE_JIT": "1", **environment}
-    done = subprocess.run(
-        [sys.executable, "-c", RUN], cwd=folder, capture_output=True, text=True, check=False, env=given
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
-
-
-@pytest.mark.slow
-def test_an_installed_plug_in_is_in_the_provenance(tmp_path):
-    editable(tmp_path)
-    run(tmp_path)
-    there = percuss.open_study(tmp_path / "a.sqlite").provenance["plugins"]
-    assert all((origin["distribution"], origin["version"]) == ("theirs", "1.0") for origin in there.values())
-    digests = {name: origin["digest"] for name, origin in there.items()}
-    assert set(digests) == {"contacts/mine"}
-    assert all(re.fullmatch("[0-9a-f]{32,}", digest) for digest in digests.values())
-    (tmp_path / "src" / "theirs" / "elsewhere.py").write_text(UTIL.format(soft=0.5))
-    run(tmp_path)
-    later = percuss.open_study(tmp_path / "a.sqlite").provenance["plugins"]
-    assert later["contacts/mine"]["digest"] != digests["contacts/mine"]
-
-
-@pytest.mark.deep
-def test_an_edit_of_whatever_a_number_hangs_on_makes_the_row_again(tmp_path):
-    package = editable(tmp_path)
-    found, statuses, first = run(tmp_path)
-    assert (found, statuses) == (0, ["done"])
-    edits = [
-        (package / "elsewhere.py", UTIL.format(soft=0.5)),  # a helper of the law, two modules away
-        (tmp_path / "pulse.csv", "0,0\n1,0.005\n"),
-    ]
-    for file, text in edits:
-        file.write_text(text)
-        found, statuses, impulses = run(tmp_path)
-        assert (found, statuses) == (0, ["done"]), file
-        assert impulses[0] != first[0]
-        first = impulses
-    assert run(tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache"))[0] == 1  # changes no number
-    (tmp_path / "a.sqlite").unlink()
-    assert run(tmp_path)[2] == first  # a fresh run says the same
+def test_an_edit_of_a_table_makes_the_row_again(tmp_path):
+    study, case = given(tmp_path), tmp_path / "case.yaml"
+    loads = {"pulse": {"table": {"file": "pulse.csv"}, "on": "short.left"}}
+    case.write_text(yaml.safe_dump({**yaml.safe_load(case.read_text()), "loads": loads}))
+    impulses = []
+    for push in (0.002, 0.005):
+        (tmp_path / "pulse.csv").write_text(f"0,0\n1,{push}\n")
+        made = percuss.study(study, tmp_path / "a.sqlite", workers=1)
+        assert (made.found, made.counts) == (0, {"done": 1})
+        impulses.append(made.table.impulse[0])
+    assert impulses[0] != impulses[1]
+    assert percuss.study(study, tmp_path / "a.sqlite", workers=1).found == 1
+    assert percuss.study(study, tmp_path / "fresh.sqlite", workers=1).table.impulse[0] == impulses[1]
 
 
 def test_versions_and_own_sources_count(monkeypatch):
     """All rooms but those that only show a result."""
-    read = []
-    real = Path.read_bytes
-    monkeypatch.setattr(Path, "read_bytes", lambda path: read.append(path) or real(path))
+    rooms = set()
+    monkeypatch.setattr(digest, "_digest", lambda _, parts: rooms.update(part.name for part in parts))
     digest.own_digest.__wrapped__()
-    package = Path(digest.__file__).parent
-    rooms = {path.relative_to(package).parts[0] for path in read}
     assert rooms >= {"case", "certificate", "contact", "march", "mesh", "methods", "results", "step", "studies"}
     assert not rooms & {"cli", "reporting", "testing"}
     assert {"python", "numpy", "numba", "scipy"} <= set(digest.surroundings())
 
 
-def write_case(folder, name="case.yaml", contact=None, **more):
-    case = {**hunek(4, integrator="central-difference", contact=contact, end=0.4), **more}
-    if contact == "mine":
-        case["plugins"] = []
-    path = folder / name
-    path.write_text(yaml.safe_dump(case))
-    return path
-
-
 def given(folder, **more):
-    if not (folder / "case.yaml").exists():
-        write_case(folder)
+    """Return a study of a case of some elements."""
+    case = hunek(4, integrator="central-difference", end=0.4)
+    (folder / "case.yaml").write_text(yaml.safe_dump(case))
     return {"percuss-study": 1, "title": "small", "cases": [str(folder / "case.yaml")], "repeats": 1, **more}
-
-
-def written(folder, name="study.yaml", **more):
-    path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(yaml.safe_dump(given(folder if folder.exists() else path.parent, **more)))
-    return path
 
 
 # ------------------------------------------------------------------------------------------------ the file of the rows
 
 
-def test_two_studies_in_one_file_lose_no_row(tmp_path):
-    """The keys tell which rows belong to a study: the file shows the last, and keeps the rows of the other."""
-    plans = [
-        given(tmp_path, title=title, vary={"time.courant": values})
-        for title, values in (("1", [0.3, 0.4]), ("2", [0.5]))
-    ]
-    first = percuss.study(plans[0], tmp_path / "a.sqlite", workers=1).table
-    other = percuss.study(plans[1], tmp_path / "a.sqlite", workers=1)
-    assert (other.title, other.found, other.counts) == ("2", 0, {"done": 1})
-    again = percuss.study(plans[0], tmp_path / "a.sqlite", workers=1)
-    assert again.found == 2
-    assert again.table.equals(first)
-
-
-def test_a_study_has_the_units_that_all_its_cases_name(tmp_path):
-    write_case(tmp_path, units={"length": "m", "force": "N"})
-    write_case(tmp_path, "other.yaml", units={"length": "mm", "force": "N"})
-    cases = [str(tmp_path / name) for name in ("case.yaml", "other.yaml")]
-    study = percuss.study(given(tmp_path) | {"cases": cases}, tmp_path / "a.sqlite", workers=1)
-    assert percuss.open_study(study.path).units == {"force": "N"}
-
-
 def test_two_at_once_are_refused_and_a_dead_one_is_no_obstacle(tmp_path):
-    file, out = written(tmp_path), tmp_path / "a.sqlite"
-    holds = (
-        "import sys, time, pathlib\nfrom percuss.locks import locked\n"
-        "with locked(pathlib.Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
-    )
-    process = subprocess.Popen([sys.executable, "-c", holds, str(out)], stdout=subprocess.PIPE, text=True)
-    assert process.stdout.readline() == "held\n"
-    command = [sys.executable, "-m", "percuss", "study", str(file), "-o", str(out), "--workers", "1"]
-    refused = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert refused.returncode == 2
-    assert "is being written by another process" in refused.stderr
-    assert "Traceback" not in refused.stderr
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    process.stdout.close()
-    assert (tmp_path / "a.sqlite.lock").exists()
-    assert percuss.study(file, out, workers=1).counts == {"done": 1}
+    """The operating system takes the lock of a process that has died; its file stays."""
+    plan, out = given(tmp_path), tmp_path / "a.sqlite"
+    with locked(out), pytest.raises(InputError, match="is being written by another process"):
+        percuss.study(plan, out, workers=1)
+    (tmp_path / "a.sqlite.lock").touch()
+    assert percuss.study(plan, out, workers=1).counts == {"done": 1}
     assert not (tmp_path / "a.sqlite.lock").exists()
 
 
@@ -238,9 +115,7 @@ def test_what_the_machine_does_is_not_the_methods_fault(tmp_path, monkeypatch, e
 
 
 def test_a_plug_ins_own_error_is_kept_and_made_again_when_asked_for(tmp_path):
-    law = LAW.replace("from {util} import SOFT\n", "SOFT = 1.0\n")
-    file = tmp_path / "mine.py"
-    file.write_text(law.replace("return LinearLaw", "{}['nothing']\n        return LinearLaw"))
+    file = law(tmp_path, fate="{}['nothing']")
     study = given(tmp_path, methods={"contacts": ["mine", "penalty"]})
     first = percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=[file])
     assert first.counts == {"failed": 1, "done": 1}
@@ -252,12 +127,12 @@ def test_a_plug_ins_own_error_is_kept_and_made_again_when_asked_for(tmp_path):
 
 
 def test_a_plug_in_that_is_another_where_the_run_is_made_is_told(tmp_path):
-    jobs, bench = planned(read_study(given(tmp_path)))
+    (task,), bench = planned(read_study(given(tmp_path)))
     components = {"case": {**bench.components["case"], "contacts/theirs": "0" * 64}}
-    record = dataclasses.replace(bench, components=components, cases={}).record(jobs[0])
+    record = dataclasses.replace(bench, components=components, cases={}).record(task)
     assert record.status == "lost"
     assert "expected contacts/theirs as where the study was started" in record.reason
-    assert bench.record(jobs[0]).status == "done"
+    assert bench.record(task).status == "done"
 
 
 def test_memory_that_another_machine_may_have_is_no_failure_of_a_method(tmp_path, monkeypatch):
@@ -304,35 +179,6 @@ def test_the_least_of_the_repeats_counts(monkeypatch):
     assert all(np.array_equal(one.record.gap, made[0].record.gap) for one in made)
 
 
-COMPILES = """
-import json, sys, percuss
-from percuss.studies.perform import perform
-from percuss.studies.tasks import tasks
-case = percuss.load(json.loads(sys.argv[1]))
-(twin,) = [task for task in tasks({"": case}, {}, {}, [{}], tied=True) if task.tied]
-rows = [perform(case, twin)[0] for _ in range(2)]
-print(json.dumps([row.result.summary["seconds"] for row in rows]))
-"""
-
-
-@pytest.mark.deep
-def test_compiling_is_counted_wherever_it_happens(tmp_path):
-    """A tied twin compiles within its certificate."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    environment.pop("NUMBA_DISABLE_JIT", None)
-    case = hunek(4, integrator="central-difference", end=0.3)
-    command = [sys.executable, "-c", COMPILES, json.dumps(case)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
-    cold, warm = json.loads(done.stdout)
-    assert cold["compile"] > 1.0
-    assert cold["compile"] > 0.5 * cold["total"]
-    assert warm["compile"] < 0.2 * cold["compile"]
-    for seconds in (cold, warm):
-        parts = sum(seconds[name] for name in ("build", "certificate", "march", "exact", "compile"))
-        assert parts <= seconds["total"] * 1.001
-    assert cold["certificate"] < 0.5 * cold["compile"]
-
-
 # -------------------------------------------------------------------------------- options that a method does not have
 
 
@@ -357,20 +203,115 @@ def test_a_law_without_the_varied_option_runs_once(tmp_path):
 
 def test_options_of_different_laws_are_varied_together(tmp_path):
     """Penalty has no ratio, and lagrange has none of the two: no pair has all that is varied."""
-    methods = {"contacts": ["penalty", "lagrange"]}
-    study = given(tmp_path, methods=methods, vary={"method.contact.beta_s": [0.1, 0.2]})
+    laws, values = ["penalty", "lagrange"], {"method.contact.beta_s": [0.1, 0.2]}
+    study = given(tmp_path, methods={"contacts": laws}, vary=values)
     assert len(percuss.study(study, tmp_path / "a.sqlite", workers=1).table) == 3
+    wrong = {"method.contact.ratio": [1, 2]}
     with pytest.raises(InputError, match="unknown key 'ratio'"):
-        percuss.study({**study, "vary": {"method.contact.ratio": [1, 2]}}, tmp_path / "b.sqlite", workers=1)
+        percuss.study({**study, "vary": wrong}, tmp_path / "b.sqlite", workers=1)
+    case = percuss.load(tmp_path / "case.yaml")
+    rows = percuss.compare(case, [], laws, values)
+    told = [(row.contact, *row.varied.values(), row.status) for row in rows]
+    assert told == [("penalty", 0.1, "done"), ("penalty", 0.2, "done"), ("lagrange", "done")]
+    with pytest.raises(InputError, match="unknown key 'ratio'"):
+        percuss.compare(case, [], laws, wrong)
 
 
-def test_a_comparison_runs_such_a_law_once_too(tmp_path):
-    case = percuss.load(hunek(4, integrator="central-difference", end=0.3))
-    rows = percuss.compare(case, [], ["penalty", "lagrange"], {"method.contact.beta_s": [0.1, 0.2]})
-    assert [(row.contact, dict(row.varied), row.status) for row in rows] == [
-        ("penalty", {"method.contact.beta_s": 0.1}, "done"),
-        ("penalty", {"method.contact.beta_s": 0.2}, "done"),
-        ("lagrange", {}, "done"),
-    ]
-    with pytest.raises(InputError, match="unknown key 'ratoi'"):
-        percuss.compare(case, [], ["penalty", "lagrange"], {"method.contact.ratoi": [1]})
+# ------------------------------------------------------------------------------------------------- a row made again
+
+
+def expect_same_runs(study, folder):
+    """Run the command of each row, and compare the numbers of its summary with those of the row, to the last bit."""
+    for row in study.as_records():
+        program, *words = shlex.split(study.command(row["key"]))
+        assert program == "percuss"
+        summary = json.loads(percuss_command(*words, "--json", cwd=folder).stdout)
+        assert summary["status"] == row["status"], words
+        if row["status"] == "done":
+            # a summary has no displacements, by whose size overlaps of round-off count as none
+            alone = SimpleNamespace(summary=summary, arrays={"displacement": np.ones(1)})
+            assert [repr(columns.metric(alone, name)) for name in METRICS] == [repr(row[name]) for name in METRICS]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A study with a plug-in, a law with options, its own law of a contact, a table, list values, tied and nudged."""
+    folder = tmp_path_factory.mktemp("bench")
+    (folder / "it's here").mkdir()
+    case = hunek(10, contact={"name": "penalty", "beta_s": 0.3})
+    case["contacts"]["tip"]["method"] = {"name": "lagrange"}
+    case["loads"] = {"push": {"table": {"file": "pulse.csv"}, "on": "short.left"}}
+    (folder / "it's here" / "pulse.csv").write_text("0, 0\n0.1, 0.01\n")
+    (folder / "it's here" / "my case.yaml").write_text(yaml.safe_dump(case))
+    law(folder)
+    plan = {
+        "percuss-study": 1,
+        "cases": ["it's here/my case.yaml"],
+        "methods": {"contacts": ["penalty", "mine", {"name": "bipenalty", "beta_s": 0.3, "ratio": 2}, "lagrange"]},
+        "vary": {"method.contact.beta_s": [1e-05, 0.1 + 0.2, 50.0], "bodies.short.velocity": [[0.1], 1]},
+        "tied": True,
+        "nudge": True,
+        "measure": [*METRICS],
+    }
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        study = percuss.study(plan, folder / "rows.sqlite", workers=1, plugins=["mine.py"])
+    return SimpleNamespace(study=study, folder=folder)
+
+
+def test_the_command_of_a_row_makes_its_run(whole):
+    table = whole.study.table
+    assert set(table["contact"]) == {"penalty", "mine", "bipenalty", "lagrange", "tied"}
+    assert {"done", "unstable"} <= set(table["status"])
+    assert whole.study.command(table["key"][0]) == f"percuss run {whole.study.path} --row {table['key'][0]}"
+    expect_same_runs(whole.study, whole.folder)
+
+
+def test_rows_are_verified_to_the_last_bit(whole, tmp_path):
+    """One digit of one row is changed, and the plug-in afterwards: both are named."""
+    file, done = tmp_path / "rows.sqlite", whole.study.table.query("status == 'done'")
+    file.write_bytes(whole.study.path.read_bytes())
+    told = percuss_command("verify", file, cwd=whole.folder)
+    assert told.returncode == 0, told.stdout
+    assert told.stdout.endswith(f"{len(done)} of {len(done)} made again to the last bit\n")
+    key, impulse = done["key"].iloc[1], done["impulse"].iloc[1]
+    with sqlite3.connect(file) as db:
+        ((row,),) = db.execute("SELECT row FROM runs WHERE key = ?", (key,))
+        row = json.loads(row)
+        row["measures"]["impulse"] = math.nextafter(impulse, math.inf)
+        db.execute("UPDATE runs SET row = ? WHERE key = ?", (json.dumps(row), key))
+    db.close()
+    told = percuss_command("verify", file, "--row", key[:10], cwd=whole.folder)
+    assert told.returncode == 1
+    assert f"DIFFERS {file} --row {key[:12]}" in told.stdout
+    assert f"  impulse: {math.nextafter(impulse, math.inf)}, now {impulse}" in told.stdout
+    assert "nothing that percuss records has changed" in told.stdout
+    mine = done.query("contact == 'mine'")["key"].iloc[0]
+    law(whole.folder, soft=0.5)
+    refused = percuss_command("verify", file, "--row", mine, cwd=whole.folder)
+    told = percuss_command("verify", file, "--row", mine, "--plugin", "mine.py", cwd=whole.folder)
+    law(whole.folder)
+    assert (refused.returncode, told.returncode) == (2, 1)
+    assert "it has changed since" in refused.stderr
+    assert "changed since: plug-in contacts/mine: a file, sources " in told.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("run rows.sqlite --row nothing", "--row nothing: expected the key of one row of rows.sqlite, found 0"),
+        ("verify rows.sqlite --row nothing", "expected the key of one row of rows.sqlite, found 0"),
+        ("verify mine.py --row a", "mine.py: expected the file of a study, found "),
+    ],
+)
+def test_a_row_that_there_is_not_is_told(whole, words, said):
+    done = percuss_command(*words.split(), cwd=whole.folder)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert said in done.stderr
+
+
+def test_options_that_a_later_change_drops_do_not_return(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    penalty = {"name": "penalty", "beta_s": 0.4}
+    plan = given(tmp_path, set={"method.contact": penalty}, methods={"contacts": ["lagrange", "bipenalty"]})
+    expect_same_runs(percuss.study(plan, workers=1), tmp_path)

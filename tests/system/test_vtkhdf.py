@@ -34,14 +34,6 @@ def cells(name, case):
 KINDS = {
     "quad4": (blocks([1.0, 0.5]), "Area", 1.0),
     "tri3": (cells("tri3", blocks([1.0, 0.5])), "Area", 1.0),
-    "axisymmetric": (
-        {
-            "bodies": {"rod": block([1.0, 1.0], [0.0, 0.0], velocity=[0.0, -0.1], plane="axisymmetric")},
-            "contacts": {"floor": {"body": "rod.bottom", "wall": {"point": [0, 0], "normal": [0, 1]}}},
-        },
-        "Area",
-        1.0,
-    ),
     "hex8": (blocks([1.0, 0.5, 0.5]), "Volume", 0.5),
     "tet4": (cells("tet4", blocks([1.0, 0.5, 0.5])), "Volume", 0.5),
 }
@@ -54,7 +46,7 @@ def result_of(case, **record):
 
 
 # The cells of these kinds are compiled for these tests alone.
-LASTING = ("tri3", "tet4", "axisymmetric")
+LASTING = ("tri3", "tet4", "hex8")
 
 
 @pytest.fixture(

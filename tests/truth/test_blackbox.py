@@ -1,7 +1,6 @@
 """The black box against the linear laws, closed forms and one another; and that a wrong one would be seen."""
 
 import math
-import textwrap
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +17,6 @@ from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
-from percuss.methods.interfaces import Trial
 from percuss.studies.columns import RowSettings, column_by_name
 from percuss.testing import Subject
 from percuss.testing.demands.contacts import impact
@@ -36,6 +34,7 @@ from strategies import (
     each_pair,
     hunek,
     rows,
+    with_methods,
     with_pair,
 )  # fmt: skip
 
@@ -132,9 +131,8 @@ def test_the_limit_is_tight(pair, case):
 @pytest.mark.parametrize("scale", [1.0, 1.2])
 def test_a_step_may_be_stable_though_theta_is_above_one_at_every_step(scale):
     """Contact damps all of a bar of one element whose other end is held."""
-    bar = {"bar": {"length": 1.0, "elements": 1}, "material": {"young": 1.0, "density": 1.274}, "area": 1.0}
     case = wall(1.0, 1.0, WU)
-    case["bodies"] = {"b": bar | {"fixed": ["right"]}}
+    case["bodies"] = {"b": bar(1.0, 1, material={"young": 1.0, "density": 1.274}, fixed=["right"])}
     case["method"]["contact"] = {"name": "penalty", "stiffness": "from-step", "scale": scale}
     found = certificate(made(case))
     assert found["theta"] == pytest.approx(scale)
@@ -186,67 +184,60 @@ def test_a_large_model_is_judged_by_a_krylov_iteration():
 # ------------------------------------------------------------------------------------------------- what it cannot say
 
 
-def law_file(folder, body):
-    """Write a single-file contact law whose kernel is `body`, and return a case on it."""
-    text = f'''
-    from dataclasses import dataclass
-    from typing import NamedTuple
-    import numba
-    from percuss import ContactLaw
+class Hardness(NamedTuple):
+    stiffness: percuss.Floats
+    power: float
+    later: float
 
-    @numba.njit
-    def now(trial):
-        return trial.time
 
-    class Bound(NamedTuple):
-        stiffness: object
+@dataclass(frozen=True)
+class Kernel(percuss.ContactLaw):
+    """Formula: lambda = beta_s k (-g)^power, times `later` from half of the run on."""
 
-    @dataclass(frozen=True)
-    class Mine(ContactLaw):
-        """A law."""
-        name = "mine"
-        summary = "a law"
+    name = "kernel"
+    summary = "A spring"
+    beta_s: float = 1.0
+    power: float = 1.0
+    later: float = 1.0
 
-        def bind(self, points, dt):
-            return Bound(points.stiffness * 1.0)
+    def bind(self, points, dt):
+        return Hardness(self.beta_s * points.stiffness, self.power, self.later)
 
-        @staticmethod
-        def multipliers(bound, trial, multiplier):
-            for p in range(multiplier.size):
-                overlap = max(-trial.gap[p], 0.0)
-                multiplier[p] = {body}
-    '''
-    file = folder / "mine.py"
-    file.write_text(textwrap.dedent(text))
-    return percuss.load({**wall(1.0, 1.0), "method": {"integrator": CD, "contact": "mine"}}, plugins=[file])
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            multiplier[p] = bound.stiffness[p] * max(-trial.gap[p], 0.0) ** bound.power
+            if trial.time >= 0.5:
+                multiplier[p] *= bound.later
+
+
+def at_wall(**options):
+    method = {"integrator": CD, "contact": {"name": "kernel", **options}}
+    return percuss.load({**wall(1.0, 1.0), "method": method}, registry=with_methods(Kernel))
 
 
 @pytest.mark.slow
-def test_a_law_that_is_not_linear_is_unknown_and_says_so(tmp_path):
-    found = certificate(model_of(law_file(tmp_path, "bound.stiffness[p] * overlap * overlap ** 0.5")))
+def test_a_law_that_is_not_linear_is_unknown_and_says_so():
+    found = certificate(model_of(at_wall(power=1.5)))
     assert found["stable"] == "unknown"
     assert "not linear" in found["why"]
-    assert percuss.run(law_file(tmp_path, "bound.stiffness[p] * overlap * overlap ** 0.5")).status == "done"
+    assert percuss.run(at_wall(power=1.5)).status == "done"
 
 
 @pytest.mark.deep
-def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty(tmp_path):
-    case = law_file(tmp_path, "3.0 * bound.stiffness[p] * overlap")
+def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty():
     expected = linear_laws(made(wall(3.0, math.inf))).critical_step
-    assert certificate(model_of(case))["dt_critical"] == pytest.approx(expected, rel=2e-6)
+    assert certificate(model_of(at_wall(beta_s=3.0)))["dt_critical"] == pytest.approx(expected, rel=2e-6)
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("time", ["trial.time", f"trial[{Trial._fields.index('time')}]", "now(trial)"])
-def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step(time, tmp_path):
-    """Soft at first and far too stiff from half of the run on; compiled code reads the time where nobody sees it."""
-    soft = "0.1 * bound.stiffness[p] * overlap"
-    assert certificate(model_of(law_file(tmp_path, soft)))["stable"] == "yes"
-    case = law_file(tmp_path, f"{soft} * (1.0 if {time} < 0.5 else 1e4)")
-    case = case.with_overrides({"time": {"end": 1.0, "courant": 0.5}})
-    found = certificate(model_of(case))
+def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step():
+    """Soft at first and far too stiff from half of the run on."""
+    assert certificate(model_of(at_wall(beta_s=0.1)))["stable"] == "yes"
+    changes = {"time": {"end": 1.0, "courant": 0.5}}
+    found = certificate(model_of(at_wall(beta_s=0.1, later=1e4).with_overrides(changes)))
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)
-    assert "mine changes with time" in found["why"]
+    assert "kernel changes with time" in found["why"]
 
 
 # ---------------------------------------------------------------------------------------------------- courant 1
@@ -333,7 +324,7 @@ def test_what_is_said_of_a_law_that_yields_hangs_neither_on_the_step_nor_on_the_
 
     def said(beta_s):
         method = {"integrator": CD, "contact": {"name": "crushing", "beta_s": beta_s}}
-        registry = Subject.of(Crushing).registry
+        registry = with_methods(Crushing)
         return certificate(model_of(percuss.load({**case, "method": method}, registry=registry)))["stable"]
 
     assert said(0.25) == "unknown"

@@ -44,13 +44,6 @@ def ran(case, plugins=(), overrides=None):
     return percuss.run(percuss.load(case, plugins=list(plugins)), overrides, compiled=False)
 
 
-def compared(case, folder, *args):
-    """Return the rows of a comparison, made in plain Python."""
-    path = folder / "compared.yaml"
-    path.write_text(yaml.safe_dump(case), encoding="utf-8")
-    return json.loads(command("compare", path, *args, "--json").stdout)["rows"]
-
-
 def green(n=10, **parts):
     """Return the two bars of Huněk, the shorter one with Green's strain."""
     case = hunek(n, **parts)

@@ -11,13 +11,10 @@ from percuss.certificate.matrices import operator_of
 from percuss.contact.laws import points_of_law
 from percuss.march.model_of_case import model_of
 from percuss.mesh.stresses import stress_field
-from strategies import CORE, CORE_LAWS, FIRST, LEAPFROG, hunek, is_refused, largest, pair_id, run
+from strategies import CORE, CORE_LAWS, FIRST, LEAPFROG, bar, case_of, hunek, is_refused, largest, pair_id, run
 
 SPECTRAL = [{"name": "spectral-bar", "order": order} for order in (1, 2, 3, 4)]
 ELEMENTS = ["quadratic-bar", *SPECTRAL[1:]]
-
-
-STEEL = {"young": 100.0, "density": 0.01}  # waves run at 100
 
 
 def element_id(element):
@@ -28,18 +25,11 @@ def order_of(element):
     return 2 if element == "quadratic-bar" else element["order"]
 
 
-def bar(element, elements=4, length=2.0, **more):
+def one_bar(element, elements=4, **more):
     """Return a case of one bar of material c = 100, rho A = 0.01."""
-    body = {"bar": {"length": length, "elements": elements}, "element": element, "material": STEEL, "area": 1.0}
-    method = {"integrator": "central-difference", "contact": "penalty"}
-    return {
-        "percuss": 1,
-        "bodies": {"a": body | more},
-        "contacts": {},
-        "method": method,
-        "time": {"steps": 1, "courant": 1.0},
-        "record": {"probes": ["a.left"]},
-    }
+    body = bar(2.0, elements, **more) | {"element": element}
+    case = case_of({"a": body}, {}, {"steps": 1, "courant": 1.0}, None, "central-difference", "penalty")
+    return case | {"record": {"probes": ["a.left"]}}
 
 
 def made(case):
@@ -83,7 +73,7 @@ def exact_matrices(order, lengths, gauss_lobatto=True):
 
 @pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)
 def test_nodes_masses_and_stiffness_are_those_of_exact_integrals(element):
-    case = bar(element, elements=5)
+    case = one_bar(element, elements=5)
     case["bodies"]["a"]["bar"]["grading"] = 3.0
     body = made(case).bodies["a"]
     order = order_of(element)
@@ -116,18 +106,18 @@ def test_modes_of_quadratic_bars_lie_on_both_branches_of_the_dispersion_relation
         optical.append(roots[1])
     # at k h = pi a free end is a crest, which the acoustic branch has in the middle of the elements
     expected = [*acoustic[:-1], *optical]
-    np.testing.assert_allclose(frequencies(bar("quadratic-bar", count)), np.sort(expected), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(frequencies(one_bar("quadratic-bar", count)), np.sort(expected), rtol=1e-9, atol=1e-9)
 
 
 def test_the_highest_frequencies_are_those_in_closed_form():
     # of Gauss-Lobatto-Legendre elements: 4, 24, 42 + 6 sqrt(29), from the odd and even modes of one element
     for element, largest_eigenvalue in zip(SPECTRAL, (4.0, 24.0, 42.0 + 6.0 * np.sqrt(29.0)), strict=False):
-        assert frequencies(bar(element, 3))[-1] == pytest.approx(largest_eigenvalue, rel=1e-9)
+        assert frequencies(one_bar(element, 3))[-1] == pytest.approx(largest_eigenvalue, rel=1e-9)
 
 
 @pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)
 def test_courant_number_one_is_the_critical_step_of_the_exact_matrices(element):
-    case = bar(element, 6)
+    case = one_bar(element, 6)
     model = made(case)
     stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
     highest = np.sqrt(np.linalg.eigvals(1e4 * stiffness / mass[:, None]).real.max())
@@ -143,7 +133,7 @@ def test_the_error_of_a_frequency_is_of_twice_the_order(element):
     mode = {1: 1, 2: 2, 3: 4, 4: 6}[order]  # high enough that round-off is far below the error
     errors = []
     for count in (8, 16):
-        found = np.sqrt(frequencies(bar(element, count))[mode])
+        found = np.sqrt(frequencies(one_bar(element, count))[mode])
         exact = mode * np.pi / count
         errors.append(abs(found - exact) / exact)
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * order, abs=0.15)
@@ -152,30 +142,33 @@ def test_the_error_of_a_frequency_is_of_twice_the_order(element):
 # ------------------------------------------------------------------------------------------------------ runs
 
 
-@pytest.mark.parametrize("integrator", ["central-difference", "velocity-verlet"])
-@pytest.mark.parametrize("element", ELEMENTS, ids=element_id)
+VISCOUS = {"name": "viscous-central-difference", "viscosity": 0.3}
+
+
+@pytest.mark.parametrize("integrator", ["central-difference", "velocity-verlet", VISCOUS], ids=str)
+@pytest.mark.parametrize(
+    "element",
+    [ELEMENTS[0], *(pytest.param(one, marks=pytest.mark.deep) for one in ELEMENTS[1:])],
+    ids=element_id,
+)
 def test_a_run_is_that_of_dense_matrices(element, integrator):
-    case = bar(element, 4, velocity=0.3)
-    case["bodies"]["a"]["bar"]["grading"] = 2.0
+    """Velocity Verlet has the displacements of central difference."""
+    case = one_bar(element, 4, velocity=0.3, grading=2.0)
     case["loads"] = {"push": {"constant": 1.5, "on": "a.right"}}
     case["method"]["integrator"] = integrator
-    case["time"] = {"steps": 50, "courant": 0.9}
+    case["time"] = {"steps": 50, "courant": 0.7}
     model, result = made(case), run(case)
     stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
-    force = np.zeros(mass.size)
-    force[-1] = 1.5
-    u, v, history = np.zeros(mass.size), np.full(mass.size, 0.3), []
-
-    def acceleration(u):
-        return (force - 100.0 * stiffness @ u) / (0.01 * mass)
-
+    force, dt, lag = np.append(np.zeros(mass.size - 1), 1.5), model.dt, 0.3 * model.dt * (integrator is VISCOUS)
+    u, v, history = np.zeros(mass.size), 0.3 - 0.5 * dt * force / (0.01 * mass), []
     for _ in range(51):
         history.append(u[0])
-        half = v + 0.5 * model.dt * acceleration(u)
-        u = u + model.dt * half
-        v = half + 0.5 * model.dt * acceleration(u)
+        v = v + dt * (force - 100.0 * stiffness @ (u + lag * v)) / (0.01 * mass)
+        u = u + dt * v
     found = result.arrays["displacement"][:, 0, 0]
     np.testing.assert_allclose(found, history[: found.size], rtol=0, atol=1e-8 * largest(np.array(history)))
+    if integrator != "velocity-verlet":
+        assert result.summary["energy"]["ledger_error"] < 1e-11
 
 
 def impact(element, law, integrator="central-difference", n=6, **more):
@@ -242,7 +235,7 @@ def test_linear_laws_and_black_box_agree_on_the_critical_step(element, law, inte
 
 @pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)
 def test_the_stiffest_contact_that_a_step_allows_is_that_of_exact_matrices(element):
-    case = bar(element, 4)
+    case = one_bar(element, 4)
     case["contacts"] = {"w": {"body": "a.right", "wall": 2.0}}
     case["time"]["courant"] = 0.9
     model = made(case)
@@ -258,7 +251,7 @@ def test_the_stiffest_contact_that_a_step_allows_is_that_of_exact_matrices(eleme
 @pytest.mark.parametrize("element", ELEMENTS, ids=element_id)
 def test_the_stress_of_an_element_is_the_mean_over_its_length(element):
     # which is E times the mean strain, the difference of the ends over the length, whatever happens between them
-    model = made(bar(element, 3))
+    model = made(one_bar(element, 3))
     body = model.bodies["a"]
     snapshots = np.cos(np.arange(5.0 * body.mesh.nodes.size) ** 2).reshape(5, -1)
     nodes = body.element_nodes(np.arange(3))
@@ -295,7 +288,7 @@ def test_materials_remember_at_every_quadrature_point(element):
 @pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[3]], ids=element_id)
 def test_an_absorbing_end_has_the_impedance_of_the_bar(element):
     # a bar that moves and is brought to rest: all of its energy leaves at the speed of waves, within the first transit
-    case = bar(element, 40, velocity=0.2)
+    case = one_bar(element, 40, velocity=0.2)
     case["loads"] = {"rest": {"absorbing": {}, "on": "a.right"}, "also": {"absorbing": {}, "on": "a.left"}}
     case["time"] = {"end": 0.04, "courant": 0.5}
     result = run(case)
@@ -314,7 +307,7 @@ def test_a_smooth_wave_converges_faster_with_a_higher_order():
     for element in ("bar", "quadratic-bar", SPECTRAL[3]):
         order = 1 if element == "bar" else order_of(element)
         for nodes in (24, 96):
-            case = bar(element, nodes // order)
+            case = one_bar(element, nodes // order)
             pulse = {"value": 0.5, "frequency": 1.0 / 0.012, "phase": -0.5 * np.pi, "mean": 0.5}
             case["loads"] = {"pulse": {"harmonic": pulse, "on": "a.left", "until": 0.012}}
             case["time"] = {"step": 0.018 / 4000, "steps": 4000}

@@ -11,9 +11,8 @@ import percuss
 from amplification import CD, NOH_BATHE, WU, Bodies, largest_radius, radius
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
-from strategies import bar, case_of
+from strategies import UNIT, bar, case_of
 
-UNIT = {"young": 1.0, "density": 1.0}
 GROWS = 1e-6  # a defective eigenvalue at 1 (a rigid motion) is computed to some 1e-7
 
 
@@ -59,8 +58,7 @@ def joints(draw):
         end = draw(st.sampled_from(["b0.right", *(f"b{k}.left" for k in range(1, count + 1))]))
         window = draw(st.sampled_from([{"until": 6.0}, {"from": 3.0}, {"from": 3.0, "until": 6.0}]))
         loads["drive"] = {"prescribed-velocity": 0.0, "on": end, **window}
-    case = case_of(bodies, contacts, {"end": 10.0, "courant": 0.5}, loads)
-    return {**case, "method": {"integrator": CD, "contact": "lagrange"}}
+    return case_of(bodies, contacts, {"end": 10.0, "courant": 0.5}, loads, CD, "lagrange")
 
 
 def loaded(case):
@@ -131,19 +129,21 @@ def test_the_critical_step_is_tight_and_its_contacts_limit_it(integrator, case):
 def two_bars(contacts, integrator, time, law="penalty"):
     """Return a case of two equal bars that touch."""
     bars = {name: bar(1.0, 10, at, 0.0, UNIT) for name, at in (("a", 0.0), ("b", 1.0))}
-    return {**case_of(bars, contacts, time), "method": {"integrator": integrator, "contact": law}}
+    return case_of(bars, contacts, time, None, integrator, law)
 
 
 def test_unequal_contacts_on_one_end_can_grow_at_any_theta():
     """Each law by itself is far below theta = 1; eps_m / eps_s differs, and the closed step is not symmetric."""
-    case = {"percuss": 1, "bodies": {}, "contacts": {}, "time": {"end": 1.0, "courant": 0.5}}
-    for name, at, n, young, area in (("a", -1.0, 6, 1.0, 1.0), ("b", 0.0, 5, 2.0, 0.5), ("c", 0.0, 7, 0.5, 0.7)):
-        material = {"young": young, "density": 1.0}
-        case["bodies"][name] = {"bar": {"length": 1.0, "elements": n}, "at": at, "material": material, "area": area}
-    for name, stiffness, mass in (("b", 34.0, 2.0), ("c", 3.0, 0.009)):
-        law = {"name": "bipenalty", "epsilon_s": stiffness, "epsilon_m": mass}
-        case["contacts"][f"a{name}"] = {"between": ["a.right", f"{name}.left"], "method": law}
-    case["method"] = {"integrator": WU, "contact": "penalty"}
+    bars = {
+        name: bar(1.0, n, at, material={"young": young, "density": 1.0}, area=area)
+        for name, at, n, young, area in (("a", -1.0, 6, 1.0, 1.0), ("b", 0.0, 5, 2.0, 0.5), ("c", 0.0, 7, 0.5, 0.7))
+    }
+    contacts = {
+        f"a{name}": {"between": ["a.right", f"{name}.left"],
+                     "method": {"name": "bipenalty", "epsilon_s": stiffness, "epsilon_m": mass}}
+        for name, stiffness, mass in (("b", 34.0, 2.0), ("c", 3.0, 0.009))
+    }  # fmt: skip
+    case = case_of(bars, contacts, {"end": 1.0, "courant": 0.5}, None, WU, "penalty")
     model = loaded(case)
     found = certificate(model)
     largest, _, closed = largest_radius(Bodies(case), WU, model.dt, 1.0)

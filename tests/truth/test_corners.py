@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -10,12 +11,13 @@ from hypothesis import strategies as st
 
 import corners
 import percuss
-from blocks import plane_at
+from blocks import chain, plane_at, plate
 from corners import GAP, ORDERS, SPEED, STEEL, falling
 from pages import shown
 from percuss.march.model_of_case import model_of
 from percuss_methods.pairings.mortar import Mortar
 from percuss_methods.pairings.node_to_segment import NodeToSegment
+from strategies import with_methods
 
 CORNER_FIRST, FACE_FIRST = ORDERS["corner"], ORDERS["face"]
 
@@ -79,16 +81,8 @@ def test_no_gap_is_below_the_least_distance_of_plane_faces(tilts, place, cells, 
 
 def plane(start, size, cells):
     """Return a surface in the plane z = 0 that looks up."""
-    axes = [np.linspace(a, a + length, n + 1) for a, length, n in zip(start, size, cells, strict=True)]
-    positions = np.array([[a, b, 0.0] for b in axes[1] for a in axes[0]])
-    row = cells[0] + 1
-    corners = np.array([j * row + i for j in range(cells[1]) for i in range(cells[0])])
-    facets = corners[:, None] + np.array([0, 1, row + 1, row])
-    count = len(facets)
-    area = size[0] * size[1] / count
-    return percuss.Surface(
-        np.arange(len(positions)), positions, facets, np.tile([0.0, 0.0, 1.0], (count, 1)), np.full(count, area)
-    )
+    found = plate(*(np.linspace(a, a + length, n + 1) for a, length, n in zip(start, size, cells, strict=True)))
+    return found._replace(positions=found.positions[:, [1, 2, 0]], normals=found.normals[:, [1, 2, 0]])
 
 
 @pytest.mark.parametrize(("pairing", "early"), [("node-to-segment", False), ("mortar", True)])
@@ -109,25 +103,19 @@ def times_round_a_corner(pairing, cells, tilt):
     """Return gaps over closing rates of a plate and the two lower sides of a turned square, by its corner's time."""
     turn = math.radians(tilt)
     rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-    plate = line(np.array([[4.0, 0.0], [-4.0, 0.0]]), cells[0])  # it looks up: the body on the left of its edges
+    plate = chain(along(np.array([[4.0, 0.0], [-4.0, 0.0]]), cells[0]))  # it looks up
     sides = np.array([[0.0, 2.0], [0.0, 0.0], [3.0, 0.0]]) @ rotation.T
     sides += np.array([0.123, GAP - sides[:, 1].min()])
-    block = line(sides, cells[1])
     made = {"mortar": Mortar, "node-to-segment": NodeToSegment}[pairing]()
-    found = made.points(plate, block._replace(nodes=block.nodes + 100))
+    found = made.points(plate, chain(along(sides, cells[1]), 100))
     rate = SPEED * found.normal[:, 1]  # the block falls, and normals point from the plate to it
     return [gap / speed / (GAP / SPEED) for gap, speed in zip(found.gap, rate, strict=True) if speed > 0.0]
 
 
-def line(corners, cells):
-    """Return a surface of edges along some corners, with so many cells on each straight part."""
+def along(corners, cells):
+    """Return points along some corners, with so many cells on each straight part."""
     parts = [np.linspace(a, b, cells, endpoint=False) for a, b in itertools.pairwise(corners)]
-    positions = np.concatenate([*parts, corners[-1:]])
-    facets = np.arange(len(positions) - 1)[:, None] + [0, 1]
-    along = np.diff(positions, axis=0)
-    lengths = np.linalg.norm(along, axis=1)
-    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / lengths[:, None]
-    return percuss.Surface(np.arange(len(positions)), positions, facets, normals, lengths)
+    return np.concatenate([*parts, corners[-1:]])
 
 
 @pytest.mark.parametrize("pairing", ["mortar", "node-to-segment"])
@@ -160,17 +148,16 @@ SAMPLE = [(2, "mortar", "corner", 10, 2), (2, "node-to-segment", "face", 5, 1), 
 
 @pytest.mark.parametrize("which", SAMPLE, ids=str)
 def test_a_row_is_what_a_run_gives(which):
-    (kept,) = [line for line in corners.lines() if [line[name] for name in corners.HEAD[:5]] == list(map(str, which))]
-    made = dict(zip(corners.HEAD, corners.row(*which), strict=True))
-    assert float(made["touch"]) == pytest.approx(float(kept["touch"]), abs=1e-3)
-    assert float(made["impulse"]) == pytest.approx(float(kept["impulse"]), rel=1e-2)
+    kept, made = corners.rows().loc[which], dict(zip(corners.HEAD, corners.row(*which), strict=True))
+    assert float(made["touch"]) == pytest.approx(kept["touch"], abs=1e-3)
+    assert float(made["impulse"]) == pytest.approx(kept["impulse"], rel=1e-2)
 
 
 # -- what is told ----------------------------------------------------------------------------------------------
 
 
-def notes_of(case):
-    return percuss.run(percuss.load(case)).summary["notes"]
+def notes_of(case, registry=None):
+    return percuss.run(percuss.load(case, registry=registry)).summary["notes"]
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -204,20 +191,22 @@ def test_bodies_without_a_contact_that_pass_through_each_other_are_told():
     assert notes_of(case) == []
 
 
-def test_a_contact_that_presses_at_a_distance_is_told(tmp_path):
-    plugin = tmp_path / "too_near.py"
-    plugin.write_text(
-        "from dataclasses import dataclass\nfrom percuss import Pairing\n"
-        "from percuss_methods.pairings.node_to_segment import NodeToSegment\n\n\n"
-        "@dataclass(frozen=True)\nclass TooNear(Pairing):\n"
-        '    """Nodes whose gaps begin at nothing."""\n\n    name = "too-near"\n    summary = "a pairing"\n\n'
-        "    def points(self, first, second):\n"
-        '        """Return points that touch at once."""\n'
-        "        found = NodeToSegment().points(first, second)\n        return found._replace(gap=0.0 * found.gap)\n",
-        encoding="utf-8",
-    )
-    case = falling(10, CORNER_FIRST, "too-near", plugins=[str(plugin)], record={"fields": 10})
-    (note,) = notes_of(case)
+@dataclass(frozen=True)
+class TooNear(percuss.Pairing):
+    """Nodes whose gaps begin at nothing."""
+
+    name = "too-near"
+    summary = "a pairing"
+
+    def points(self, first, second):
+        """Return points that touch at once."""
+        found = NodeToSegment().points(first, second)
+        return found._replace(gap=0.0 * found.gap)
+
+
+def test_a_contact_that_presses_at_a_distance_is_told():
+    case = falling(10, CORNER_FIRST, "too-near", record={"fields": 10})
+    (note,) = notes_of(case, with_methods(TooNear))
     assert note.startswith("contact 'hit' presses at time 0")
     assert "although its surfaces are 0.05 apart" in note
 

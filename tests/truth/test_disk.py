@@ -1,6 +1,8 @@
 """A disk that falls on a rigid wall, against figures that two programs written apart agree on, and meshes of disks."""
 
+import math
 import re
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -8,12 +10,14 @@ import pytest
 import percuss
 from blocks import alone, block, loaded, plane_at
 from hertz import WHOLE, hertz, over_hertz
+from percuss import SolidMaterial
 from percuss.march.model_of_case import model_of
 from percuss.mesh import element_probe
 from percuss.mesh.cell_stiffness import frequencies_of_cells, stiffness_of_cells
 from percuss_methods.shapes.disk import Disk
 from percuss_methods.shapes.half_disk import HalfDisk
 from percuss_methods.shapes.ring import Ring
+from strategies import with_methods
 
 
 def fall(shape, speed, time, poisson=0.3, **more):
@@ -239,11 +243,6 @@ def test_the_axis_of_revolution_has_no_area_for_contact_or_pressure(keys, said):
         model_of(about_the_axis(**keys))
 
 
-BRITTLE = '''
-import math
-from dataclasses import dataclass
-from percuss import SolidMaterial
-
 @dataclass(frozen=True)
 class Brittle(SolidMaterial):
     """A material without a stress beyond a strain of 0.01. Formula: ``s = e``."""
@@ -263,14 +262,12 @@ class Brittle(SolidMaterial):
     def stress_2d(parameters, gradient):
         along, shear = gradient[0] if abs(gradient[0]) <= 0.01 else math.nan, 0.5 * (gradient[1] + gradient[2])
         return along, shear, shear, gradient[3]
-'''
 
 
-def test_a_material_without_a_number_in_a_run_is_named(tmp_path):
-    (tmp_path / "brittle.py").write_text(BRITTLE, encoding="utf-8")
+def test_a_material_without_a_number_in_a_run_is_named():
     body = block(0.0, 0.5, [10, 2]) | {"material": "brittle"}
     time = {"courant": 0.5, "end": 1.0}
-    case = alone(body, 1.05, time=time, plugins=[tmp_path / "brittle.py"])
+    case = alone(body, 1.05, time=time, registry=with_methods(Brittle))
     with pytest.raises(percuss.RunError, match=r"material brittle: the stress is nan, .* at the strain") as stopped:
         percuss.run(case)
-    assert re.search(r"likely cause: the kernel at .*brittle\.py:\d+ has no value there", str(stopped.value))
+    assert re.search(r"likely cause: the kernel at .*test_disk\.py:\d+ has no value there", str(stopped.value))

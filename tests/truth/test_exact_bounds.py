@@ -7,55 +7,45 @@ import numpy as np
 import pytest
 
 import percuss
+import strategies
 from percuss.march.model_of_case import model_of
 from percuss.reporting.explanation import explanation
 from percuss.reporting.verdict import run_verdict
 from percuss.results.exact import exact_solution
 from percuss.results.exact_only import run_exact
 from percuss_methods.solutions import _row
+from strategies import UNIT, case_of
 
-MATERIAL = {"young": 1.0, "density": 1.0}
+
+def loaded(bars, contacts, end, step, loads=None, **solution):
+    case = case_of(bars, contacts, {"end": end, "step": step}, loads)
+    return percuss.load(case | {"method": {"contact": "lagrange", **({"solution": solution} if solution else {})}})
 
 
-def bar(length, at, **options):
-    return {"bar": {"length": length, "elements": 2}, "at": at, "material": MATERIAL, "area": 1.0, **options}
+def bar(length, at, velocity=0.0, material=UNIT, fixed=()):
+    return strategies.bar(length, 2, at, velocity, material, fixed=fixed)
 
 
 def pressed(tiny, end=1.0, step=0.05, **solution):
     """Return a tiny bar between two others, which press it."""
-    return percuss.load({
-        "percuss": 1,
-        "bodies": {"a": bar(1.0, -1.0, velocity=1.0), "tiny": bar(tiny, 0.0), "b": bar(1.0, tiny)},
-        "contacts": {"at": {"between": ["a.right", "tiny.left"]}, "tb": {"between": ["tiny.right", "b.left"]}},
-        "method": {"contact": "lagrange", **({"solution": solution} if solution else {})},
-        "time": {"end": end, "step": step},
-    })  # fmt: skip
+    bars = {"a": bar(1.0, -1.0, 1.0), "tiny": bar(tiny, 0.0), "b": bar(1.0, tiny)}
+    contacts = {"at": {"between": ["a.right", "tiny.left"]}, "tb": {"between": ["tiny.right", "b.left"]}}
+    return loaded(bars, contacts, end, step, **solution)
 
 
-def pushed(load, end=4.0, **solution):
-    return percuss.load({
-        "percuss": 1,
-        "bodies": {"a": bar(1.0, 0.0), "b": bar(1.0, 1.0, fixed=["right"])},
-        "contacts": {"tip": {"between": ["a.right", "b.left"]}},
-        "loads": {"push": {**load, "on": "a.left"}},
-        "method": {"contact": "lagrange", **({"solution": solution} if solution else {})},
-        "time": {"end": end, "step": 0.05},
-    })  # fmt: skip
+TIP = {"tip": {"between": ["a.right", "b.left"]}}
+
+
+def pushed(load):
+    bars = {"a": bar(1.0, 0.0), "b": bar(1.0, 1.0, fixed=["right"])}
+    return loaded(bars, TIP, 4.0, 0.05, {"push": {**load, "on": "a.left"}})
 
 
 def unlike(**solution):
     """Return two bars whose waves meet at ever more times: the number of fronts is known only on the way."""
-    materials = {"young": 77.0, "density": 0.013}
-    return percuss.load({
-        "percuss": 1,
-        "bodies": {
-            "a": bar(1.0, 0.0, velocity=1.0, fixed=["left"]),
-            "b": {**bar(0.3, 1.0, fixed=["right"]), "material": materials},
-        },
-        "contacts": {"tip": {"between": ["a.right", "b.left"]}},
-        "method": {"contact": "lagrange", "solution": solution},
-        "time": {"end": 20.0, "step": 1e-3},
-    })  # fmt: skip
+    other = {"young": 77.0, "density": 0.013}
+    bars = {"a": bar(1.0, 0.0, 1.0, fixed=["left"]), "b": bar(0.3, 1.0, material=other, fixed=["right"])}
+    return loaded(bars, TIP, 20.0, 1e-3, **solution)
 
 
 @pytest.mark.parametrize("tiny", [1e-7, 1e-9])

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -15,25 +16,15 @@ from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
 from percuss.march.parts import features_of
-from strategies import CORE, INTEGRATORS, INVISCID, each_integrator, number, run
+from strategies import CD, CORE, INTEGRATORS, INVISCID, STEEL, bar, case_of, each_integrator, number, run, with_methods
 
-CD = "central-difference"
-STEEL = {"young": 100.0, "density": 0.01}  # c = 100, of unit area impedance 1
+# of the bars c = 100, and of unit area impedance 1
 
 
-def bar(loads, integrator=CD, elements=50, courant=1.0, end=0.4, velocity=0.0, length=10.0):
+def under(loads, integrator=CD, elements=50, courant=1.0, end=0.4, velocity=0.0, length=10.0):
     """A free bar under `loads`."""
-    return {
-        "percuss": 1,
-        "bodies": {
-            "bar": {"bar": {"length": length, "elements": elements}, "material": STEEL, "area": 1.0,
-                    "velocity": velocity},
-        },
-        "loads": loads,
-        "method": {"integrator": integrator},
-        "time": {"end": end, "courant": courant},
-        "record": {"probes": ["bar.left", "bar.right"]},
-    }  # fmt: skip
+    time = {"end": end, "courant": courant}
+    return case_of({"bar": bar(length, elements, velocity=velocity)}, {}, time, loads, integrator)
 
 
 PUSH = {"half-sine": {"peak": 1.0, "duration": 0.05}, "on": "bar.left"}
@@ -49,7 +40,7 @@ def mount(stiffness=0.0, damping=0.0, on="bar.right", **more):
 
 def test_at_courant_number_one_an_absorbing_end_reflects_nothing():
     """Central difference is exact there: the pulse leaves to the last bit of its energy, 0.025 = Z int v^2 dt."""
-    result = run(bar({"push": PUSH, "end": ABSORBING}))
+    result = run(under({"push": PUSH, "end": ABSORBING}))
     total = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
     assert total.max() == pytest.approx(0.025, rel=1e-3)
     assert total[-1] < 1e-28
@@ -67,7 +58,7 @@ def test_a_bar_on_a_mount_is_the_damped_oscillator_of_its_nodes(integrator):
     rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-bulk, -np.diag([0.0, c / mass])]])
     errors = []
     for steps in (400, 800):
-        case = bar({"mount": mount(k, c)}, integrator=integrator, elements=1, velocity=speed, length=1.0)
+        case = under({"mount": mount(k, c)}, integrator=integrator, elements=1, velocity=speed, length=1.0)
         case["bodies"]["bar"]["material"] = {"young": stiffness, "density": 2 * mass}
         case["time"] = {"end": 2.0, "step": 2.0 / steps}
         result = run(case)
@@ -78,15 +69,8 @@ def test_a_bar_on_a_mount_is_the_damped_oscillator_of_its_nodes(integrator):
     assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
 
 
-def test_a_sliding_bar_is_stopped_by_friction_after_its_exact_distance(tmp_path):
-    """A force mu N sign(v) has its jump at rest: the solution stays there, at v0^2 m / (2 mu N)."""
-    text = '''
-from dataclasses import dataclass
-from percuss import FollowingLoad, hookimpl
-
-
 @dataclass(frozen=True)
-class Friction(FollowingLoad):
+class Friction(percuss.FollowingLoad):
     """Coulomb friction of an end.
 
     Formula: ``F = -f sign(v)``.
@@ -107,7 +91,7 @@ class Friction(FollowingLoad):
 
 
 @dataclass(frozen=True)
-class Clock(FollowingLoad):
+class Clock(percuss.FollowingLoad):
     """Formula: ``F = t``, counted since the load was switched on."""
 
     name = "clock"
@@ -121,30 +105,33 @@ class Clock(FollowingLoad):
         return time
 
 
-@hookimpl
-def percuss_loads():
-    return [Friction, Clock]
-'''
-    file = tmp_path / "friction.py"
-    file.write_text(text, encoding="utf-8")
+REGISTRY = with_methods(Friction, Clock)
+
+
+def test_a_sliding_bar_is_stopped_by_friction_after_its_exact_distance():
+    """A force mu N sign(v) has its jump at rest: the solution stays there, at v0^2 m / (2 mu N)."""
     since = {"on": "bar.left", "from": 0.1}
     own, ramp = (
-        percuss.run(percuss.load(bar({"one": {**load, **since}}, elements=5, courant=0.5, end=0.3), plugins=[file]))
+        percuss.run(
+            percuss.load(under({"one": {**load, **since}}, elements=5, courant=0.5, end=0.3), registry=REGISTRY)
+        )
         for load in ({"clock": {}}, {"table": {"time": [0, 1], "value": [0, 1]}})
     )
     assert np.allclose(own.arrays["velocity"], ramp.arrays["velocity"], rtol=0.0, atol=1e-12)
-    case = bar({"drag": {"friction": {}, "on": "bar.left"}}, elements=1, velocity=1.0, length=1.0, courant=0.1, end=0.2)
+    case = under(
+        {"drag": {"friction": {}, "on": "bar.left"}}, elements=1, velocity=1.0, length=1.0, courant=0.1, end=0.2
+    )
     case["bodies"]["bar"]["material"] = {"young": 1e4, "density": 0.02}
-    result = percuss.run(percuss.load(case, plugins=[file]))
+    result = percuss.run(percuss.load(case, registry=REGISTRY))
     distance = result.arrays["displacement"].mean(axis=1)[:, 0]
     assert distance[-1] == pytest.approx(0.02 * 1.0 / (2 * 0.5), rel=2e-3)
     assert np.abs(result.arrays["velocity"][-200:, 0]).max() < 1e-12  # the end with friction rests, to the last
     assert result.summary["energy"]["ledger_error"] < 1e-12
-    found = certificate(model_of(percuss.load(case, plugins=[file])))
+    found = certificate(model_of(percuss.load(case, registry=REGISTRY)))
     assert found["stable"] == "unknown"
     assert "no sum of a spring and a dashpot" in found["why"]
     with pytest.raises(percuss.InputError, match="expected loads of which the critical step is known"):
-        percuss.run(percuss.load(case, {"time": {"end": 0.1, "courant": "auto"}}, plugins=[file]))
+        percuss.run(percuss.load(case, {"time": {"end": 0.1, "courant": "auto"}}, registry=REGISTRY))
 
 
 # ------------------------------------------------------------------------------------------- accounts and switches
@@ -159,7 +146,7 @@ def percuss_loads():
 )
 def test_energy_and_momentum_are_accounted_for_and_a_dashpot_takes_energy(stiffness, damping, start, stop, integrator):
     switches = {"from": start, "until": stop}
-    case = bar({"mount": mount(stiffness, damping, **switches)}, integrator=integrator, elements=5, velocity=1.0,
+    case = under({"mount": mount(stiffness, damping, **switches)}, integrator=integrator, elements=5, velocity=1.0,
                end=0.15, courant=0.9)  # fmt: skip
     result = run(case)
     assert result.summary["energy"]["ledger_error"] < 1e-12
@@ -173,7 +160,7 @@ def test_energy_and_momentum_are_accounted_for_and_a_dashpot_takes_energy(stiffn
 
 def test_the_critical_step_of_velocity_verlet_with_an_absorbing_end():
     """It evaluates the dashpot half a step late: by the dense matrix of the step, and by runs at steps about it."""
-    case = bar({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5, elements=8)
+    case = under({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5, elements=8)
     model = model_of(percuss.load(case))
     critical = certificate(model)["courant_critical"]
     mass, identity = model.bodies.mass[:, None], np.eye(9)
@@ -198,7 +185,7 @@ def test_the_critical_step_of_velocity_verlet_with_an_absorbing_end():
 
 def test_linear_laws_and_black_box_agree_on_mounts():
     for stiffness, damping in ((0.0, 3.0), (400.0, 0.0), (150.0, 20.0)):
-        case = bar({"mount": mount(stiffness, damping)}, elements=4, courant=0.5)
+        case = under({"mount": mount(stiffness, damping)}, elements=4, courant=0.5)
         model = model_of(percuss.load(case))
         by_laws, by_step = (kind(model).critical_step for kind in (linear_laws, BlackBox))
         assert by_step == pytest.approx(by_laws, rel=1e-5)
@@ -206,7 +193,7 @@ def test_linear_laws_and_black_box_agree_on_mounts():
 
 
 def test_a_dashpot_that_drives_is_unstable():
-    case = bar({"drive": mount(damping=0.5)}, elements=4, courant=0.5)
+    case = under({"drive": mount(damping=0.5)}, elements=4, courant=0.5)
     model = model_of(percuss.load(case))
     driven = model.loads.followers[0].__class__(**{**vars(model.loads.followers[0]), "numbers": (0.0, -0.5)})
     changed = dataclasses.replace(model, loads=model.loads._replace(followers=(driven,)))
@@ -216,7 +203,7 @@ def test_a_dashpot_that_drives_is_unstable():
 
 
 def test_a_load_that_follows_during_a_part_of_the_run_has_no_certificate():
-    found = certificate(model_of(percuss.load(bar({"mount": mount(1.0, 1.0, until=0.1)}, courant=0.5))))
+    found = certificate(model_of(percuss.load(under({"mount": mount(1.0, 1.0, until=0.1)}, courant=0.5))))
     assert found["stable"] == "unknown"
     assert "during only a part of the run" in found["why"]
 
@@ -237,11 +224,11 @@ def test_a_load_that_follows_during_a_part_of_the_run_has_no_certificate():
 )  # fmt: skip
 def test_where_a_load_cannot_follow_it_is_refused(loads, message):
     with pytest.raises(percuss.InputError, match=message):
-        model_of(percuss.load(bar(loads)))
+        model_of(percuss.load(under(loads)))
 
 
 def test_the_critical_courant_number_of_the_page_is_true():
     page = (places.ROOT / "plugins" / "STABILITY.md").read_text(encoding="utf-8")
-    case = bar({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5)
+    case = under({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5)
     critical = certificate(model_of(percuss.load(case)))["courant_critical"]
     assert f"`velocity-verlet` up to a Courant number of {critical:.3f} |" in page

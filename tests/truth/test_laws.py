@@ -220,11 +220,9 @@ def test_gaps_and_rates_near_zero_leave_finite_forces(law):
 
 def particle(law, young=1e-30, *, certified=False, **time):
     """A node of mass 1 that next to nothing holds to the rest of its bar, and strikes a wall with the speed 1."""
-    body = {"bar": {"length": 1.0, "elements": 1}, "material": {"young": young, "density": 2.0}, "area": 1.0}
-    contact = {"wall": {"body": "a.right", "wall": 1.0 + 0.1234}}
-    case = {"percuss": 1, "bodies": {"a": body | {"velocity": 1.0}}, "contacts": contact}
-    case |= {"method": {"integrator": CD, "contact": law}, "record": {"probes": ["a.right"]}}
-    case["time"] = {"step": 0.01, "steps": 40, **time}
+    bars = {"a": bar(1.0, 1, velocity=1.0, material={"young": young, "density": 2.0})}
+    contact, time = {"wall": {"body": "a.right", "wall": 1.0 + 0.1234}}, {"step": 0.01, "steps": 40, **time}
+    case = case_of(bars, contact, time, None, CD, law)
     if certified:
         return certificate(model_of(percuss.load(case)))
     result = run(case)

@@ -13,11 +13,12 @@ import long_bars
 import percuss
 import places
 from command_line import percuss_command
+from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate, settled
 from percuss.certificate.waves import waves
 from percuss.march.model_of_case import model_of
 from percuss.reporting.stability_figure import stability_figure
-from strategies import CORE_PAIRS, INVISCID, hunek
+from strategies import CORE_PAIRS, INVISCID, UNIT, bar, case_of, hunek
 
 CASES = sorted(places.CASES.glob("*.yaml"))
 SDNV, HUNEK = (str(places.CASES / f"{name}.yaml") for name in ("sdnv100", "hunek"))
@@ -157,7 +158,10 @@ def test_waves_that_fade_are_no_harmonics():
         waves(model_of(percuss.load(hunek(n=6, integrator="viscous-central-difference", contact={"name": "lagrange"}))))
 
 
-def test_unlike_bars_keep_the_energy_of_waves():
+def test_unlike_bars_keep_the_energy_of_waves_and_a_wall_throws_all_of_it_back():
+    back = waves(model_of(percuss.load(wall(1.0, 2.0))))
+    assert np.abs(np.abs(back.reflected) - 1).max() < 1e-9
+    assert np.abs(back.transmitted).max() == 0
     case = beside_another(wall(2.0, 2.0))
     found = waves(model_of(percuss.load(case)))
     inside = found.frequency * 80 * math.sqrt(1.5) / 60 < 2.0  # of the other bar
@@ -215,18 +219,9 @@ def test_a_step_left_open_is_chosen_for_every_point():
 def test_a_wave_packet_gets_through_as_the_interface_says():
     """Two long bars held together by the weight of a load: a packet through the interface, over one through a bar."""
     courant, n, law = 0.5, 300, {"name": "penalty", "beta_s": 0.5}
-    material = {"young": 1.0, "density": 1.0}
-    bars = {name: {"bar": {"length": n, "elements": n}, "at": n * k, "material": material, "area": 1.0} for k, name in
-            enumerate(("a", "b"))}  # fmt: skip
-    case = {
-        "percuss": 1,
-        "bodies": bars,
-        "contacts": {"tip": {"between": ["a.right", "b.left"]}},
-        "method": {"integrator": CD, "contact": law},
-        "time": {"steps": 1, "courant": courant},
-    }
-    from percuss.certificate.closed_step import ClosedStep, Motions
-
+    bars = {name: bar(n, n, n * k, material=UNIT) for k, name in enumerate(("a", "b"))}
+    seam = {"tip": {"between": ["a.right", "b.left"]}}
+    case = case_of(bars, seam, {"steps": 1, "courant": courant}, None, CD, law)
     model = model_of(percuss.load(case))
     step = ClosedStep(Motions(model), model.dt, [0])
     x, omega = np.arange(2 * n + 2) - np.r_[np.zeros(n + 1), np.ones(n + 1)], 0.9

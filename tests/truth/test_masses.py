@@ -5,12 +5,14 @@ to the rest of its body.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import eigh, null_space
+from scipy.sparse import csr_array
 
 import against_dense
 import dense
@@ -24,7 +26,7 @@ from percuss.contact.laws import points_of_law
 from percuss.march.model_of_case import model_of
 from percuss_methods.masses.reciprocal import Reciprocal
 from percuss_methods.masses.redistributed import LEAST_SHARE, Redistributed
-from strategies import hunek, nudged, turned
+from strategies import hunek, nudged, turned, with_methods
 
 DEEP = pytest.mark.deep
 LAWS_OF_COUPLED = (
@@ -43,8 +45,8 @@ CONSISTENCIES = (1.0, 0.375, -0.5, -1.5)
 TO_NEIGHBOUR = {"name": "redistributed", "moved_to": "neighbour"}
 
 
-def ran(case, overrides=None, **options):
-    return percuss.run(percuss.load(case), overrides, compiled=False, **options)
+def ran(case, overrides=None, registry=None):
+    return percuss.run(percuss.load(case, registry=registry), overrides, compiled=False)
 
 
 def with_mass(mass, *args, **options):
@@ -301,17 +303,8 @@ def test_stages_accelerate_as_dense_matrices_do(scheme):
     assert result.summary["momentum"]["error"] < 1e-12
 
 
-FIVE_DIAGONALS = '''
-from dataclasses import dataclass
-
-import numpy as np
-from scipy.sparse import csr_array
-
-from percuss import Mass
-
-
 @dataclass(frozen=True)
-class Mine(Mass):
+class FiveDiagonals(percuss.Mass):
     """A mass of a test. Formula: as it says."""
 
     name = "mine"
@@ -326,10 +319,9 @@ class Mine(Mass):
         second = np.diff(np.eye(lumped.size), 2, axis=0)
         full = np.diag(lumped) + 0.1 * element_mass.mean() * second.T @ second
         return csr_array(full / np.outer(lumped, lumped))
-'''
 
 
-def test_an_inverse_of_five_diagonals_moves_bars_as_dense_matrices_do(tmp_path):
+def test_an_inverse_of_five_diagonals_moves_bars_as_dense_matrices_do():
     case = with_mass("mine", 7, courant=0.2)
     case["bodies"]["short"]["bar"]["grading"] = 0.5
     case["loads"] = {"push": {"constant": 0.02, "on": "short.left"}, "weight": {"gravity": 0.1}}
@@ -343,8 +335,7 @@ def test_an_inverse_of_five_diagonals_moves_bars_as_dense_matrices_do(tmp_path):
             total[nodes, nodes] += 0.1 * element.mean() * second.T @ second
         return np.linalg.inv(total / np.outer(lumped, lumped))
 
-    (tmp_path / "mine.py").write_text(FIVE_DIAGONALS)
-    result = percuss.run(percuss.load(case, plugins=[tmp_path / "mine.py"]), compiled=False)
+    result = percuss.run(percuss.load(case, registry=with_methods(FiveDiagonals)), compiled=False)
     expected = dense.march(case, mass=mass)
     assert expected.force.max() > 0.01
     assert np.abs(result.arrays["contact_force"] - expected.force).max() < 1e-10
@@ -428,21 +419,17 @@ def test_the_stiffness_limit_of_a_contact_is_that_of_dense_matrices(consistency,
     assert points_of_law(model, [0], model.dt).stiffness_limit == pytest.approx([1.0 / softness], rel=1e-8)
 
 
-DASHPOT = '''
-from dataclasses import dataclass
-from percuss import ContactLaw, LinearLaw
-
-
 @dataclass(frozen=True)
-class DashpotBehind(ContactLaw):
+class DashpotBehind(percuss.ContactLaw):
     """A spring and a dashpot. Formula: ``lambda = -eps_s (g + tau g')``."""
 
     name = "dashpot-behind"
     summary = "Spring and dashpot"
 
     def bind(self, points, dt):
-        return LinearLaw(at="explicit", sigma=2.0 / points.stiffness, rate=2.0 * dt)
-'''
+        return percuss.LinearLaw(at="explicit", sigma=2.0 / points.stiffness, rate=2.0 * dt)
+
+
 COUPLED = "the mass reciprocal, which couples nodes, is examined only with linear laws"
 UNKNOWN = [
     ("reciprocal", {"method.contact": "uzawa"}, COUPLED, "has a kernel of its own"),
@@ -464,16 +451,16 @@ UNKNOWN = [
 
 
 @pytest.mark.parametrize(("mass", "change", "first", "reason"), UNKNOWN)
-def test_what_only_the_black_box_could_tell_is_unknown(mass, change, first, reason, tmp_path):
-    (tmp_path / "laws.py").write_text(DASHPOT)
-    case = with_mass(mass, 5, courant=0.3, end=0.05) | {"plugins": [str(tmp_path / "laws.py")]}
-    summary = ran(case, change).summary
+def test_what_only_the_black_box_could_tell_is_unknown(mass, change, first, reason):
+    case = with_mass(mass, 5, courant=0.3, end=0.05)
+    registry = with_methods(DashpotBehind)
+    summary = ran(case, change, registry).summary
     certificate = summary["certificate"]
     assert (certificate["stable"], certificate["dt_critical"]) == ("unknown", None)
     assert first in certificate["why"]
     assert reason in certificate["why"]
     with pytest.raises(percuss.InputError, match="which couples nodes" if first else reason):
-        ran(case, change | {"time.courant": "auto"})
+        ran(case, change | {"time.courant": "auto"}, registry)
     if mass == "redistributed":
         assert summary["energy"]["ledger_error"] < 1e-13
         assert summary["energy"]["contact_work"] < 0.0

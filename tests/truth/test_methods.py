@@ -13,7 +13,7 @@ import against_dense
 import dense
 import formulas
 import percuss
-from strategies import BRASS, CD, CORE, ROW, STEEL, WU, bar, case_of, hunek, round_off, run, turned
+from strategies import BRASS, CD, CORE, ROW, STEEL, UNIT, WU, bar, case_of, hunek, round_off, run, turned
 
 # one end that meets a wall and another bar at once: S has entries off its diagonal
 END_OF_TWO = case_of(
@@ -91,6 +91,21 @@ def test_three_bars_that_meet_pairwise_move_alike_though_their_forces_are_not_un
     force = result.arrays["contact_force"]
     assert force.min() >= 0.0
     assert np.abs(force[:-1] * gaps[1:]).max() <= 1e-12 * force.max() * moved
+
+
+@pytest.mark.parametrize("integrator", [WU, CD])
+def test_tied_bars_are_one_bar(integrator):
+    """The ends have their mass in common, and the tie pulls, too."""
+    push = {"push": {"half-sine": {"peak": 0.3, "duration": 0.01}, "on": "a.left"}}
+    halves, seam = {"a": bar(1.0, 10), "b": bar(1.0, 10, 1.0)}, {"ab": {"between": ["a.right", "b.left"]}}
+    tied, whole = (
+        run(case_of(bars, contacts, {"steps": 300, "courant": 0.5}, push, integrator, "tied"))
+        for bars, contacts in ((halves, seam), ({"a": bar(2.0, 20)}, {}))
+    )
+    u, of_one = tied.arrays["displacement"][:, [0, 3]], whole.arrays["displacement"]
+    assert tied.arrays["contact_force"].min() < -0.1
+    assert np.abs(u - of_one).max() <= 1e-12 * np.abs(of_one).max()
+    assert tied.summary["energy"]["ledger_error"] <= 1e-12
 
 
 # -------------------------------------------------------------------------- against the table of formulas: schemes
@@ -218,12 +233,9 @@ def test_the_lagrange_method_is_the_same_with_both_integrators(case):
 
 def one_contact(integrator=WU, contact=None, courant=0.5):
     """Unlike graded bars with a gap: one contact, nothing symmetric."""
-    case = case_of(
-        {"a": bar(1.0, 8, 0.0, 0.4, grading=1.5), "b": bar(1.4, 6, 1.01, -0.1, BRASS, 1.6, fixed=["right"])},
-        {"ab": {"between": ["a.right", "b.left"]}},
-        {"steps": 400, "courant": courant},
-    )
-    return {**case, "method": {"integrator": integrator, "contact": contact}}
+    bars = {"a": bar(1.0, 8, 0.0, 0.4, grading=1.5), "b": bar(1.4, 6, 1.01, -0.1, BRASS, 1.6, fixed=["right"])}
+    seam = {"ab": {"between": ["a.right", "b.left"]}}
+    return case_of(bars, seam, {"steps": 400, "courant": courant}, None, integrator, contact)
 
 
 def compliance(case, result):
@@ -343,13 +355,9 @@ def test_the_lagrange_method_is_exact_at_the_magic_step(n):
 
 def pressed(integrator, contact, courant, n=60, steps=6000, on="a.left", acts="force"):
     """A bar pressed on a wall by a load that rises over its period 4 and stays: the contact never opens."""
-    case = case_of(
-        {"a": bar(1.0, n, material={"young": 1.0, "density": 1.0})},
-        {"w": {"body": "a.right", "wall": 1.0}},
-        {"steps": steps, "courant": courant},
-        {"press": {"ramp": {"value": 0.01, "duration": 4.0}, "on": on, "as": acts}},
-    )
-    return {**case, "method": {"integrator": integrator, "contact": contact}, "record": {"probes": []}}
+    press = {"press": {"ramp": {"value": 0.01, "duration": 4.0}, "on": on, "as": acts}}
+    bars, contacts = {"a": bar(1.0, n, material=UNIT)}, {"w": {"body": "a.right", "wall": 1.0}}
+    return case_of(bars, contacts, {"steps": steps, "courant": courant}, press, integrator, contact)
 
 
 @pytest.mark.parametrize(("beta_s", "ratio"), [(1.0, math.inf), (2.0, 1.0), (4.0, 2.0), (10.0, 1.0), (100.0, 1.0)])

@@ -20,15 +20,14 @@ from percuss import Lumping
 from percuss_methods.elements.green_bar import GreenBarElement
 from percuss_methods.masses.scaled import Scaled
 from percuss_methods.materials.ramberg_osgood import RambergOsgood
-from strategies import hunek
+from strategies import STEEL, bar, case_of, hunek
 
 YOUNG, DENSITY, SCALE = 100.0, 0.01, 0.05
-STEEL = {"young": YOUNG, "density": DENSITY}
 CURVED = {"name": "ramberg-osgood", **STEEL, "yield_stress": SCALE}
 
 
 def ran(case):
-    return percuss.run(percuss.load(case), compiled=False)
+    return percuss.run(percuss.load({"method": {"integrator": "central-difference"}} | case), compiled=False)
 
 
 # -------------------------------------------------------------------------------------------------- simple waves
@@ -91,14 +90,9 @@ def test_a_simple_wave_travels_at_the_speed_of_the_tangent(body, fastest, stress
     stresses = np.array([stress(strain) for strain in strains])
     errors = []
     for elements in (50, 100):
-        case = {
-            "percuss": 1,
-            "bodies": {"a": {"bar": {"length": length, "elements": elements}, "area": 2.0, **body}},
-            "loads": {"push": {"ramp": {"value": fastest, "duration": rise}, "on": "a.left", "as": "velocity"}},
-            "method": {"integrator": "central-difference"},
-            "time": {"end": end, "courant": 0.9},
-            "record": {"fields": 1000},
-        }
+        push = {"ramp": {"value": fastest, "duration": rise}, "on": "a.left", "as": "velocity"}
+        bars = {"a": bar(length, elements, area=2.0) | body}
+        case = case_of(bars, {}, {"end": end, "courant": 0.9}, {"push": push}) | {"record": {"fields": 1000}}
         result = ran(case)
         field = result.fields["stress"]
         places = speeds * (float(field["time"][-1]) - starts)
@@ -144,23 +138,10 @@ def test_a_bar_that_swings_through_large_angles_is_a_pendulum():
     """
     length, gravity = 2.0, 0.1
     period = 4.0 * math.sqrt(length / gravity) * ellipk(0.5)
-    case = {
-        "percuss": 1,
-        "bodies": {
-            "a": {
-                "bar": {"length": length, "elements": 1, "direction": [1.0, 0.0]},
-                "material": STEEL,
-                "area": 2.0,
-                "element": "green-bar",
-                "fixed": ["left"],
-            }
-        },
-        "loads": {"weight": {"gravity": [0.0, -gravity]}},
-        "time": {"end": 0.8 * period, "courant": 0.9},
-        "record": {"probes": ["a.right"]},
-    }
+    pendulum = bar(length, 1, area=2.0, fixed=["left"], direction=[1.0, 0.0]) | {"element": "green-bar"}
+    case = case_of({"a": pendulum}, {}, {"end": 0.8 * period, "courant": 0.9}, {"weight": {"gravity": [0.0, -gravity]}})
     result = ran(case)
-    place = np.array([length, 0.0]) + result.arrays["displacement"][:, 0]
+    place = np.array([length, 0.0]) + result.arrays["displacement"][:, 1]
     time = result.arrays["time"]
     assert np.linalg.norm(place, axis=1) == pytest.approx(length, rel=3e-5)
     assert place[:, 0].min() == pytest.approx(-length, rel=1e-4)
@@ -216,20 +197,9 @@ def test_a_rigid_rotation_leaves_a_green_bar_without_force():
 def test_a_bar_of_scaled_mass_takes_a_longer_step_and_has_the_momentum_of_its_added_mass():
     steps = []
     for mass in ("lumped", {"name": "scaled", "least_step": 0.5}):
-        case = {
-            "percuss": 1,
-            "bodies": {
-                "a": {
-                    "bar": {"length": 1.0, "elements": 20, "grading": 0.1},
-                    "material": STEEL,
-                    "area": 2.0,
-                    "velocity": 0.1,
-                }
-            },
-            "contacts": {"wall": {"body": "a.right", "wall": 1.0}},
-            "method": {"integrator": "central-difference", "contact": "lagrange", "mass": mass},
-            "time": {"end": 0.06, "courant": "auto"},
-        }
+        bars = {"a": bar(1.0, 20, velocity=0.1, area=2.0, grading=0.1)}
+        case = case_of(bars, {"wall": {"body": "a.right", "wall": 1.0}}, {"end": 0.06, "courant": "auto"})
+        case["method"] = {"integrator": "central-difference", "contact": "lagrange", "mass": mass}
         result = ran(case)
         summary = result.summary
         assert summary["certificate"]["stable"] == "yes"

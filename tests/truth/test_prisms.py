@@ -1,13 +1,18 @@
 """Prisms that move along their axis alone are bars: the exact solution of bars judges them unasked."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 import percuss
 from blocks import bar, block, loaded
+from percuss import Mesh, Region, Shape, SolidMaterial
 from percuss.contact.contact_problem import contact_problem
 from percuss.march.model_of_case import model_of
 from percuss.results.exact_only import run_exact
+from percuss_methods.shapes.block import Block
+from strategies import with_methods
 
 MODULUS = 0.7 / (1.3 * 0.4)  # of longitudinal waves, Young's modulus 1 and Poisson's ratio .3
 ROLLERS = [{"on": "bottom", "along": "y"}, {"on": "top", "along": "y"}]
@@ -17,8 +22,8 @@ def strip(at, speed, elements=(10, 2), **more):
     return block(at, speed, elements, **more)
 
 
-def case(bodies, contacts=None, loads=None, plugins=()):
-    return loaded(bodies, contacts, time={"courant": 0.5, "end": 3.0}, loads=loads or {}, plugins=plugins)
+def case(bodies, contacts=None, loads=None, **more):
+    return loaded(bodies, contacts, time={"courant": 0.5, "end": 3.0}, loads=loads or {}, **more)
 
 
 SEAM = {"seam": {"between": ["left.right", "right.left"]}}
@@ -132,26 +137,12 @@ NONE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", NONE)
-def test_what_is_no_row_of_prisms_is_not_judged_by_bars(name):
-    bodies, contacts, loads, said = NONE[name]
-    reason = contact_problem(model_of(case(bodies, contacts, loads)))
-    assert isinstance(reason, str)
-    assert said in reason
-
-
-PART = """
-from dataclasses import dataclass, replace
-import numpy as np
-from percuss import Mesh, Region, Shape
-from percuss_methods.shapes.block import Block
-
 @dataclass(frozen=True)
 class Part(Shape):
-    \"\"\"A block without the cells whose middles lie in a box, with half of each side as a region.
+    """A block without the cells whose middles lie in a box, with half of each side as a region.
 
     Formula: ``half = facets whose middles are below the middle of the side``.
-    \"\"\"
+    """
 
     name = "part"
     summary = "a block without a box"
@@ -193,7 +184,6 @@ class Part(Shape):
                 chosen = facets[kept]
                 regions[name + half] = Region(tuple(np.unique(chosen).tolist()), region.outward, {of: chosen})
         return Mesh(whole.nodes[used], {kind: cells}, regions)
-"""
 
 
 def part(at, speed, size=(1.0, 0.2), elements=(4, 2), box=(), **more):
@@ -247,24 +237,20 @@ PARTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", PARTS)
-def test_a_row_of_prisms_meets_acts_and_is_held_with_its_whole_faces_alone(name, tmp_path):
-    bodies, contacts, loads, said = PARTS[name]
-    (tmp_path / "part.py").write_text(PART, encoding="utf-8")
-    reason = contact_problem(model_of(case(bodies, contacts, loads, plugins=[tmp_path / "part.py"])))
+@pytest.mark.parametrize("name", [*NONE, *PARTS])
+def test_a_row_of_prisms_meets_acts_and_is_held_with_its_whole_faces_alone(name):
+    """What is no such row is not judged by bars, for the reason that is said."""
+    bodies, contacts, loads, said = (NONE | PARTS)[name]
+    reason = contact_problem(model_of(case(bodies, contacts, loads, registry=REGISTRY)))
     assert said in reason if said else not isinstance(reason, str)
 
 
-SHEET = """
-from dataclasses import dataclass
-from percuss import SolidMaterial
-
 @dataclass(frozen=True)
 class Sheet(SolidMaterial):
-    \"\"\"Orthotropic, with the stiffness 1, 4 and .3 of both.
+    """Orthotropic, with the stiffness 1, 4 and .3 of both.
 
     Formula: ``xx = e_xx + across e_yy``, ``yy = across e_xx + 4 e_yy``.
-    \"\"\"
+    """
 
     name = "sheet"
     summary = "orthotropic"
@@ -283,16 +269,17 @@ class Sheet(SolidMaterial):
         xx, xy, yx, yy = gradient
         shear = 0.4 * (xy + yx)
         return xx + parameters[0] * yy, shear, shear, parameters[0] * xx + 4.0 * yy
-"""
+
+
+REGISTRY = with_methods(Part, Sheet)
 
 
 @pytest.mark.parametrize(
     ("axis", "across", "modulus"),
     [((1.0, 0.0), 0.0, 1.0), ((1.0, 0.0), 0.3, 1.0), ((0.0, 1.0), 0.3, 4.0), ((0.6, 0.8), 0.0, None)],
 )
-def test_the_modulus_of_a_prism_is_that_along_its_axis(axis, across, modulus, tmp_path):
+def test_the_modulus_of_a_prism_is_that_along_its_axis(axis, across, modulus):
     """`wave_modulus` is that of the fastest waves, in whatever direction they run."""
-    (tmp_path / "sheet.py").write_text(SHEET, encoding="utf-8")
     upright, (x, y) = axis == (0.0, 1.0), axis
     sides = [{"on": side, "along": "xy"[not upright]} for side in (("left", "right") if upright else ("bottom", "top"))]
     size = {"size": (0.2, 1.0), "elements": (2, 20)} if upright else {"size": (1.0, 0.2), "elements": (20, 2)}
@@ -304,7 +291,7 @@ def test_the_modulus_of_a_prism_is_that_along_its_axis(axis, across, modulus, tm
         for name, at, way in (("left", (0.0, 0.0), 1e-3), ("right", axis, -1e-3))
     }
     time = {"courant": 0.5, "end": 0.8}
-    found = loaded(bodies, UP if upright else SEAM, time=time, plugins=[tmp_path / "sheet.py"])
+    found = loaded(bodies, UP if upright else SEAM, time=time, registry=REGISTRY)
     problem = contact_problem(model_of(found))
     if modulus is None:
         assert "shears" in problem

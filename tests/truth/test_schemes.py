@@ -24,7 +24,7 @@ from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from percuss.methods import slots
 from percuss.results.exact import exact_solution
-from strategies import CORE, INTEGRATORS, LEAPFROG, REGISTRY, hunek, run
+from strategies import CORE, INTEGRATORS, LEAPFROG, REGISTRY, UNIT, bar, case_of, hunek, run
 
 STABILITY = (places.ROOT / "plugins" / "STABILITY.md").read_text(encoding="utf-8")
 STAGED = [name for name in INTEGRATORS if name not in LEAPFROG]
@@ -196,26 +196,14 @@ def test_lagrange_is_refused_where_its_promise_would_be_broken(name, monkeypatch
 
 def oscillator(integrator, courant, load=None, elements=1):
     """One element or more, fixed at the left end; one of them is a mass of 1 on a spring of 1."""
-    bar = {"bar": {"length": 1.0, "elements": elements}, "material": {"young": 1.0, "density": 2.0}, "area": 1.0}
-    case = {
-        "percuss": 1,
-        "bodies": {"a": {**bar, "velocity": 1.0, "fixed": ["left"]}},
-        "method": {"integrator": integrator},
-        "time": {"end": 4.0, "courant": courant},
-        "record": {"probes": ["a.left", "a.right"]},
-    }
-    return case | ({"loads": {"push": {**load, "on": "a.right"}}} if load else {})
+    body = bar(1.0, elements, velocity=1.0, material={"young": 1.0, "density": 2.0}, fixed=["left"])
+    loads = {"push": {**load, "on": "a.right"}} if load else {}
+    return case_of({"a": body}, {}, {"end": 4.0, "courant": courant}, loads, integrator)
 
 
-def on_a_wall(name, law, elements=12, **body):
-    bar = {"bar": {"length": 1.0, "elements": elements}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
-    return {
-        "percuss": 1,
-        "bodies": {"b": bar | body},
-        "contacts": {"w": {"body": "b.left", "wall": 0.0}},
-        "method": {"integrator": name, "contact": law},
-        "time": {"steps": 20, "courant": 0.5},
-    }
+def on_a_wall(name, law):
+    bars, contacts = {"b": bar(1.0, 12, material=UNIT)}, {"w": {"body": "b.left", "wall": 0.0}}
+    return case_of(bars, contacts, {"steps": 20, "courant": 0.5}, None, name, law)
 
 
 LINEAR = [PENALTY, {"name": "penalty", "beta_s": 30.0}, BIPENALTY,

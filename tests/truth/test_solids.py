@@ -120,17 +120,6 @@ def mean_place(nodes, mass):
     return mass @ nodes / mass.sum()
 
 
-@pytest.mark.parametrize(("end", "warned"), [(1.5, False), (4.0, True)])
-def test_a_body_of_small_strains_that_turns_is_warned_of(end, warned):
-    """It becomes longer by 1/cos of the angle of a real body: sqrt(1 + angle^2)."""
-    body = {**block(0.0, 0.0, [10, 4], 0.3), "spin": 0.03}
-    case = alone(body, time={"courant": 0.5, "end": end})
-    said = "Its turn of 0.12 rad is seen as a stretch of 0.72 %: the result is wrong."
-    result = percuss.run(case)
-    assert any(said in note for note in result.summary["notes"]) is warned
-    assert (said in str(percuss.check(case))) is warned
-
-
 @pytest.mark.parametrize("shape", [{}, {"cells": "tri3"}, {"size": [1, 1, 1], "elements": [1, 1, 1]}])
 def test_cells_that_are_turned_inside_out_are_told(shape):
     """The first of them at the first snapshot that shows any, or at the end."""
@@ -173,38 +162,33 @@ def test_a_probe_at_a_point_moves_as_its_cell(cells):
     assert np.ptp(found[1:], axis=0).max() > 1e-4
 
 
-@pytest.mark.parametrize(
-    ("poisson", "plane", "warned"), [(0.44, "strain", False), (0.46, "strain", True), (0.49, "stress", False)]
-)
-def test_a_run_warns_where_cells_lock(poisson, plane, warned):
-    case = alone({**block(0.0, 0.1, [4, 2], poisson), "plane": plane})
-    said = "body 'a' is almost incompressible, where quad4 locks: it is too stiff"
-    assert (said in percuss.run(case).summary["notes"]) is warned
+LOCKS = "body 'a' is almost incompressible, where quad4 locks: it is too stiff"
+TURNS = "Its turn of 0.12 rad is seen as a stretch of 0.72 %: the result is wrong."
+# longer by 1/cos of the angle of a real body: sqrt(1 + angle^2)
+SPINNING = block(0.0, 0.0, [10, 4], 0.3, spin=0.03)
+THICK, LONG = "times as long as it is thick", [20, 1]
+TOLD = [
+    (SPINNING, 1.5, TURNS, False),
+    (SPINNING, 4.0, TURNS, True),
+    *((block(0.0, 0.1, [4, 2], poisson, plane=plane), 0.1, LOCKS, warned)
+      for poisson, plane, warned in ((0.44, "strain", False), (0.46, "strain", True), (0.49, "stress", False))),
+    # no more than what a cantilever shows: see the test of a slender beam of one-point elements
+    (block(0.0, 0.0, [20, 4], size=LONG, angle=30), 0.1, f"1 {THICK}", True),
+    (block(0.0, 0.0, [40, 1], size=LONG), 0.1, THICK, False),
+    (block(0.0, 0.0, [2, 1], size=[4, 1]), 0.1, THICK, False),
+    (block(0.0, 0.0, [20, 4], size=LONG, element="quad4-one-point"), 0.1, THICK, False),
+    (block(1.0, 0.0, [20, 4], size=LONG, plane="axisymmetric"), 0.1, THICK, False),
+    pytest.param(
+        block(0.0, 0.0, [2, 2, 10], size=[1, 2, 20], cells="tet4"), 0.1, f"2 {THICK}", True, marks=pytest.mark.deep
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("body", "end", "said", "warned"), TOLD)
+def test_a_run_and_its_check_warn_of_bodies_that_turn_lock_or_have_long_cells(body, end, said, warned):
+    case = alone(body, time={"courant": 0.5, "end": end})
+    assert sum(said in note for note in percuss.run(case).summary["notes"]) == warned
     assert (said in str(percuss.check(case))) is warned
-
-
-@pytest.mark.parametrize(
-    ("body", "warned"),
-    [
-        ({"block": {"size": [20, 1], "elements": [20, 4]}, "angle": 30}, "1 times as long as it is thick"),
-        ({"block": {"size": [20, 1], "elements": [40, 1]}}, ""),
-        ({"block": {"size": [4, 1], "elements": [2, 1]}}, ""),
-        ({"block": {"size": [20, 1], "elements": [20, 4]}, "element": "quad4-one-point"}, ""),
-        ({"block": {"size": [20, 1], "elements": [20, 4]}, "at": [1, 0], "plane": "axisymmetric"}, ""),
-        pytest.param(
-            {"block": {"size": [1, 2, 20], "elements": [2, 2, 10], "cells": "tet4"}},
-            "2 times as long as it is thick",
-            marks=pytest.mark.deep,
-        ),
-    ],
-)
-def test_a_run_warns_of_long_cells_of_slender_bodies(body, warned):
-    """What it says is no more than what a cantilever shows: see the test of a slender beam of one-point elements."""
-    body = {"at": [0.0] * len(body["block"]["size"]), "material": {"young": 1.0, "density": 1.0, "poisson": 0.0}} | body
-    case = alone(body)
-    notes = [note for note in percuss.run(case).summary["notes"] if "slender" in note]
-    assert [warned in note for note in notes] == ([True] if warned else [])
-    assert ("slender" in str(percuss.check(case))) is bool(warned)
 
 
 def test_methods_that_a_case_leaves_out_are_those_of_solids():

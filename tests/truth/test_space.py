@@ -130,8 +130,10 @@ def test_balls_have_the_volume_of_their_polyhedron_and_no_slivers(cells):
     assert errors[1] / errors[0] == pytest.approx(0.25, abs=0.02)
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize(("cells", "elements"), [("hex8", 24), ("tet4", 48)])
+@pytest.mark.parametrize(
+    ("cells", "elements"),
+    [pytest.param("hex8", 24, marks=pytest.mark.deep), pytest.param("tet4", 48, marks=pytest.mark.nightly)],
+)
 def test_a_ball_on_a_wall_is_within_the_tolerances_of_two_programs(cells, elements):
     """Duration, force at the middle, approach and restitution, as those of the body of revolution (test_disk)."""
     body = {**ball(elements, cells, grading=16.0), "at": [0, 0, 1], "velocity": [0, 0, -0.01]}

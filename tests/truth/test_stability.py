@@ -14,10 +14,9 @@ from percuss.certificate.black_box import examine
 from percuss.certificate.closed_step import Motions
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
-from strategies import hunek
+from strategies import UNIT, bar, case_of, hunek
 
 HUNEK = places.CASES / "hunek.yaml"
-BAR = {"material": {"young": 1.0, "density": 1.0}, "area": 1.0}
 N = 60
 
 # critical Courant numbers of a bar of 60 elements on a rigid wall, central difference (Kopacka et al. 2018, Fig. 1 of
@@ -33,27 +32,15 @@ ROWS = [(ratio, beta, critical) for ratio, row in TABLE.items() for beta, critic
 
 
 def wall(beta, ratio, integrator="central-difference", courant=0.5):
-    bodies = {"b": {"bar": {"length": 1.0, "elements": N}, **BAR}}
     law = {"name": "bipenalty", "beta_s": beta, "ratio": ratio}
-    return {
-        "percuss": 1,
-        "bodies": bodies,
-        "contacts": {"w": {"body": "b.left", "wall": 0.0}},
-        "method": {"integrator": integrator, "contact": law},
-        "time": {"steps": 1, "courant": courant},
-    }
+    bars, contacts = {"b": bar(1.0, N, material=UNIT)}, {"w": {"body": "b.left", "wall": 0.0}}
+    return case_of(bars, contacts, {"steps": 1, "courant": courant}, None, integrator, law)
 
 
 def beside_another(case):
     """Return a case of `wall` with the wall replaced by an unlike, finer bar."""
-    other = {
-        "bar": {"length": 1.0, "elements": 80},
-        "at": -1.0,
-        "area": 2.0,
-        "material": {"young": 3.0, "density": 2.0},
-    }
-    bodies = case["bodies"] | {"c": other}
-    return case | {"bodies": bodies, "contacts": {"w": {"between": ["c.right", "b.left"]}}}
+    other = bar(1.0, 80, -1.0, material={"young": 3.0, "density": 2.0}, area=2.0)
+    return case | {"bodies": case["bodies"] | {"c": other}, "contacts": {"w": {"between": ["c.right", "b.left"]}}}
 
 
 def certified(case):

@@ -13,22 +13,16 @@ from blocks import SEAM, block, loaded
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
-from percuss.testing import Subject
-from strategies import hunek
+from strategies import bar, case_of, hunek, with_methods
 
-STEEL = {"young": 100.0, "density": 0.01}
 SOFT = 1e-3  # EA/h of the contact over that of the only element of a bar, which therefore moves as a rigid body
 
 
 def rigid_bounce(law, **options):
     """Return the result of a bar of one element that bounces off a wall with a soft law."""
-    case = {
-        "percuss": 1,
-        "bodies": {"a": {"bar": {"length": 1.0, "elements": 1}, "material": STEEL, "area": 1.0, "velocity": 1.0}},
-        "contacts": {"wall": {"body": "a.right", "wall": 1.0}},
-        "method": {"integrator": "central-difference", "contact": {"name": law, "beta_s": SOFT, **options}},
-        "time": {"end": 1.3, "courant": 0.02},
-    }  # fmt: skip
+    law = {"name": law, "beta_s": SOFT, **options}
+    bars, contacts = {"a": bar(1.0, 1, velocity=1.0)}, {"wall": {"body": "a.right", "wall": 1.0}}
+    case = case_of(bars, contacts, {"end": 1.3, "courant": 0.02}, None, "central-difference", law)
     return percuss.run(percuss.load(case))
 
 
@@ -88,7 +82,7 @@ class Counting(percuss.ContactLaw):
                 trial.after[p, 1] = 7.0 + p
 
 
-COUNTING = Subject.of(Counting).registry
+COUNTING = with_methods(Counting)
 
 
 def counted(integrator, **changes):
@@ -100,10 +94,15 @@ def counted(integrator, **changes):
     return march, march.run(None, marginal=False).histories["contact_state"].reshape(-1, 2, 2)
 
 
-@pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
-def test_state_variables_are_carried_over_once_a_step(integrator):
-    """A multi-stage scheme calls the kernel several times a step, and before the first step."""
-    _, states = counted(integrator)
+LET_GO = {"drive": {"prescribed-velocity": 0.1, "on": "long.left", "until": 0.01}}
+
+
+@pytest.mark.parametrize(
+    ("integrator", "loads"), [("central-difference", {}), ("noh-bathe", {}), ("central-difference", LET_GO)]
+)
+def test_state_variables_are_carried_over_once_a_step(integrator, loads):
+    """A multi-stage scheme calls the kernel several times a step, and before the first step; drives may end."""
+    _, states = counted(integrator, loads=loads)
     assert states[:, :, 0].tolist() == [[n, n] for n in range(1, 22)]
     assert (states[:, :, 1] == [7.0, 8.0]).all()
 
@@ -140,20 +139,11 @@ YOUNG, DENSITY, YIELD = 100.0, 0.01, 0.02
 PLASTIC = {"name": "bilinear-plastic", "young": YOUNG, "density": DENSITY, "yield_stress": YIELD}
 
 
-def struck_wall(material, velocity, elements=400, dim=1):
+def struck_wall(material, velocity, elements):
     """Return a result of a plastic bar that strikes a wall, before the first wave comes back from its other end."""
-    end, line = 10.0, {"length": 10.0, "elements": elements}
-    if dim == 2:
-        end, line = [6.0, 8.0], {**line, "direction": [0.6, 0.8]}
-    body = {"bar": line, "material": material, "area": 2.0, "velocity": velocity}
-    case = {
-        "percuss": 1,
-        "bodies": {"a": body | ({"at": [0.0, 0.0]} if dim == 2 else {})},
-        "contacts": {"wall": {"body": "a.right", "wall": end}},
-        "method": {"integrator": "central-difference", "contact": "lagrange"},
-        "time": {"end": 0.09, "courant": 0.8},
-    }
-    return percuss.run(percuss.load(case))
+    body = bar(10.0, elements, velocity=velocity, material=material, area=2.0)
+    contacts, time = {"wall": {"body": "a.right", "wall": 10.0}}, {"end": 0.09, "courant": 0.8}
+    return percuss.run(percuss.load(case_of({"a": body}, contacts, time, None, "central-difference", "lagrange")))
 
 
 def test_a_plastic_bar_presses_a_wall_with_the_force_of_its_two_waves():

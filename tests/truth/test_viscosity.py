@@ -52,6 +52,9 @@ def test_the_limit_of_the_lagging_rate_is_the_quoted_one(beta_d):
     assert np.abs(roots + 1.0).min() < 1e-7
     # the same as 2 / sqrt(1 + 2 viscosity)
     assert omega * dt == pytest.approx(2.0 / math.sqrt(1.0 + 2.0 * beta_d / dt), rel=1e-12)
+    # a mode of low frequency has the damping ratio xi of the text, up to terms of higher order
+    for low in (1e-2, 1e-3):
+        assert -math.log(radius(low**2, 0.3)) / low == pytest.approx(0.5 * low * 0.3, rel=low)
     # with the rate at the time of the force viscosity would not shorten the step: (v_- + v_+) / 2
     x, b = 3.999, 0.3
     middle = np.linalg.solve([[1.0, -1.0], [0.0, 1.0 + 0.5 * x * b]], [[1.0, 0.0], [-x, 1.0 - 0.5 * x * b]])

@@ -50,13 +50,11 @@ def test_contacts():
         "end": {"body": "b.right", "wall": 20.5},
     }
     case = load(mapping(contacts=walls, method={"contact": {"name": "penalty", "beta_s": 2}}))
-    assert case.contacts["tip"].sides == (Address("a", "right"), Address("b", "left"))
-    assert str(case.contacts["tip"].sides[0]) == "a.right"
-    assert type(case.contacts["tip"].law).name == "lagrange"
-    assert case.contacts["end"].sides == (Address("b", "right"),)
-    assert case.contacts["end"].wall == 20.5
-    assert case.contacts["end"].law == case.method.contact
-    assert (case.contacts["tip"].own_law, case.contacts["end"].own_law) == (True, False)
+    tip, end = case.contacts.values()
+    assert (tip.sides, end.sides) == ((Address("a", "right"), Address("b", "left")), (Address("b", "right"),))
+    assert (str(tip.sides[0]), end.wall) == ("a.right", 20.5)
+    assert (type(tip.law).name, end.law) == ("lagrange", case.method.contact)
+    assert (tip.own_law, end.own_law) == (True, False)
 
 
 def test_loads(tmp_path):
@@ -128,36 +126,24 @@ def test_the_mapping_given_is_not_changed():
 
 def test_overrides_are_values_or_yaml():
     case = load(mapping(), {"bodies.a.area": 3, "time.end": "2e0", "bodies.a.at": "[-10]", "record": "{every: 5}"})
-    assert (case.bodies["a"].area, case.time.end, case.bodies["a"].at, case.record.every) == (
-        3.0,
-        2.0,
-        (-10.0,),
-        5,
-    )
+    a = case.bodies["a"]
+    assert (a.area, case.time.end, a.at, case.record.every) == (3.0, 2.0, (-10.0,), 5)
     assert case.data["bodies"]["a"]["area"] == 3
 
 
 BIPENALTY = {"contact": {"name": "bipenalty", "beta_s": 0.5, "ratio": 1}}
-
-
 DROPPED = "method.contact: penalty has no option ratio: dropped"
+KEPT = "method.contact: penalty keeps beta_s: 0.5 of bipenalty"
+BOTH_DROPPED = "method.contact: lagrange has no option beta_s, ratio: dropped"
 
 
 @pytest.mark.parametrize(
     ("overrides", "contact", "notes"),
     [
-        (
-            {"method.contact.name": "penalty"},
-            {"name": "penalty", "beta_s": 0.5},
-            (DROPPED, "method.contact: penalty keeps beta_s: 0.5 of bipenalty"),
-        ),
+        ({"method.contact.name": "penalty"}, {"name": "penalty", "beta_s": 0.5}, (DROPPED, KEPT)),
         ({"method.contact.beta_s": 2, "method.contact": "penalty"}, {"name": "penalty", "beta_s": 2}, (DROPPED,)),
         ({"method.contact": "penalty", "method.contact.beta_s": 2}, {"name": "penalty", "beta_s": 2}, (DROPPED,)),
-        (
-            {"method.contact": "lagrange"},
-            {"name": "lagrange"},
-            ("method.contact: lagrange has no option beta_s, ratio: dropped",),
-        ),
+        ({"method.contact": "lagrange"}, {"name": "lagrange"}, (BOTH_DROPPED,)),
         ({"method.contact": "bipenalty"}, BIPENALTY["contact"], ()),
         ({"method.contact": "{name: penalty, epsilon_s: 7}"}, {"name": "penalty", "epsilon_s": 7}, ()),
     ],

@@ -86,15 +86,3 @@ def test_other_programs_read_a_result(whole):
         assert fields.identical(result.fields)
     with netCDF4.Dataset(whole) as data:
         assert data["contact_force"].units == "force"
-
-
-@pytest.mark.parametrize("case", [hunek(4, end=0.3), {k: v for k, v in hunek(4, end=0.1).items() if k != "contacts"}])
-def test_a_whole_file_is_opened_and_saved_again(case, tmp_path):
-    result = percuss.run(percuss.load(case), compiled=False)
-    result.save(tmp_path / "a.nc")
-    percuss.open_result(tmp_path / "a.nc").save(tmp_path / "b.nc")
-    again = percuss.open_result(tmp_path / "b.nc")
-    assert again.summary == result.summary
-    assert again.provenance == result.provenance
-    for name, values in result.arrays.items():
-        assert np.array_equal(again.arrays[name], values, equal_nan=True), name

@@ -1,24 +1,9 @@
-"""The event loop of `bars-in-a-row` takes the junctions in the order of their times, at a cost that grows linearly."""
+"""The sizes by which the event loop of `bars-in-a-row` knows round-off, at a cost that grows linearly."""
 
 import numpy as np
 import pytest
 
 from percuss_methods.solutions import _fronts as fronts
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 5, 8, 13])
-def test_the_knockout_finds_the_first_of_the_junctions_that_are_computed_the_least_far(count):
-    rng = np.random.default_rng(count)
-    clock = rng.integers(0, 4, count).astype(float)  # with many equal times
-    tree = fronts.knockout(clock)
-    for _ in range(60):
-        j = tree[1]
-        assert j == np.argmin(clock)  # the first of equal ones
-        clock[j] += rng.integers(0, 3)
-        place = (tree.size // 2 + j) // 2
-        while place > 0:
-            fronts.decide(tree, clock, place)
-            place //= 2
 
 
 def chain(count, rng):

@@ -44,18 +44,21 @@ def test_message(row, folder):
     assert message(text, row.get("set")).replace(str(folder), "FOLDER") == expected
 
 
-def test_a_missing_file_names_the_near_one(folder):
+def said_of(*loaded, of=load):
+    with pytest.raises(InputError) as caught:
+        of(*loaded)
+    return str(caught.value)
+
+
+def test_a_file_that_is_no_case_is_told_as_such(folder):
     Path("impact.yaml").write_text("")
-    with pytest.raises(InputError) as caught:
-        load("impct.yaml")
-    assert str(caught.value) == "impct.yaml: no such file\n  Did you mean 'impact.yaml'?"
-
-
-def test_not_utf8(folder):
-    Path("case.yaml").write_bytes("percuss: 1\ntitle: Hun\xecek".encode("latin-1"))
-    with pytest.raises(InputError) as caught:
-        load("case.yaml")
-    assert str(caught.value) == "case.yaml:2: not UTF-8 text\n  Save the file as UTF-8."
+    Path("latin.yaml").write_bytes("percuss: 1\ntitle: Hun\xecek".encode("latin-1"))
+    Path("mine.py").write_text("x = 1\n")
+    assert said_of("impct.yaml") == "impct.yaml: no such file\n  Did you mean 'impact.yaml'?"
+    assert said_of("latin.yaml") == "latin.yaml:2: not UTF-8 text\n  Save the file as UTF-8."
+    assert "found a Python file\n  Name it as --plugin mine.py" in said_of("mine.py")
+    assert "Name the file as --plugin mine.py" in said_of("mine.py", of=percuss.plugins)
+    assert "expected a YAML file, found a pipe or a device" in said_of("/dev/zero")  # it has no end
 
 
 @pytest.mark.parametrize(
@@ -67,17 +70,7 @@ def test_not_utf8(folder):
 )
 def test_bars_that_overlap_may_have_swapped_ends(folder, ends, advice):
     Path("case.yaml").write_text(TABLE["base"].replace("at: 10", "at: 9.7" if "0.3" in advice else "at: 10"))
-    with pytest.raises(InputError) as caught:
-        model_of(load("case.yaml", {"contacts.tip.between": ends}))
-    assert advice in str(caught.value)
-
-
-def test_a_plugin_given_as_a_case_or_a_method(folder):
-    Path("mine.py").write_text("x = 1\n")
-    with pytest.raises(InputError, match=r"found a Python file\n  Name it as --plugin mine\.py"):
-        load("mine.py")
-    with pytest.raises(InputError, match=r"Name the file as --plugin mine\.py"):
-        percuss.plugins("mine.py")
+    assert advice in said_of(load("case.yaml", {"contacts.tip.between": ends}), of=model_of)
 
 
 def test_an_alias_bomb_is_refused_quickly(folder):
@@ -97,8 +90,6 @@ def test_a_file_that_is_too_large_is_not_read(folder, monkeypatch):
     assert message("# " + "x" * 1_000_000) == (
         "case.yaml: expected at most 1 MB of text, found more\n  Keep tables in a CSV file."
     )
-    with pytest.raises(InputError, match="expected a YAML file, found a pipe or a device"):  # it has no end
-        load("/dev/zero")
 
 
 def test_an_anchor_is_that_of_a_value_or_a_key_and_stands_once(folder):

@@ -9,95 +9,75 @@ import percuss
 from percuss.jit import jit_disabled
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
+from strategies import bar, case_of
 
 LAW = '''
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from percuss import ContactLaw, Doc, Ge, Unit
+from percuss import ContactLaw
 
 
 class Bound(NamedTuple):
     stiffness: np.ndarray
-    mistake: int
-    late: float
 
 
 @dataclass(frozen=True)
 class Faulty(ContactLaw):
-    """A spring that makes a mistake of some kind from some time on.
-
-    Formula: ``lambda = k <-g>``.
-    """
+    """A spring that makes a mistake from some time on."""
 
     name = "faulty"
     summary = "a spring with a mistake"
-    mistake: Annotated[int, Ge(0), Unit("1"), Doc("which")] = 0
-    late: Annotated[float, Ge(0), Unit("time"), Doc("from when on")] = 0.1
 
     def bind(self, points, dt):
-        return Bound(0.25 * points.stiffness, self.mistake, self.late)
+        return Bound(0.25 * points.stiffness)
 
     @staticmethod
     def multipliers(bound, trial, multiplier):
-        late = trial.time > bound.late
         for p in range(multiplier.size):
             force = max(-bound.stiffness[p] * trial.gap[p], 0.0)
-            if late and p == 1 and bound.mistake == 1:
-                continue
-            if late and p == 1 and bound.mistake == 2:
-                force = multiplier[p] * 0.5
-            if late and p == 1 and bound.mistake == 3:
-                force = np.sqrt(-1.0 - force)
-            if late and bound.mistake == 4:
-                raise ValueError("too late")
+            if trial.time > 0.1 and p == 1:
+                MISTAKE
             multiplier[p] = force
 '''
-BAR = {"bar": {"length": 1.0, "elements": 4}, "material": {"young": 100.0, "density": 0.01}, "area": 1.0}
-CASE = {
-    "percuss": 1,
-    "bodies": {"a": {**BAR, "velocity": 1.0}, "b": {**BAR, "at": 1.0}},
-    "contacts": {"tip": {"between": ["a.right", "b.left"]}, "stop": {"body": "b.right", "wall": 2.0}},
-    "method": {"integrator": "central-difference", "contact": "faulty"},
-    "time": {"end": 0.3, "courant": 0.5, "on_unstable": "warn"},
-}
+CASE = case_of(
+    {"a": bar(1.0, 4, velocity=1.0), "b": bar(1.0, 4, 1.0)},
+    {"tip": {"between": ["a.right", "b.left"]}, "stop": {"body": "b.right", "wall": 2.0}},
+    {"end": 0.3, "courant": 0.5, "on_unstable": "warn"},
+)
 
 
-@pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    file = tmp_path_factory.mktemp("laws") / "faulty.py"
-    file.write_text(LAW, encoding="utf-8")
-    return file
-
-
-def made(file, mistake, *, compiled):
+def made(folder, mistake, *, compiled):
     """Return a march that was made, and what it left."""
-    law = {"name": "faulty", "mistake": mistake}
-    case = percuss.load({**CASE, "method": {"integrator": "central-difference", "contact": law}}, plugins=[file])
-    march = March(model_of(case), compiled=compiled)
+    (folder / "faulty.py").write_text(LAW.replace("MISTAKE", mistake), encoding="utf-8")
+    method = {"integrator": "central-difference", "contact": "faulty"}
+    march = March(model_of(percuss.load({**CASE, "method": method}, plugins=[folder / "faulty.py"])), compiled=compiled)
     outcome = march.run()
     assert outcome.kernels.compiled is compiled or jit_disabled(), outcome.kernels.reasons
     return march, outcome
 
 
 BOTH = pytest.mark.parametrize("compiled", [True, False], ids=["compiled", "plain"])
-
-
 MISTAKES = {
-    1: ("law faulty leaves the multiplier of contact 'stop' unset", "every branch of its kernel has to set every"),
-    2: ("law faulty uses the multiplier of contact 'stop' before it has set it", "every branch of its kernel"),
-    3: ("law faulty computes a multiplier of contact 'stop' that is not a number", "the root of a negative number"),
-}
+    "continue": (
+        "law faulty leaves the multiplier of contact 'stop' unset", "every branch of its kernel has to set every",
+    ),
+    "force = 0.5 * multiplier[p]": (
+        "law faulty uses the multiplier of contact 'stop' before it has set it", "every branch of its kernel",
+    ),
+    "force = np.sqrt(-1.0 - force)": (
+        "law faulty computes a multiplier of contact 'stop' that is not a number", "the root of a negative number",
+    ),
+}  # fmt: skip
 
 
 @BOTH
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_multiplier_that_is_not_set_stops_the_run_and_is_named(file, mistake, compiled):
-    march, outcome = made(file, mistake, compiled=compiled)
-    dt = march.model.dt
+def test_a_multiplier_that_is_not_set_stops_the_run_and_is_named(tmp_path, mistake, compiled):
+    march, outcome = made(tmp_path, mistake, compiled=compiled)
     assert outcome.status == "unstable"
-    assert outcome.stop.step == np.floor(0.1 / dt) + 1
+    assert outcome.stop.step == np.floor(0.1 / march.model.dt) + 1
     body = march.model.bodies.at(outcome.stop.node)
     assert (body.name, outcome.stop.node - body.start) == ("b", 4)
     what, cause = MISTAKES[mistake]
@@ -107,12 +87,11 @@ def test_a_multiplier_that_is_not_set_stops_the_run_and_is_named(file, mistake, 
 
 
 @BOTH
-def test_an_error_in_the_march_is_one_message(file, compiled):
+def test_an_error_in_the_march_is_one_message(tmp_path, compiled):
     with pytest.raises(percuss.PluginError) as raised:
-        made(file, 4, compiled=compiled)
-    line = 1 + LAW[: LAW.index("raise ValueError")].count("\n")
-    text = str(raised.value)
-    assert text.startswith(f"{file}:{line}: contact law faulty: multipliers: ValueError: too late")
+        made(tmp_path, 'raise ValueError("too late")', compiled=compiled)
+    line, text = 1 + LAW[: LAW.index("MISTAKE")].count("\n"), str(raised.value)
+    assert text.startswith(f"{tmp_path / 'faulty.py'}:{line}: contact law faulty: multipliers: ValueError: too late")
     assert len(text.splitlines()) == 1
     assert "at time 0.1" in text
     assert "(in step " in text

@@ -11,9 +11,8 @@ import percuss
 from percuss.march import march
 from percuss.march.model_of_case import model_of
 from percuss.step.bulk import PIECE
-from strategies import CORE, INTEGRATORS, INVISCID, LEAPFROG, REGISTRY, each_integrator, hunek, run
+from strategies import CORE, INTEGRATORS, INVISCID, LEAPFROG, REGISTRY, bar, case_of, each_integrator, hunek, run
 
-STEEL = {"young": 100.0, "density": 0.01}
 WALL = {"w": {"body": "a.right", "wall": 1.0}}
 GROWING = {"p": {"ramp": {"value": 0.01, "duration": 0.04}, "on": "a.left"}}
 HISTORIES = (
@@ -22,16 +21,9 @@ HISTORIES = (
 )  # fmt: skip
 
 
-def one_bar(time, loads=None, elements=10, probes=("a.left", "a.right"), contacts=None, **body):
-    return {
-        "percuss": 1,
-        "bodies": {"a": {"bar": {"length": 1.0, "elements": elements}, "material": STEEL, "area": 1.0, **body}},
-        "contacts": contacts or {},
-        "loads": loads or {},
-        "method": {"integrator": "central-difference", "contact": "penalty"},
-        "time": time,
-        "record": {"probes": list(probes)},
-    }
+def one_bar(time, loads=None, elements=10, contacts=None, **body):
+    case = case_of({"a": bar(1.0, elements) | body}, contacts or {}, time, loads)
+    return case | {"method": {"integrator": "central-difference", "contact": "penalty"}}
 
 
 def equal(one, other, rows=slice(None)):

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+from blocks import bar, block, loaded, plane_at
 from fake_studies import BAR
 from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
@@ -43,11 +44,9 @@ def outcome(changes=None, overrides=None):
 
 
 def row_of_bars(count):
-    bodies = {f"bar{i}": {"bar": {"length": 1, "elements": 4}, "at": i, **BAR} for i in range(count)}
-    bodies["bar0"]["velocity"] = 0.1
+    bodies = {f"bar{i}": bar(i, 0.0 if i else 0.1, 4) for i in range(count)}
     contacts = {f"c{i}": {"between": [f"bar{i - 1}.right", f"bar{i}.left"]} for i in range(1, count)}
-    time = {"end": 0.1, "courant": 0.5}
-    return outcome({"title": "Row", "bodies": bodies, "contacts": contacts, "expect": [], "time": time})
+    return run(loaded(bodies, contacts, time={"steps": 40, "courant": 0.5}))
 
 
 @pytest.fixture(scope="module")
@@ -284,43 +283,26 @@ def test_without_matplotlib_a_picture_says_what_to_install(good, tmp_path, monke
 # -- solids ------------------------------------------------------------------------------------------------
 
 
-MATERIAL = {"young": 1, "density": 1, "poisson": 0.3}
-BLOCKS = {
-    "percuss": 1,
-    "title": "Blocks",
-    "units": {"force": "N", "length": "m"},
-    "bodies": {
-        "lower": {"block": {"size": [2, 0.6], "elements": [10, 3]}, "material": MATERIAL, "fixed": ["bottom"]},
-        "upper": {
-            "block": {"size": [0.8, 0.5], "elements": [5, 3], "cells": "tri3"},
-            "material": MATERIAL,
-            "at": [0.55, 0.62],
-            "velocity": [0, -0.1],
-        },
-    },
-    "contacts": {"seam": {"between": ["upper.bottom", "lower.top"]}},
-    "time": {"end": 4, "courant": 0.5},
-    "record": {"fields": 50},
-}
-FALLING = {
-    **{key: value for key, value in BLOCKS.items() if key != "units"},
-    "bodies": {"upper": BLOCKS["bodies"]["upper"]},
-    "contacts": {"floor": {"body": "upper.bottom", "wall": {"point": [0, 0.6], "normal": [0, 1]}}},
-}
-BOXES = {
-    "percuss": 1,
-    "bodies": {
-        "low": {"block": {"size": [2, 1, 1], "elements": [2, 1, 1]}, "material": MATERIAL, "fixed": ["bottom"]},
-        "high": {"block": {"size": [1, 1, 1], "elements": [1, 1, 1]}, "material": MATERIAL, "at": [0, 0, 1.01]},
-    },
-    "contacts": {"seam": {"between": ["high.bottom", "low.top"]}},
-    "time": {"end": 1, "courant": 0.5},
-}
+LOWER = block([0, 0], [0, 0], (10, 3), 0.3, size=(2, 0.6), fixed=["bottom"])
+UPPER = block([0.55, 0.62], [0, -0.1], (5, 3), 0.3, "tri3", (0.8, 0.5))
+RUN = {"time": {"end": 4, "courant": 0.5}, "record": {"fields": 50}}
+
+
+def blocks(lower=LOWER, **more):
+    """Return the case of a block that falls on another."""
+    seam = {"seam": {"between": ["upper.bottom", "lower.top"]}}
+    return loaded({"lower": lower, "upper": UPPER}, seam, units={"force": "N", "length": "m"}, **RUN, **more)
+
+
+def falling(**record):
+    """Return the case of a block that falls on a wall."""
+    floor = {"floor": {"body": "upper.bottom", "wall": plane_at([0, 0.6], [0, 1])}}
+    return loaded({"upper": UPPER}, floor, **{**RUN, "record": {"fields": 50, **record}})
 
 
 @pytest.fixture(scope="module")
 def of_blocks():
-    return run(load(BLOCKS))
+    return run(blocks())
 
 
 def panels_of_solids(figure):
@@ -388,8 +370,11 @@ def test_faces_within_solids_and_behind_others_are_hidden():
     faces = solids.Faces.of(cells, 3)
     assert sorted(len(set(corners)) for corners in faces.corners.tolist()) == [3] * 6 + [4] * 6
     assert not any(set(face) == {0, 1, 2} for face in faces.corners.tolist())
-    model = model_of(load(BOXES))
-    low, high = (body.mesh for body in model.bodies.values())
+    boxes = {
+        "low": block(0, 0, (2, 1, 1), size=(2, 1, 1)),
+        "high": block([0, 0, 1.01], [0, 0, 0], (1, 1, 1), size=(1, 1, 1)),
+    }
+    low, high = (body.mesh for body in model_of(loaded(boxes)).bodies.values())
     faces = [solids.Faces.of(cells_of(mesh), 3) for mesh in (low, high)]
     assert [faces[k].seen(mesh.nodes).sum() for k, mesh in enumerate((low, high))] == [5, 3]  # front, right and top
     assert len(faces[1].outline(high.nodes)) == 9  # of twelve edges, three are behind
@@ -401,7 +386,7 @@ def test_faces_within_solids_and_behind_others_are_hidden():
 
 
 def test_a_wall_is_drawn_and_pressures_are_left_out_if_a_case_says_so():
-    figure = run_figure.figure_of(run(load(FALLING)))
+    figure = run_figure.figure_of(run(falling()))
     for axes in panels_of_solids(figure):
         assert any(np.allclose(line.get_ydata(), 0.6) for line in axes.lines)
         (hatched,) = axes.patches
@@ -409,7 +394,7 @@ def test_a_wall_is_drawn_and_pressures_are_left_out_if_a_case_says_so():
         assert axes.get_ylim()[0] < 0.55
     assert "upper" not in words(panels_of_solids(figure)[-1])
     assert "longest arrow" in words(figure)
-    result = run(load(FALLING, {"record.pressure": False}))
+    result = run(falling(pressure=False))
     assert not [name for name in result.field_arrays if name.startswith(("point_", "contact_"))]
     assert "longest arrow" not in words(run_figure.figure_of(result))
 
@@ -465,9 +450,8 @@ def test_an_animation_that_cannot_be_made_is_refused_before_the_run(good, tmp_pa
 
 def test_a_case_is_drawn_with_its_regions_contacts_supports_and_loads():
     supports = ["bottom", {"on": "left", "along": "x"}]
-    bodies = {**BLOCKS["bodies"], "lower": {**BLOCKS["bodies"]["lower"], "fixed": supports}}
     push = {"constant": {"value": 0.1}, "on": "upper.top", "as": "pressure"}
-    figure = case_figure.case_figure(model_of(load({**BLOCKS, "bodies": bodies, "loads": {"push": push}})))
+    figure = case_figure.case_figure(model_of(blocks({**LOWER, "fixed": supports}, loads={"push": push})))
     (axes,) = figure.axes
     (drawn,) = collections(axes, "PolyCollection")
     shapes = list(zip(drawn.get_paths(), drawn.get_linewidths(), strict=True))
@@ -487,7 +471,7 @@ def test_a_case_is_drawn_with_its_regions_contacts_supports_and_loads():
 
 
 def test_a_wall_of_a_case_is_drawn_and_bars_are_refused():
-    (axes,) = case_figure.case_figure(model_of(load(FALLING))).axes
+    (axes,) = case_figure.case_figure(model_of(falling())).axes
     assert any(np.allclose(line.get_ydata(), 0.6) for line in axes.lines if len(line.get_ydata()))
     with pytest.raises(InputError, match="expected bodies that are no bars to draw"):
         case_figure.case_figure(model_of(load(TWO_BARS)))

@@ -13,6 +13,7 @@ import pytest
 
 import percuss
 from percuss.errors import PluginError
+from percuss.methods import admission
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.provenance import Broken, Provenance, display_path
 from percuss.methods.registry import Registry
@@ -114,18 +115,6 @@ def test_built_in_methods_come_by_the_common_door_and_say_where_they_are_from():
         assert source == Provenance("percuss", importlib.metadata.version("percuss"), component.__module__, file)
 
 
-def test_an_installed_distribution_is_found(install):
-    first = Registry.load()
-    assert Registry.load() is first
-    site = install("fake-laws", LAWS, version="2.3")
-    registry = Registry.load()
-    assert registry.broken == ()
-    assert registry.get("contacts", "my-law").__name__ == "MyLaw"
-    source = registry.sources["contacts", "my-law"]
-    assert source == Provenance("fake-laws", "2.3", "fake_laws", str(site / "fake_laws.py"))
-    assert str(source) == "fake-laws 2.3 (fake_laws)"
-
-
 def test_a_package_without_hooks_registers_what_its_modules_define(install):
     """As the built-in methods: a new method is one file. A module that fails costs only itself."""
     files = {f"fake_pack/{name}": "" for name in ("__init__.py", "laws/__init__.py")}
@@ -134,6 +123,7 @@ def test_a_package_without_hooks_registers_what_its_modules_define(install):
         "fake_pack/laws/bad.py": "\nraise RuntimeError('no licence')\n",
     }
     site = install("fake-pack", files)
+    assert Registry.load() is Registry.load()
     registry = Registry.load()
     assert registry.get("contacts", "my-law").__module__ == "fake_pack.laws.mine"
     place = f"{site / 'fake_pack' / 'laws' / 'bad.py'}:2"
@@ -168,8 +158,8 @@ WRONG = {
         "percuss_load: no such hook; did you mean percuss_loads?", "@hookimpl\ndef percuss_load()",
     ),
     "of a later contract": (
-        ABSTRACT.format(base="Load") + "    contract_version = 2\n" + hook("return [Bad]", "percuss_loads"),
-        "percuss_loads: Bad is written for contract 2, this percuss has contract 1: upgrade percuss",
+        ABSTRACT.format(base="Load") + "    contract_version = 6\n" + hook("return [Bad]", "percuss_loads"),
+        "percuss_loads: Bad is written for contract 6, this percuss has contract 1: upgrade percuss",
         "@dataclass(frozen=True)\nclass Bad",
     ),
 }  # fmt: skip
@@ -200,6 +190,13 @@ def test_a_distribution_or_file_that_registers_nothing_is_named(install, write):
     said = "registers nothing: it has no hook and no finished component"
     assert broken.error == f"entry point 'laws = fake_laws': {said}"
     assert refusal(write("from percuss_methods.contacts.penalty import Penalty\n")) == f"my_law.py: {said}"
+
+
+def test_a_contract_before_the_first_release_is_taken_as_the_first_with_one_note(install, capsys):
+    admission._note_on_unreleased_contracts.cache_clear()
+    install("fake-laws", LAWS.replace('"my-law"\n', '"my-law"\n    contract_version = 5\n'))
+    assert Registry.load().broken == ()
+    assert capsys.readouterr().err.count("are taken as contract 1") == 1
 
 
 # -------------------------------------------------------------------------------------------------------- duplicates

@@ -75,7 +75,7 @@ ROOMS = (
     *("certificate", "results", "studies", "reporting", "testing", "cli"),
 )
 GROUND = {
-    *("blas", "cache", "digest", "errors", "files", "listeners", "interrupt", "jit", "jsonable", "locks", "process"),
+    *("blas", "cache", "digest", "errors", "files", "interrupt", "jit", "jsonable", "process"),
     *("record_arrays", "version"),
 }
 DOORS = {"percuss", "percuss.__main__"}

@@ -62,20 +62,16 @@ def test_every_public_name_is_there_and_in_the_list_once():
     assert all(getattr(percuss, name) is not None for name in percuss.__all__)
 
 
-def strict_mypy(folder, *files):
-    """Return what ``mypy --strict`` says of files of a user."""
-    pytest.importorskip("mypy", reason="the types are checked by mypy")
-    command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", f"--cache-dir={folder / 'cache'}", *files]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False).stdout
-
-
 @pytest.mark.deep
 def test_a_users_file_is_checked_against_the_types_of_percuss(tmp_path):
+    pytest.importorskip("mypy", reason="the types are checked by mypy")
     (tmp_path / "user.py").write_text(USER, encoding="utf-8")
     (tmp_path / "wrong.py").write_text(WRONG, encoding="utf-8")
     for kind in KINDS:
         new(f"my-{kind}", kind, tmp_path)
-    said = strict_mypy(tmp_path, *sorted(path.name for path in tmp_path.glob("*.py"))).splitlines()
-    first, second, _ = said
+    files = sorted(path.name for path in tmp_path.glob("*.py"))
+    command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", "--cache-dir=cache", *files]
+    said = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False).stdout
+    first, second, _ = said.splitlines()
     assert first.startswith('wrong.py:4: error: Argument 1 to "run" has incompatible type "str"; expected "Case"')
     assert second.startswith('wrong.py:5: error: Module has no attribute "laws"')

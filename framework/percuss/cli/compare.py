@@ -28,7 +28,7 @@ def compare(
         from percuss.reporting.terminal import comparison_lines, order_lines
         from percuss.reporting.verdict import comparison_verdict
         from percuss.studies import comparison
-        from percuss.studies.parameters import varied
+        from percuss.studies.layout import varied
 
         axes = varied(vary or [])
         loaded = common.load_to_write(case, set_, plugin, plot, varied=axes, reference=reference)

@@ -9,6 +9,7 @@ import typer
 
 from percuss.cli import common
 from percuss.cli.common import option
+from percuss.files import expect_writable
 from percuss.process import INTERRUPTED
 
 CONTINUES = "interrupted: the same command continues from here"
@@ -18,7 +19,6 @@ def recommend(
     case: common.CaseFile,
     error: Annotated[str, option("--error BOUND", "Largest error, for example 1%.")] = "",
     energy: Annotated[str, option("--energy BOUND", "Largest share of the energy that a run takes or adds.")] = "",
-    time: Annotated[str, option("--time SECONDS", "Longest time of a march.")] = "",
     integrator: Annotated[str, option("--integrator A,B", "Integrators to choose from; by default all.")] = "",
     contact: Annotated[str, option("--contact X,Y", "Contact laws to choose from; by default all.")] = "",
     runs: Annotated[int, option("--runs N", "Largest number of runs.")] = 400,
@@ -42,13 +42,13 @@ def recommend(
 
         if plot is not None:
             check_drawable(plot)
+            expect_writable(plot)
         bounds = {name: bound_of(text, f"--{name}") for name, text in (("error", error), ("energy", energy))}
         try:
             with common.progress_bar("runs") as progress:
                 found = search(
                     case,
                     **bounds,
-                    seconds=bound_of(time, "--time"),
                     integrators=common.names_in(integrator),
                     contacts=common.names_in(contact),
                     runs=runs,
@@ -56,7 +56,6 @@ def recommend(
                     workers=workers,
                     plugins=plugin or [],
                     progress=progress,
-                    outputs=[plot] if plot is not None else [],
                     changes=common.reference_of(reference),
                     longest=longest,
                 )

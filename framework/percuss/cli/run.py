@@ -12,7 +12,7 @@ from percuss.cli import common
 from percuss.cli.common import option
 from percuss.errors import InputError, Problem, RunError
 from percuss.files import expect_writable
-from percuss.listeners import heard_by
+from percuss.interrupt import heard_by
 from percuss.process import INTERRUPTED
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def run(
         from percuss.reporting.terminal import result_lines
         from percuss.reporting.verdict import run_verdict
         from percuss.results.ledger import open_accounts
-        from percuss.results.vtkhdf import expect_meshes
+        from percuss.results.netcdf import expect_meshes
 
         for_paraview = out is not None and expect_suffix(out, "a result", RESULTS, "Name it result.nc.") == RESULTS[1]
         common.expect_drawable(plot)
@@ -91,7 +91,7 @@ def run(
 
 def _of_row(row: str, file: Path, overrides: Data, plugins: list[Path]) -> Case:
     """Return the case of a row of a study."""
-    from percuss.studies.rows import StoredRows
+    from percuss.studies.study_table import StoredRows
 
     rows = StoredRows(file, plugins)
     return rows.case(rows.key(row)).with_overrides(overrides)

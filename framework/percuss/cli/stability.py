@@ -26,7 +26,7 @@ def stability(
         from percuss.certificate import maps
         from percuss.reporting.stability_figure import stability_figure
         from percuss.reporting.terminal import stability_lines
-        from percuss.studies.parameters import varied
+        from percuss.studies.layout import varied
 
         axes, families = varied(vary or []), varied(curves or [], "--curves")
         if plot is not None and not 1 <= len(axes) <= 2:

@@ -49,7 +49,7 @@ def _verify_files(answer: common.Answer, files: list[Path], plugins: list[Path],
     """Print the checks of cases, results and rows of studies, and return whether all pass."""
     from percuss.reporting.terminal import check_lines, rerun_lines
     from percuss.results.rerun import rerun
-    from percuss.studies.rows import rerun_rows
+    from percuss.studies.study_table import rerun_rows
 
     cases: list[Entries] = []
     reruns: list[Rerun] = []

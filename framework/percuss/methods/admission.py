@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
+import multiprocessing
+import sys
 
 from percuss import version
 from percuss.errors import PluginError, suggestion
@@ -10,6 +13,7 @@ from percuss.methods.blame import plain_function
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component, ContactLaw, Material
 
 PREFIX = "percuss_"
+LAST_UNRELEASED = 5  # Contracts 2 to 5 were those of versions before the first release, which begins anew with 1.
 
 
 def admitted(family: str, offer: object) -> type[Component]:
@@ -113,6 +117,12 @@ def _check_solid(material: type[Material]) -> None:
             raise PluginError(f"{material.__name__} is not linear; say with `stored_{which}` what energy it stores")
 
 
+def contract_of(component: type[Component]) -> int | None:
+    """Return the contract for which a component is written, None if it does not say so."""
+    stated = component.contract_version
+    return 1 if stated is not None and version.CONTRACT < stated <= LAST_UNRELEASED else stated
+
+
 def _check_version(component: type[Component]) -> None:
     """Raise PluginError if a component states a contract that is newer than this percuss, or none at all."""
     stated, current = component.contract_version, version.CONTRACT
@@ -122,6 +132,16 @@ def _check_version(component: type[Component]) -> None:
         raise PluginError(
             f"{component.__name__} has the contract_version {stated!r}; expected a whole number from 1, now {current}"
         )
-    if stated > current:
+    if contract_of(component) != stated:
+        _note_on_unreleased_contracts()
+    elif stated > current:
         written = f"{component.__name__} is written for contract {stated}, this percuss has contract {current}"
         raise PluginError(f"{written}: upgrade percuss")
+
+
+@functools.cache
+def _note_on_unreleased_contracts() -> None:
+    """Say once, and not in each worker process of a study, what is made of a contract before the first release."""
+    if multiprocessing.parent_process() is None:
+        words = f"contracts 2 to {LAST_UNRELEASED} are those before the first release, and are taken as contract 1"
+        print(f"note: {words}: write `contract_version = 1`", file=sys.stderr)

@@ -20,6 +20,7 @@ from percuss.case.type_words import describe, fact
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, printable, suggestion
 from percuss.jsonable import Entries
+from percuss.methods.admission import contract_of
 from percuss.methods.interfaces import FAMILIES, AllowInf, Component
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def _origin(registry: Registry, family: str, name: str) -> Entries:
         "version": source.version,
         "module": source.module,
         "file": source.file,
-        "contract_version": component.contract_version,
+        "contract_version": contract_of(component),
     }
 
 
@@ -208,7 +209,7 @@ def registry_text(registry: Registry) -> str:
         for name in registry.names(family):
             component, source = registry.get(family, name), registry.sources[family, name]
             facts = [f"{source.distribution} {source.version}" if source.distribution else source.file]
-            facts += [f"contract {contract}"] if (contract := component.contract_version) else []
+            facts += [f"contract {contract}"] if (contract := contract_of(component)) else []
             origin = "" if source.distribution == "percuss" else f" (from {', '.join(facts)})"
             lines += _folded(f"  {name}  ".ljust(NAMES) + component.summary + origin, " " * NAMES)
         lines.append("")

@@ -67,16 +67,11 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
         "methods": {f"{component.family}/{component.name}": _method(component) for component in used},
         "notes": [*case.notes, *unlike_sides(case, model.bodies), *verdict["ignores"], *expected_meetings(model)],
     }
-    beside: dict[str, Entries] = {}  # what the text says of a contact besides
-    for name, contact in data["contacts"].items():
-        numbers = {key: f"{value:.6g}" for key, value in contact["resolved"].items()}
-        first = contact["law"] not in {data["contacts"][other]["law"] for other in beside}
-        beside[name] = {"resolved": numbers, "first": first, **_beside(model, name)}
     words = {
         "model": model,
         "case": case,
         "used": used,
-        "beside": beside,
+        "beside": {name: _beside(model, name) for name in data["contacts"]},
         "share": SHARE_OF_CRITICAL_STEP,
         "of_scheme": [*filter(None, [model.why("step")]), *(model.stages.in_words if model.stages else ())],
         # The number of sweeps over coupled points is not known.
@@ -116,12 +111,11 @@ def _assigned(values: Data) -> str:
 
 
 def _per_area(model: Model, law: ContactLaw, values: Data) -> Data:
-    """Return values of a law by name, with the word that those of surfaces which are per area need."""
+    """Return values of a law by name as texts, with the word that those of surfaces which are per area need."""
     known = {} if model.bodies.of_lines else options_of(type(law))
-    return {
-        key: f"{value} per area" if key in known and known[key].unit in PER_AREA else value
-        for key, value in values.items()
-    }
+    per_area = {key for key, option in known.items() if option.unit in PER_AREA}
+    texts = {key: value if isinstance(value, str) else f"{value:.6g}" for key, value in values.items()}
+    return {key: f"{text} per area" if key in per_area else text for key, text in texts.items()}
 
 
 # ---------------------------------------------------------------------------------------------- bodies, step

@@ -10,7 +10,7 @@ import numpy as np
 
 from percuss.jsonable import Entries
 from percuss.reporting.figures import thinned
-from percuss.reporting.study_data import groups, methods, numbers, texts
+from percuss.reporting.study_data import numbers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,7 +31,7 @@ def kept_histories(study: Study, table: pd.DataFrame, ranked: Sequence[str]) -> 
     """
     kept = table["key"].isin(list(study.with_histories)).to_numpy()
     errors = numbers(table[ranked[0]].where(table["status"] == "done")) if ranked else np.zeros(len(table))
-    own = [rows[kept[rows]] for rows in groups(texts(table["case"]), methods(table)).values()]
+    own = [rows[kept[rows]] for rows in table.groupby(["case", "integrator", "contact"]).indices.values()]
     queues = [rows[np.argsort(errors[rows], kind="stable")].tolist() for rows in own]
     out: dict[int, Entries] = {}
     for row in (row for turn in itertools.zip_longest(*queues) for row in turn if row is not None):

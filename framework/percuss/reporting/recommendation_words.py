@@ -60,7 +60,6 @@ def bounds_in_words(bounds: Bounds) -> str:
     parts = [
         f"{METRICS[MEASURE].label} of at most {percent(bounds.error, 4)}" if bounds.error is not None else "",
         f"energy {kept} {percent(bounds.growth, 4)}",
-        f"a march of at most {bounds.seconds:.4g} s" if bounds.seconds is not None else "",
     ]
     return ", ".join(filter(None, parts))
 

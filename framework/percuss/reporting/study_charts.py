@@ -281,9 +281,7 @@ def looks(charts: Charts) -> dict[str, Entries]:
     return out
 
 
-def profile_data(
-    table: pd.DataFrame, roles: ColumnRoles, name: str, problems: study_data.Problems, statistic: str
-) -> Entries:
+def profile_data(table: pd.DataFrame, roles: ColumnRoles, name: str, problems: pd.DataFrame, statistic: str) -> Entries:
     """Return the performance profiles by the best or the median of one measure, over all rows.
 
     Returns
@@ -294,7 +292,7 @@ def profile_data(
     """
     profile = study_data.profile(table, name, problems, statistic)
     left = [
-        (problems.left_out, "that were not run with every pair"),
+        (profile.left_out, "that were not run with every pair"),
         (profile.unknown, "in which no run is done, or a run is still to be made or lacks the number"),
     ]
     parts = [f"{count_of(count, 'problem')} {why}" for count, why in left if count]
@@ -303,7 +301,7 @@ def profile_data(
         f"option of a method; of the runs of a pair on a problem the {statistic} counts. Filters change nothing here.",
         *([f"Left out: {', and '.join(parts)}."] if parts else []),
     ]
-    if study_data.references(table):
+    if (table["contact"] == study_data.TIED).any():
         note.append("The tied twins are references, which need the exact solution, and do not compete.")
     finite = [ratios[np.isfinite(ratios)] for ratios in profile.ratios.values()]
     end = max(1.5, float(np.concatenate([*finite, np.ones(1)]).max()) ** 1.05)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 WAITING = perform.WAITING
 # What is shown of several runs of one pair of methods.
-STATISTICS: dict[str, Callable[[Any], Any]] = {"best": np.min, "median": np.median}
+STATISTICS = {"best": "min", "median": "median"}
 
 
 def numbers(column: Any) -> Any:
@@ -52,14 +52,6 @@ def methods(table: pd.DataFrame) -> list[str]:
     """Return the pair of methods of each row as one text: integrator + contact law."""
     pairs = zip(texts(table["integrator"]), texts(table["contact"]), strict=True)
     return [f"{integrator} + {contact}" for integrator, contact in pairs]
-
-
-def groups(*keys: Sequence[str]) -> dict[tuple[str, ...], Integers]:
-    """Return the row numbers of each combination of texts, in the order in which the combinations appear."""
-    out: dict[tuple[str, ...], list[int]] = {}
-    for row, key in enumerate(zip(*keys, strict=True)):
-        out.setdefault(key, []).append(row)
-    return {key: np.array(rows) for key, rows in out.items()}
 
 
 def in_order(values: Sequence[str]) -> list[str]:
@@ -133,15 +125,6 @@ def records(table: pd.DataFrame, roles: ColumnRoles) -> list[Entries]:
     return rows
 
 
-def references(table: pd.DataFrame) -> list[str]:
-    """Return the pairs of methods with mesh tying instead of a contact law.
-
-    They need the exact solution, so they are references and do not compete with the methods.
-    """
-    pairs = zip(methods(table), texts(table["contact"]), strict=True)
-    return list(dict.fromkeys(method for method, contact in pairs if contact == TIED))
-
-
 # ---------------------------------------------------------------------------------------------------------------- axes
 
 
@@ -195,39 +178,18 @@ def binned(values: Floats, most: int = DISTINCT, bins: int = BINS) -> tuple[Floa
 PENDING = (WAITING, "lost")  # Nothing is known of these runs, which are still to be made or to be made again.
 
 
-@dataclass(frozen=True)
-class Problems:
-    """The problems of a study that every pair of methods was set.
+def problems(table: pd.DataFrame, varied: Sequence[str]) -> pd.DataFrame:
+    """Return the number of the problem and the pair of methods of each run, by the row of the run.
 
     A problem is a case with one value of each varied path that is not an option of a method: a pair may have several
-    runs of it, one for each value of its options.
-
-    Attributes
-    ----------
-    solvers
-        The pairs of methods; the references with mesh tying are not among them.
-    rows
-        For each problem the row numbers of the runs of each pair.
-    left_out
-        Number of problems that some pair was not set.
+    runs of it, one for each value of its options. The references with mesh tying do not compete.
     """
+    import pandas as pd
 
-    solvers: list[str]
-    rows: list[list[Integers]]
-    left_out: int
-
-
-def problems(table: pd.DataFrame, varied: Sequence[str]) -> Problems:
-    """Return the problems of a study."""
-    method_of_row, excluded = methods(table), set(references(table))
-    solvers = [method for method in dict.fromkeys(method_of_row) if method not in excluded]
     paths = ["case", *(path for path in varied if path.split(".")[0] != "method")]
-    runs: dict[tuple[str, ...], dict[str, Integers]] = {}
-    for (method, *point), rows in groups(method_of_row, *(texts(table[path]) for path in paths)).items():
-        if method not in excluded:
-            runs.setdefault(tuple(point), {})[method] = rows
-    kept = [[own[method] for method in solvers] for own in runs.values() if len(own) == len(solvers)]
-    return Problems(solvers, kept, len(runs) - len(kept))
+    points = pd.Series(list(zip(*(texts(table[path]) for path in paths), strict=True)), dtype=object)
+    runs = pd.DataFrame({"problem": pd.factorize(points)[0], "pair": methods(table)})
+    return runs[(table["contact"] != TIED).to_numpy()]
 
 
 @dataclass(frozen=True)
@@ -238,6 +200,8 @@ class Profile:
     ----------
     counted
         Number of problems in the profile.
+    left_out
+        Number of problems that some pair was not set.
     unknown
         Number of problems left out because one of their runs is still to be made, is done without the measure or has
         a measure below zero, or because no pair has a value.
@@ -247,11 +211,12 @@ class Profile:
     """
 
     counted: int
+    left_out: int
     unknown: int
     ratios: Entries
 
 
-def profile(table: pd.DataFrame, name: str, problem_set: Problems, statistic: str = "best") -> Profile:
+def profile(table: pd.DataFrame, name: str, problem_set: pd.DataFrame, statistic: str = "best") -> Profile:
     """Return the performance profile of the pairs of methods by one measure that is better when smaller.
 
     A pair's value on a problem is the best or the median over its runs of it; a run that is not done counts as
@@ -260,16 +225,16 @@ def profile(table: pd.DataFrame, name: str, problem_set: Problems, statistic: st
     """
     status, values = table["status"].to_numpy(), numbers(table[name])
     of_run = np.where(np.isin(status, PENDING), np.nan, np.where(status == "done", values, np.inf))
-    with np.errstate(invalid="ignore"):
-        cost = np.array([[STATISTICS[statistic](of_run[rows]) for rows in own] for own in problem_set.rows])
-        cost = cost.reshape(-1, len(problem_set.solvers))
-        good = ~np.isnan(cost).any(axis=1) & np.isfinite(cost).any(axis=1) & (cost >= 0).all(axis=1)
+    runs = problem_set.assign(cost=of_run[problem_set.index]).groupby(["problem", "pair"])["cost"]
+    cost = runs.agg(STATISTICS[statistic]).where(runs.count() == runs.size()).unstack("pair")  # unknown as one run is
+    every = runs.size().unstack("pair").notna().all(axis=1)
+    good = every & cost.notna().all(axis=1) & np.isfinite(cost).any(axis=1) & (cost >= 0).all(axis=1)
     cost = cost[good]
-    least = cost.min(axis=1, keepdims=True, initial=np.inf)
+    least = cost.min(axis=1)
     # The best pairs have the ratio 1 also where their measure is zero.
-    ratio = np.divide(cost, least, out=np.where(cost == least, 1.0, np.inf), where=least > 0)
-    ratios = {method: np.sort(ratio[:, k]) for k, method in enumerate(problem_set.solvers)}
-    return Profile(int(good.sum()), int((~good).sum()), ratios)
+    ratio = cost.div(least, axis=0).where(cost.ne(least, axis=0), 1.0)
+    ratios = {str(pair): np.sort(ratio[pair].to_numpy(dtype=float)) for pair in ratio}
+    return Profile(int(good.sum()), int((~every).sum()), int((every & ~good).sum()), ratios)
 
 
 def dependence(table: pd.DataFrame, roles: ColumnRoles) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import re
 import shlex
 from collections.abc import Sequence
@@ -11,6 +10,8 @@ from dataclasses import asdict
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from jinja2 import Environment, StrictUndefined
 
 from percuss.files import PACKAGE
 from percuss.jsonable import Entries, plain
@@ -52,27 +53,34 @@ def report_html(study: Study, statistic: str = "best", files: Sequence[str | Pat
     study = study_charts.snapshot(study)
     roles = study_data.columns(study)
     charts = study_charts.study_charts(study.table, roles)
-    parts = {
-        "title": escape(one_line(study.title or "Untitled study")),
-        "question": _question_html(study, charts),
-        "answer": _answer_html(study.table, roles, charts),
-        **{name: escape(text) for name, text in study_charts.description()["captions"].items()},
-        "lost": _losses_html(study.table, roles),
-        "methods": _methods_html(study, Registry.load(files)),
-        "again": escape(_yaml(study.spec)),
-        "provenance": escape(_yaml(study.provenance)),
-        "data": _script_json(payload(study, roles, charts) | {"statistic": statistic}),
-        "licences": escape(_file("vendor", "LICENSES")),
-        "css": _file("report.css"),
-        "tabulator_css": _file("vendor", "tabulator", "tabulator_simple.min.css"),
-        "vega": _file("vendor", "vega", "vega.min.js"),
-        "vega_lite": _file("vendor", "vega", "vega-lite.min.js"),
-        "vega_embed": _file("vendor", "vega", "vega-embed.min.js"),
-        "tabulator": _file("vendor", "tabulator", "tabulator.min.js"),
-        "js": _file("report.js"),
+    registry = Registry.load(files)
+    columns = {"integrators": study.table["integrator"], "contacts": study.table["contact"]}
+    named = [(family, re.sub(NAMED, r"\1", label)) for family in columns for label in study_data.texts(columns[family])]
+    values = {
+        "title": one_line(study.title or "Untitled study"),
+        "question": study.spec.get("question"),
+        "counts": [
+            count_of(len(study.table), "run"),
+            count_of(len(charts.pairs), "pair", " of methods"),
+            count_of(len(charts.cases), "case"),
+        ],
+        "statuses": study.table["status"].replace(study_data.WAITING, "still to be made").value_counts().to_dict(),
+        "answer": _answer(study.table, roles, charts),
+        "captions": study_charts.description()["captions"],
+        "lost": list(failed_rows(study_data.records(study.table, roles))),
+        "methods": [
+            (method_text(registry, *key) if key in registry.components else f"{key[1]}: {UNKNOWN}").partition("\n\n")
+            for key in dict.fromkeys(named)
+        ],
+        "again": _yaml(study.spec),
+        "provenance": _yaml(study.provenance),
+        "data": plain(payload(study, roles, charts) | {"statistic": statistic}),
+        "file": _file,
     }
-    # One pass replaces all marks, so that marks inside an inserted text stay as they are.
-    return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], _file("report.html"))
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    # As little space as JSON takes; the filter escapes all characters by which a text could end the script.
+    environment.policies["json.dumps_kwargs"] = {"ensure_ascii": False, "allow_nan": False, "separators": (",", ":")}
+    return environment.from_string(_file("report.html")).render(values)
 
 
 # ----------------------------------------------------------------------------------------------------- data
@@ -139,56 +147,13 @@ def _profiles(table: pd.DataFrame, roles: ColumnRoles, charts: Charts) -> Entrie
     return {f"{name}|{of}": study_charts.profile_data(table, roles, name, problems, of) for name, of in made}
 
 
-def _script_json(data: Entries) -> str:
-    """Return JSON for a script element, with all characters escaped by which a text could end the element."""
-    text = json.dumps(plain(data), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    marks = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
-    return re.sub("[<>&\u2028\u2029]", lambda match: marks[match[0]], text)
-
-
-# ---------------------------------------------------------------------------------------------------- words
-
-
-def _answer_html(table: pd.DataFrame, roles: ColumnRoles, charts: Charts) -> str:
-    """Return the verdict on the runs and what their error depends on, with the pairs of methods in bold."""
+def _answer(table: pd.DataFrame, roles: ColumnRoles, charts: Charts) -> list[str]:
+    """Return the verdict on the runs and what their error depends on as HTML, with the pairs of methods in bold."""
     sentences = [*answer(study_data.records(table, roles), roles.measures), *study_data.dependence(table, roles)]
     names = sorted(map(escape, charts.pairs), key=len, reverse=True)
     bold = re.compile("|".join(map(re.escape, names)) or "$^")
     lines = (escape(line).replace(" %", "\u00a0%") for line in sentences)  # no line ends at this space
-    return "".join(f"<li>{bold.sub(lambda name: f'<b>{name[0]}</b>', line)}</li>" for line in lines)
-
-
-def _question_html(study: Study, charts: Charts) -> str:
-    question = escape(str(study.spec.get("question") or ""))
-    counts = study.table["status"].replace(study_data.WAITING, "still to be made").value_counts()
-    of_status = ", ".join(f"{count:,} {escape(str(status))}" for status, count in counts.items())
-    pairs, cases = count_of(len(charts.pairs), "pair", " of methods"), count_of(len(charts.cases), "case")
-    words = f"{count_of(len(study.table), 'run')}  ·  {pairs}  ·  {cases}  ·  <strong>{of_status}</strong>"
-    return f'<p class="question">{question}</p><p>{words}</p>'
-
-
-# ---------------------------------------------------------------------------------------- further sections
-
-
-def _losses_html(table: pd.DataFrame, roles: ColumnRoles) -> str:
-    lines = list(failed_rows(study_data.records(table, roles)))
-    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>" if lines else "<p>No run failed.</p>"
-
-
-def _methods_html(study: Study, registry: Registry) -> str:
-    """Return what `percuss plugins NAME` says of each method."""
-    keys = [
-        (family, re.sub(NAMED, r"\1", label))
-        for family, column in (("integrators", "integrator"), ("contacts", "contact"))
-        for label in study_data.texts(study.table[column])
-    ]
-    return "".join(
-        f"<details><summary>{escape(head)}</summary><pre>{escape(text)}</pre></details>"
-        for key in dict.fromkeys(keys)
-        for head, _, text in [
-            (method_text(registry, *key) if key in registry.components else f"{key[1]}: {UNKNOWN}").partition("\n\n")
-        ]
-    )
+    return [bold.sub(lambda name: f"<b>{name[0]}</b>", line) for line in lines]
 
 
 def _yaml(data: Entries) -> str:
@@ -197,5 +162,5 @@ def _yaml(data: Entries) -> str:
     return yaml.safe_dump(plain(data), sort_keys=False, allow_unicode=True, width=100, default_flow_style=None)
 
 
-def _file(*names: str) -> str:
-    return (PACKAGE / "web").joinpath(*names).read_text(encoding="utf-8")
+def _file(name: str) -> str:
+    return (PACKAGE / "web" / name).read_text(encoding="utf-8")

@@ -199,9 +199,13 @@ def best_runs(rows: Sequence[Data], columns: Iterable[str]) -> Iterator[str]:
         elif len(judged) <= MOST_CASES:
             yield best_words(case, done, error)
         if unjudged := [run_words(row) for row in competing if row["case"] == case and not is_number(row[error])]:
-            more = f" and {len(unjudged) - MOST_NAMED} more" if len(unjudged) > MOST_NAMED else ""
-            named = f"{', '.join(unjudged[:MOST_NAMED])}{more}"
-            yield f"{case}: not compared, as their {of_column(error).label} is unknown: {named}."
+            yield f"{case}: not compared, as their {of_column(error).label} is unknown: {_named(unjudged)}."
+
+
+def _named(names: Sequence[str]) -> str:
+    """Return the first names, and how many more there are."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return f"{', '.join(names[:MOST_NAMED])}{more}"
 
 
 def _wins(groups: Iterable[Sequence[Data]], error: str, word: str, where: str) -> str:
@@ -290,10 +294,8 @@ def best_words(case: str, rows: Sequence[Data], error: str) -> str:
     apart = apart_of(rows, error)
     shared = [row for row in rows if row[error] - least < apart]
     if len(shared) > 1:
-        names = [run_words(row) for row in shared[:MOST_NAMED]]
-        more = f" and {len(shared) - MOST_NAMED} more" if len(shared) > MOST_NAMED else ""
         why = f"their errors ({quantity.label}) differ by less than the two finer runs that judge them"
-        share = f"{len(shared)} of {len(rows)} runs share the first rank ({', '.join(names)}{more})"
+        share = f"{len(shared)} of {len(rows)} runs share the first rank ({_named([*map(run_words, shared)])})"
         return f"{case}: {share}: {why} ({quantity.text(apart)})."
     best = [row for row in rows if is_same(error, row[error], least)]
     first_of_pair = {(row["integrator"], row["contact"]): row for row in reversed(best)}
@@ -339,11 +341,9 @@ def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:
         if reason:
             by_reason.setdefault((status, PLACE.sub("", reason.split("\n")[0])), []).append((words, reason))
     for (status, first_line), failed in sorted(by_reason.items(), key=lambda item: -len(item[1]))[:MOST_REASONS]:
-        names = list(dict.fromkeys(words for words, _ in failed))
-        named = ", ".join(names[:MOST_NAMED])
-        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        named = _named(list(dict.fromkeys(words for words, _ in failed)))
         why = first_line if len(failed) > 1 else "; ".join(line.strip() for line in failed[0][1].splitlines())
-        yield f"{len(failed)} {status}: {named}{more}: {why}"
+        yield f"{len(failed)} {status}: {named}: {why}"
     if len(by_reason) > MOST_REASONS:
         yield f"and {len(by_reason) - MOST_REASONS} other reasons: see the reason of each run in --json"
 

@@ -35,6 +35,7 @@ MOST_TURNED = 0.05  # rad, which stretches a body of small strains by 0.12 %
 NEARLY_INCOMPRESSIBLE = 3.79  # modulus of longitudinal waves over Young's at a Poisson's ratio of .45
 SLENDER = 5.0  # length over thickness of a body that is expected to bend
 MOST_TOO_STIFF = 0.1  # in bending
+SAME_LINE = 1e-6  # of the direction and of the length of a bar, to which two bars are on one line
 NOT_DECLARED = "no contact is declared between them"
 TOLD = 1e-3  # of a facet: a node that lies deeper inside another body is told
 APART = 1e-2  # of a facet: a larger distance of surfaces that press is told; means over facets err by less
@@ -55,6 +56,7 @@ def doubts(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
         yield from doubts_about(body, turn)
     if model.bodies.of_lines:
         yield from _passed_ends(march, outcome, arrays)
+        yield from _slid_off(march, outcome, arrays) if outcome.done > 0 else ()
     elif outcome.status != "unstable":
         sights = list(_sights(march, outcome))
         for body in model.bodies.values():
@@ -146,35 +148,40 @@ def _inside_out(body: Body, displacement: Floats, time: float) -> str:
 
 
 class End(NamedTuple):
-    """An end of a bar on one line: its position, its address in a case, its node in the model, and the bar."""
+    """An end of a bar: its place along the line of the bar, its address in a case, its node in the model, the bar."""
 
-    position: float
+    place: float
     name: str
     node: int
     body: Body
 
 
-def _undeclared_pairs(model: Model) -> Iterator[tuple[End, End, float]]:
-    """Yield the ends of neighbouring bars on one line that face each other without a contact, and their gap.
+def _undeclared_pairs(model: Model) -> Iterator[tuple[End, End, float, Floats]]:
+    """Yield the ends of neighbouring bars on one line that face each other without a contact, their gap, and the line.
 
     Ends that both have a contact with another partner are left out: several experiments may lie on one line.
     """
-    bars = []
-    for body in model.bodies.values() if model.dim == 1 else ():
-        nodes = {name: region.nodes[0] for name, region in body.mesh.regions.items()}
-        ends = (End(body.mesh.nodes[n, 0], f"{body.name}.{name}", body.start + n, body) for name, n in nodes.items())
-        bars.append(sorted(ends))
+    lines: dict[bytes, tuple[Floats, list[list[End]]]] = {}
+    for body in model.bodies.values() if model.bodies.of_lines else ():
+        direction, nodes, length = body.mesh.direction, body.mesh.nodes, float(body.mesh.lengths.sum())
+        axis = direction * np.sign(direction[np.abs(direction) > SAME_LINE][0])
+        beside = nodes[0] - (nodes[0] @ axis) * axis
+        of_line = np.round(np.append(axis, beside / length) / SAME_LINE) + 0.0  # which makes 0 of -0
+        found = ((name, region.nodes[0]) for name, region in body.mesh.regions.items())
+        ends = sorted(End(float(nodes[n] @ axis), f"{body.name}.{name}", body.start + n, body) for name, n in found)
+        lines.setdefault(of_line.tobytes(), (axis, []))[1].append(ends)
     in_contact = set(model.contact_points.node.tolist())
-    for (_, end), (other, _) in pairwise(sorted(bars)):
-        gap, touching = float(other.position - end.position), TOUCHING * end.body.shortest
-        if gap >= -touching and not {end.node, other.node} <= in_contact:
-            yield end, other, 0.0 if gap <= touching else gap
+    for axis, bars in lines.values():
+        for (_, end), (other, _) in pairwise(sorted(bars)):
+            gap, touching = other.place - end.place, TOUCHING * end.body.shortest
+            if gap >= -touching and not {end.node, other.node} <= in_contact:
+                yield end, other, 0.0 if gap <= touching else gap, axis
 
 
 def expected_meetings(model: Model) -> Iterator[str]:
     """Yield one sentence for each pair of ends of bars that will meet without a contact at their first velocities."""
-    for end, other, gap in _undeclared_pairs(model):
-        closing = float(end.body.velocity[0] - other.body.velocity[0])
+    for end, other, gap, axis in _undeclared_pairs(model):
+        closing = float((end.body.velocity - other.body.velocity) @ axis)
         if gap == 0.0:
             yield f"{end.name} and {other.name} touch, and {NOT_DECLARED}"
         elif closing * model.steps * model.dt > gap:
@@ -186,14 +193,38 @@ def expected_meetings(model: Model) -> Iterator[str]:
 
 def _passed_ends(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
     """Yield notes on bars that passed through each other without a contact."""
-    probes = [node for (node, _), *_ in probe_nodes(march.model)]
-    for end, other, gap in _undeclared_pairs(march.model):
-        nodes, moved = [end.node, other.node], outcome.final_displacement[None]
-        if set(nodes) <= set(probes):
-            nodes, moved = [probes.index(node) for node in nodes], arrays["displacement"][:, :, 0]
-        depth = -float((gap + moved[:, nodes[1]] - moved[:, nodes[0]]).min(initial=0.0))
+    for end, other, gap, axis in _undeclared_pairs(march.model):
+        depth = -float((gap + _relative(march, outcome, arrays, end.node, other.node) @ axis).min(initial=0.0))
         if depth > TOUCHING * end.body.shortest:
             yield f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}"
+
+
+def _slid_off(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
+    """Yield notes on contacts that pressed although their ends had slid off each other."""
+    model, points = march.model, march.model.contact_points
+    for p in np.flatnonzero(~points.at_wall).tolist() if model.dim > 1 else ():
+        normal, nodes = points.normal[p], points.nodes_of(p)
+        relative = _relative(march, outcome, arrays, *nodes)
+        beside = np.linalg.norm(relative - np.outer(relative @ normal, normal), axis=1)
+        pressing = arrays["contact_force"][-beside.size :, p] != 0.0
+        # The faces are taken as squares: they have no point in common beyond half the sum of their sides.
+        width = 0.5 * sum(model.bodies.at(node).spec.section ** 0.5 for node in nodes)
+        if (off := np.flatnonzero(pressing & (beside > width))).size:
+            yield (
+                f"contact '{points.names[p]}' presses from time {arrays['time'][-beside.size :][off[0]]:.6g} on "
+                f"although its ends have slid off each other: they are {beside[off].max():.3g} apart sideways, and "
+                f"{width:.3g} wide; a contact of two ends knows only their distance along its normal"
+            )
+
+
+def _relative(march: March, outcome: Outcome, arrays: Entries, first: int, second: int) -> Floats:
+    """Return how far two nodes moved apart, (T, dim): over the run where that is recorded of both, else at its end."""
+    probes = [node for (node, _), *_ in probe_nodes(march.model)]
+    if {first, second} <= set(probes):
+        one, other = (arrays["displacement"][:, probes.index(node)] for node in (first, second))
+    else:
+        one, other = outcome.final_displacement.reshape(-1, march.dim)[[[first], [second]]]
+    return np.asarray(other - one).reshape(-1, march.dim)
 
 
 # -- contacts of solids -----------------------------------------------------------------------------------------

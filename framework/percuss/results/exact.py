@@ -11,7 +11,7 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.contact.contact_problem import contact_problem
 from percuss.contact.model import Model
-from percuss.listeners import progress
+from percuss.interrupt import progress
 from percuss.methods.interfaces import ContactProblem, Exact, Solution
 from percuss.methods.plugin_calls import answer
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from percuss.errors import PercussError
 from percuss.jsonable import Entries
 from percuss.methods.interfaces import Exact, Floats
-from percuss.results import netcdf, vtkhdf
+from percuss.results import netcdf
 from percuss.results.summary import Summary
 
 if TYPE_CHECKING:
@@ -167,8 +167,8 @@ class Result:
         InputError
             If the folder does not exist or cannot be written, or there are no fields for a VTKHDF file.
         """
-        if Path(path).suffix.lower() == vtkhdf.SUFFIX:
-            vtkhdf.write(path, self.field_arrays)
+        if Path(path).suffix.lower() == netcdf.VTKHDF:
+            netcdf.write_vtkhdf(path, self.field_arrays)
             return
         netcdf.write(path, self.histories, self.fields if self.field_arrays else None)
 

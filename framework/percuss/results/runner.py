@@ -11,10 +11,9 @@ from percuss.blas import one_blas_thread
 from percuss.case.case import Case, expect_case
 from percuss.certificate import verdict
 from percuss.errors import RunError
-from percuss.interrupt import interruptible
+from percuss.interrupt import heard_by, interruptible
 from percuss.jit import Stopwatch
 from percuss.jsonable import Data
-from percuss.listeners import heard_by
 from percuss.march.march import March, Outcome, Progress
 from percuss.march.recording import recordable
 from percuss.march.stop import NOT_STARTED, not_started

@@ -45,15 +45,11 @@ def largest_error(summary: ExactEntries) -> float | None:
     Where the exact solution ends before the run, it is the error of the part that the solution covers; where a finer
     run stands for it, it is an estimate, and the larger one of two.
     """
-    found = errors_of(summary)
-    largest = [_largest(summary, errors) for errors in (found, found and found.get("second")) if errors]
+    found, largest = errors_of(summary), []
+    for errors in filter(None, (found, found and found.get("second"))):
+        known = errors_of_contacts(summary, errors, "force_error_l1").values()
+        largest.append(max(known) if known else errors.get("displacement_error"))
     return max((error for error in largest if error is not None), default=None)
-
-
-def _largest(summary: ExactEntries, errors: Any) -> float | None:
-    known = errors_of_contacts(summary, errors, "force_error_l1").values()
-    displacement: float | None = errors.get("displacement_error")
-    return max(known) if known else displacement
 
 
 def errors_of_contacts(summary: Any, errors: Any, name: str) -> dict[str, float]:
@@ -164,11 +160,9 @@ def _opening_error(
     Of the steps that overlap an interval, the last has its middle at most half a step before or after the end of the
     interval, as the first has at its start.
     """
-    if not closed or not pressing_steps.size or pressing_steps[-1] == time.size - 1:
-        return None
-    if closed[-1][1] >= reached * (1.0 - ROUND_OFF):
-        return None
-    return float(time[pressing_steps[-1]] - closed[-1][1])
+    pressed = pressing_steps.size > 0 and pressing_steps[-1] < time.size - 1
+    opened = bool(closed) and closed[-1][1] < reached * (1.0 - ROUND_OFF)
+    return float(time[pressing_steps[-1]] - closed[-1][1]) if pressed and opened else None
 
 
 def displacement_error(model: Model, solution: Exact, displacement: Floats, time: float) -> float | None:

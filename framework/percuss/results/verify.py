@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from percuss.case.arguments import wrong_argument
 from percuss.case.case import Case, expect_case
-from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE
+from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, values_at
 from percuss.case.specs import Address, Expectation, MeasureSection
 from percuss.errors import PercussError
 from percuss.jsonable import Entries
@@ -89,19 +88,16 @@ def _axis_index(result: Result, axis: str, owner: str | Address | None) -> int:
 
 
 def _scalar(result: Result, wanted: Expectation | MeasureSection) -> float:
-    value: Any = result.summary
-    path = wanted.quantity.split(".")
-    if wanted.quantity in CONTACT_NUMBERS:
+    path = wanted.quantity
+    if path in CONTACT_NUMBERS:
         name = result.coordinates["contact"][_axis_index(result, "contact", wanted.contact)]
-        path = [name if part == "*" else part for part in MEASURABLE[wanted.quantity].path.split(".")]
-    for key in path:
-        if value is None and path[0] == "exact":
-            raise CannotMeasure(f"no true error is known of this run: {result.summary['exact_reason']}")
-        if not isinstance(value, dict) or key not in value:
-            raise CannotMeasure(f"the summary has no {'.'.join(path)}")
-        value = value[key]
+        value = MEASURABLE[path].of_contact(result.summary["contacts"][name])
+    else:
+        value = next(values_at(result.summary, path), None)
+    if value is None and path.startswith("exact."):
+        raise CannotMeasure(f"no true error is known of this run: {result.summary['exact_reason']}")
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise CannotMeasure(f"{'.'.join(path)} is {value!r}, not a number")
+        raise CannotMeasure(f"{path} of the summary is {value!r}, not a number")
     return float(value)
 
 

@@ -16,7 +16,7 @@ from percuss.case.quantities import METRICS, TRUE_ERRORS
 from percuss.errors import InputError
 from percuss.jsonable import Entries
 from percuss.studies.columns import metric
-from percuss.studies.parameters import combinations
+from percuss.studies.layout import combinations
 from percuss.studies.perform import Run, perform
 from percuss.studies.tasks import tasks, two_references
 
@@ -106,11 +106,11 @@ def compare(
     runs: list[Run] = []
     notes, errors, pairs = [*case.notes], list[InputError](), sum(not task.tied for task in planned)
     for task in planned:
-        run, error = perform(case, task)
+        run = perform(case, task)
         if run.status == "interrupted":
             raise KeyboardInterrupt
-        if error is not None:
-            told = as_given_by(options, error)
+        if run.error is not None:
+            told = as_given_by(options, run.error)
             run = replace(run, reason=str(told))
             errors += [told] if not task.tied else []
             if len(errors) == pairs:

@@ -1,4 +1,4 @@
-"""Runs of a study in worker processes of this machine: one that dies or takes too long costs only its own run."""
+"""Workers that make the runs of a study, on this machine or elsewhere: one that dies costs only its own run."""
 
 from __future__ import annotations
 
@@ -12,121 +12,162 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Generator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 from percuss.blas import ONE_THREAD
 from percuss.errors import RunError, wrong_input
 from percuss.jit import NOTICES
 from percuss.process import processes_with
-from percuss.studies.bench import Bench, Job
-from percuss.studies.perform import LOST, WORKER, Record
-
-if TYPE_CHECKING:
-    from pebble import ProcessPool
+from percuss.studies.perform import LOST, WORKER, Bench, Record
+from percuss.studies.tasks import Task
 
 LATE = 75  # exit code of a worker whose run has taken too long
 MOST_RUNS = 1000  # of one process, which keeps the machine code of every kernel that it has met
 SILENCE = 600.0  # seconds without an answer after which a run is named
+CONNECT_SECONDS = 5.0  # until a scheduler counts as absent
 LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
-# The variable of Python's option -P, and what it is where the user has not set it.
-SAFE_PATH, SET_HERE = "PYTHONSAFEPATH", "set by percuss"
+# Python's option -P: it would put the current folder first on the path of a worker.
+ENVIRONMENT = {**ONE_THREAD, "PYTHONSAFEPATH": "1"}
+
+Submit = Callable[[Task], Future[Record]]
+Workers = Callable[[bytes], Submit]  # what hands a run to workers, made of a packed bench
 
 
-class Workers:
-    """Worker processes, which start with the first run and serve one study after the other; a context that ends them.
+@contextmanager
+def processes(number: int, longest: float | None = None) -> Iterator[Workers]:
+    """Give processes of this machine, which start with the first run and end with this context.
 
     Parameters
     ----------
     number
         Number of processes.
+    longest
+        Seconds that a run may take; None for any time.
     """
+    from pebble import ProcessPool
 
-    def __init__(self, number: int) -> None:
-        self._number = number
-        self._pool: ProcessPool | None = None
-
-    def __enter__(self) -> Workers:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._pool is not None:
-            self._pool.stop()  # type: ignore[no-untyped-call]
-            self._pool.join()
-
-    def made(
-        self, longest: float | None, bench: Bench, jobs: Sequence[Job], stop: threading.Event
-    ) -> Generator[list[Record]]:
-        """Make runs, and yield the records of those that have ended meanwhile.
-
-        Parameters
-        ----------
-        longest
-            Seconds that a run may take; None for any time.
-        bench
-            Everything the workers need.
-        jobs
-            The runs.
-        stop
-            Event that ends the work when it is set, in the middle of runs.
-
-        Raises
-        ------
-        RunError
-            If no worker can be started.
-        """
-        from pebble import ProcessExpired, ProcessPool
-
-        if self._pool is None:
-            quiet = {"PYTHONWARNINGS": "ignore"}  # of a process that outlives this one, if somebody kills it
-            with processes_with({**_variables(), **quiet}):
-                resource_tracker.ensure_running()
-            self._pool = ProcessPool(self._number, max_tasks=MOST_RUNS, initializer=_begin, context=_Context())
-        give, packed = functools.partial(self._pool.schedule, _made), pickle.dumps(bench)
-        waiting: dict[Future[Record], Job] = {give(args=[packed, job, longest]): job for job in jobs}
-        deaths, since = Counter[str](), dict[Future[Record], float]()
-        try:
-            while waiting and not stop.is_set():
-                records = []
-                for future in wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED).done:
-                    job, error = waiting.pop(future), future.exception()
-                    deaths[job.key] += isinstance(error, ProcessExpired) and error.exitcode != LATE
-                    if deaths[job.key] == 1 and error is not None:  # somebody else may have killed it
-                        waiting[give(args=[packed, job, longest])] = job
-                    else:
-                        records.append(_record_of(future, job, longest))
-                yield records
-                _name_silent(waiting, since)
-        except BrokenProcessPool:
-            raise RunError("worker processes die before they make a run: --workers 1 shows the reason") from None
+    with processes_with(ENVIRONMENT):
+        resource_tracker.ensure_running()
+    pool = ProcessPool(number, max_tasks=MOST_RUNS, initializer=_begin, context=_Context())
+    try:
+        yield lambda packed: lambda task: pool.schedule(_made, args=[packed, task, longest])
+    except BrokenProcessPool:
+        raise RunError("worker processes die before they make a run: --workers 1 shows the reason") from None
+    finally:
+        pool.stop()
+        pool.join()
 
 
-def _record_of(future: Future[Record], job: Job, longest: float | None) -> Record:
-    """Return the record of a run that has ended, in whichever way."""
-    from pebble import ProcessExpired
+@contextmanager
+def cluster(address: str) -> Iterator[Workers]:
+    """Give the workers of a Dask scheduler, where percuss and the plug-ins are installed too.
+
+    Parameters
+    ----------
+    address
+        Address of the scheduler, as ``tcp://10.0.0.1:8786``.
+
+    Raises
+    ------
+    InputError
+        If distributed is not installed, or no scheduler answers at `address`.
+    RunError
+        If the scheduler goes away meanwhile, or a worker has no percuss.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        advice = "Install percuss[study], or leave --scheduler out to use the cores of this machine."
+        raise wrong_input("--scheduler", "needs distributed, which is not installed", advice) from None
+    try:
+        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError) as error:
+        advice = "Start one with `dask scheduler`, and workers with `dask worker ADDRESS`."
+        raise wrong_input(f"--scheduler {address}", f"nobody answers: {error}", advice) from None
+    executor = client.get_executor(pure=False)
+
+    def submit_of(packed: bytes) -> Submit:
+        held = client.scatter(packed, broadcast=True, direct=False, hash=False)
+        return functools.partial(executor.submit, _record, held)
 
     try:
-        return future.result()
-    except ProcessExpired as death:
-        code = death.exitcode
-        if code == LATE:
-            return Record(job.key, "failed", f"no result after {longest:g} s (--longest)", WORKER)
-        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
-        return Record(job.key, LOST, f"its worker process {how}, twice, while it made this run", WORKER)
+        with client.as_current():
+            yield submit_of
+    except (CancelledError, OSError, ImportError) as error:  # an ImportError is that of a worker
+        message = "the scheduler is gone, or a worker lacks a package; the same command continues"
+        raise RunError(f"{address}: {message} ({type(error).__name__}: {error})") from error
+    finally:
+        executor.shutdown(wait=False)
+        client.close()
 
 
-def _name_silent(waiting: Mapping[Future[Record], Job], since: dict[Future[Record], float]) -> None:
+def made(
+    workers: Workers, longest: float | None, bench: Bench, tasks: Sequence[Task], stop: threading.Event
+) -> Generator[list[Record]]:
+    """Hand runs to workers, and yield the records of those that have ended meanwhile.
+
+    Parameters
+    ----------
+    workers
+        What hands a run to workers.
+    longest
+        Seconds that a run may take, for its record.
+    bench
+        Everything the workers need.
+    tasks
+        The runs.
+    stop
+        Event that ends the work when it is set, in the middle of runs.
+
+    Raises
+    ------
+    RunError
+        If no worker can be started.
+    """
+    submit = workers(pickle.dumps(bench))
+    waiting = {submit(task): task for task in tasks}
+    deaths, since = Counter[str](), dict[Future[Record], float]()
+    while waiting and not stop.is_set():
+        records = []
+        for future in wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED).done:
+            task, error = waiting.pop(future), future.exception()
+            exit_code = getattr(error, "exitcode", None)  # of a process that has ended
+            deaths[task.key] += exit_code not in (None, LATE)
+            if deaths[task.key] == 1 and error is not None:  # somebody else may have killed it
+                waiting[submit(task)] = task
+            elif error is None:
+                records.append(future.result())
+            elif exit_code is None and type(error).__name__ != "KilledWorker":
+                raise error
+            elif exit_code == LATE:
+                records.append(Record(task.key, "failed", f"no result after {longest:g} s (--longest)", WORKER))
+            else:
+                records.append(Record(task.key, LOST, _death(exit_code, error), WORKER))
+        yield records
+        _name_silent(waiting, since)
+
+
+def _death(exit_code: int | None, error: BaseException) -> str:
+    """Return how a worker has ended, in words; Dask has its own for one that killed several workers."""
+    if exit_code is None:
+        return str(error)
+    how = f"was killed by {signal.Signals(-exit_code).name}" if exit_code < 0 else f"ended with exit code {exit_code}"
+    return f"its worker process {how}, twice, while it made this run"
+
+
+def _name_silent(waiting: Mapping[Future[Record], Task], since: dict[Future[Record], float]) -> None:
     """Name each run that has begun and has not ended for `SILENCE` seconds in the log, once."""
     now = time.monotonic()
-    for future, job in waiting.items():
+    for future, task in waiting.items():
         if future.running() and now - since.setdefault(future, now) > SILENCE:
             since[future] = float("inf")
-            methods = f"{job.task.case}: {job.task.integrator} + {job.task.contact}"
+            methods = f"{task.case}: {task.integrator} + {task.contact}"
             LOG.warning("%s has not answered for %.0f s: --longest SECONDS ends such runs", methods, SILENCE)
 
 
@@ -143,30 +184,23 @@ def number_of_workers(given: int | None) -> int:
     return given or len(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1))
 
 
-def _variables() -> dict[str, str]:
-    """Return the environment of the processes that start here."""
-    return {**ONE_THREAD, SAFE_PATH: os.environ.get(SAFE_PATH) or SET_HERE}
-
-
 class _Process(SpawnProcess):
     """A process that does not run the script of its parent again, never sees Ctrl-C, and uses one thread of BLAS.
 
-    Python would put the current folder first on its path, and multiprocessing puts it instead of an empty entry of
-    ours. Ctrl-C goes to all processes of a terminal: the one that hands out the work handles it.
+    Ctrl-C goes to all processes of a terminal: the one that hands out the work handles it.
     """
 
     def start(self) -> None:
         """Start the process."""
-        main, path = sys.modules["__main__"], sys.path
-        sys.modules["__main__"] = ModuleType("__main__")
-        sys.path = [folder for folder in path if folder]
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            with processes_with(_variables()):
+        main = sys.modules["__main__"]
+        with processes_with(ENVIRONMENT):
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            sys.modules["__main__"] = ModuleType("__main__")
+            try:
                 super().start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-            sys.modules["__main__"], sys.path = main, path
+            finally:
+                sys.modules["__main__"] = main
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Context(SpawnContext):
@@ -178,25 +212,26 @@ class _Context(SpawnContext):
 
 def _begin() -> None:
     """Prepare this process."""
-    if os.environ.get(SAFE_PATH) == SET_HERE:  # What a plug-in starts in a worker has the path it has elsewhere.
-        del os.environ[SAFE_PATH]
-    # Standard output belongs to the results of the process that hands out the work.
-    os.dup2(2, 1)
+    os.dup2(2, 1)  # Standard output belongs to the results of the process that hands out the work.
     faulthandler.enable()  # a plug-in that crashes this process is named
 
 
 @functools.lru_cache(maxsize=2)
 def _unpacked(packed: bytes) -> Bench:
-    return pickle.loads(packed)  # type: ignore[no-any-return]  # noqa: S301 - from the process that started this one
+    return pickle.loads(packed)  # type: ignore[no-any-return]  # noqa: S301 - from the process that hands out the work
 
 
-def _made(packed: bytes, job: Job, longest: float | None) -> Record:
+def _record(packed: bytes, task: Task) -> Record:
+    return _unpacked(packed).record(task)
+
+
+def _made(packed: bytes, task: Task, longest: float | None) -> Record:
     """Return the record of a run; end this process after `longest` seconds, in which compiling does not count."""
     ended = threading.Event()
     if longest is not None:
         threading.Thread(target=_end_late, args=(longest, ended), daemon=True).start()
     try:
-        return _unpacked(packed).record_elsewhere(job)
+        return _record(packed, task)
     finally:
         ended.set()
 

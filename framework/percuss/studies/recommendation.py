@@ -1,10 +1,20 @@
 """Recommendation of the cheapest methods, options, mesh and step that meet stated bounds on a case.
 
-The search (`search`) decides what runs next among the candidates (`candidates`); here they run, are judged by the
-bounds, and become the answer. Its runs are the rows of one session of a study whose plan grows, so that one file holds
-all of them and a search that was interrupted goes on.
+A branch and bound over lines of meshes decides what runs next among the `candidates`. Its runs are the rows of one
+session of a study whose plan grows, so that one file holds all of them and a search that was interrupted goes on.
 
-What a run costs is its number of steps times nodes times stages: known before it runs, and the same on every machine.
+A *line* is a pair of methods with its options and its step, on all meshes. What a candidate costs is known before it
+runs: its number of steps times nodes times stages. How far it is from the bounds is known afterwards, as its *excess*,
+the largest ratio of a number to its bound. On a line the excess is taken as a power of the mesh, a h^q, with q from the
+runs of the line, or else the median of those of all lines. That predicts the coarsest mesh that meets the bounds, and
+lines run in the order of what they are predicted to cost there.
+
+A candidate runs only if it is cheaper than the best so far. A line that is predicted to cost more runs once, on the
+finest of its meshes that are cheaper: if it misses the bounds there, it is settled. While nothing meets the bounds,
+lines are refined, whatever is predicted. So a search ends when all lines are settled or the runs are spent, and it ends
+without an answer only if nothing is left that could be one.
+
+Beside the most promising line of each pair others are looked for, which differ in the step or in one option.
 """
 
 from __future__ import annotations
@@ -13,9 +23,13 @@ import functools
 import json
 import math
 import os
+from bisect import bisect_left, bisect_right
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from itertools import chain, zip_longest
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -25,16 +39,15 @@ from percuss.case.case import Case, load
 from percuss.case.quantities import JUDGED_BY
 from percuss.certificate.closed_laws import NEVER_GROWS
 from percuss.contact.model import Model
-from percuss.errors import InputError, PercussError, PluginError, Problem, RefusedPair, refuse_if_any
-from percuss.files import expect_no_input, expect_writable
+from percuss.errors import InputError, PercussError, PluginError, RefusedPair, wrong_input
+from percuss.files import expect_no_input
 from percuss.jsonable import Data, Entries
 from percuss.march.model_of_case import model_of
 from percuss.methods.blame import plugin_faults
 from percuss.methods.registry import Registry
 from percuss.results.exact import exact_solution
-from percuss.studies.bench import Bench, Job
 from percuss.studies.candidates import Candidate, defaults, evaluations, meshes, needed_quantities, neighbours
-from percuss.studies.search import Search
+from percuss.studies.perform import Bench
 from percuss.studies.spec import read_study
 from percuss.studies.study import Progress, Session, session
 from percuss.studies.study_table import Study
@@ -47,6 +60,12 @@ STABLE, GUARANTEE, UNJUDGED = "certificate.stable", "certificate.energy", "exact
 MOST_CELLS = 100_000  # of a mesh in two or three dimensions, which a search builds to know what it costs
 MOST_GROWTH = 0.01  # share by which the energy of a recommended run may grow where no bound on it is given
 FINER = 4  # refinement of the finer run that judges where there is no exact solution and the case names no other
+USUAL_ORDER = 1.0  # of the error of a force in L1, until two meshes of a line tell
+ORDERS = (0.3, 3.0)
+SMALLEST_EXCESS = 1e-9  # smaller ones are round-off, and say nothing of a coarser mesh
+LARGEST_STRIDE = 4.0  # from a mesh that misses the bounds to the next
+LAST = 99  # rank of lines that come after those beside another one
+PARTS = 8  # a batch is this part of the runs that are left
 NOT_FINE = 0.5  # largest refinement that the finer run judges, over its own: its error is half of theirs, or less
 
 
@@ -60,13 +79,10 @@ class Bounds:
         Largest error of the force in L1, of the worst contact.
     energy
         Largest share of the energy put in that contacts, scheme and materials may take or add; None lets them take any.
-    seconds
-        Longest time of the march.
     """
 
     error: float | None = None
     energy: float | None = None
-    seconds: float | None = None
 
     @property
     def growth(self) -> float:
@@ -176,7 +192,6 @@ def recommend(
     *,
     error: float | None = None,
     energy: float | None = None,
-    seconds: float | None = None,
     integrators: Sequence[str] = (),
     contacts: Sequence[str] = (),
     runs: int = 400,
@@ -184,7 +199,6 @@ def recommend(
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
     progress: Progress | None = None,
-    outputs: Sequence[str | os.PathLike[str]] = (),
     changes: Data | None = None,
     longest: float | None = None,
 ) -> Recommendation:
@@ -194,8 +208,8 @@ def recommend(
     ----------
     path
         File of the case.
-    error, energy, seconds
-        As in `Bounds`; at least one of the first two.
+    error, energy
+        As in `Bounds`; at least one of them.
     integrators, contacts
         Names of the methods to choose from; by default all that are registered.
     runs
@@ -208,8 +222,6 @@ def recommend(
         Single-file plug-ins, whose methods take part.
     progress
         Called with (runs made, runs planned so far).
-    outputs
-        Files that the caller writes afterwards, checked before any run is made.
     changes
         Values of the case by dotted path, as ``{"reference.refine": 4}``.
     longest
@@ -218,30 +230,28 @@ def recommend(
     Raises
     ------
     InputError
-        If the case or a bound is wrong, `out` holds something else, or an output cannot be written or is a file that
-        the search reads.
+        If the case or a bound is wrong, or `out` holds something else or is a file that the search reads.
     """
-    bounds, set_ = Bounds(error, energy, seconds), {**(changes or {})}
+    bounds, set_ = Bounds(error, energy), {**(changes or {})}
     case = load(Path(path), set_, plugins=plugins)
     _check(bounds, runs)
     model = model_of(case)
     if error is not None and case.reference is None and exact_solution(model, (model.steps + 1) * model.dt)[2]:
         set_["reference.refine"] = FINER
         case = case.with_overrides({"reference.refine": FINER})
-    expect_names("percuss.recommend", "integrators", integrators)
-    expect_names("percuss.recommend", "contacts", contacts)
+    for parameter, names in (("integrators", integrators), ("contacts", contacts)):
+        expect_names("percuss.recommend", parameter, names)
+    expect_methods(case.registry, integrators, contacts)
     if case.bonds and not contacts:
         message = f"expected a contact whose bodies may part, found a bond ({case.contacts[case.bonds[0]].law.name})"
         advice = "recommend searches laws of contact; name those that may take its place with --contact."
         raise InputError([case.problem(("contacts", case.bonds[0]), message, advice)])
-    methods = _methods(case.registry, integrators, contacts)
+    methods = _methods(case.registry, "integrator", integrators), _methods(case.registry, "contact", contacts)
     pairings = case.registry.names("pairings") if case.method.pairing is not None else ()
     end = model.steps * model.dt if case.time.end is None else case.time.end
     set_ |= _fixed(case, end) | second_reference(case, methods[1], pairings)
     file = Path(out) if out is not None else Path(f"{Path(path).stem}-recommend.sqlite")
     expect_no_input(file, case.inputs)
-    for output in outputs:
-        expect_writable(output, [*case.inputs, ("file of runs", file)])
     plan = {
         "percuss-study": 1,
         "title": f"recommendation for {Path(path).name}",
@@ -252,7 +262,7 @@ def recommend(
     spec = read_study(plan, [Path(plugin) for plugin in plugins])
     bench = Bench.of(spec.cases, spec.rows)
     with session(spec, bench, file, workers=workers, longest=longest, most=runs) as running:
-        return _answer(_Runs(bench, running, bounds, runs, progress), methods)
+        return _answer(Runs(bench, running, bounds, runs, progress), methods)
 
 
 def bound_of(text: str, option: str) -> float | None:
@@ -263,53 +273,42 @@ def bound_of(text: str, option: str) -> float | None:
     InputError
         If the text is no number.
     """
-    if not text:
-        return None
-    digits, percent = (text[:-1], 0.01) if text.endswith("%") else (text, 1.0)
     try:
-        return float(digits) * percent
+        return float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0) if text else None
     except ValueError:
-        found = f"expected a number, found '{text[:60]}'"
-        raise InputError([Problem(option, "", found, "Write it as 1% or 0.01.")]) from None
+        message = f"expected a number, found '{text[:60]}'"
+        raise wrong_input(option, message, "Write it as 1% or 0.01.") from None
 
 
 def _check(bounds: Bounds, runs: int) -> None:
     """Raise InputError for bounds or a number of runs that no search can start from."""
-    problems = [
-        Problem(f"--{name}", "", f"expected a finite number greater than 0, found {value:g}")
-        for name, value in (("error", bounds.error), ("energy", bounds.energy), ("time", bounds.seconds))
-        if value is not None and not (value > 0 and math.isfinite(value))
-    ]
+    for name, value in vars(bounds).items():
+        if value is not None and not (value > 0 and math.isfinite(value)):
+            raise wrong_input(f"--{name}", f"expected a finite number greater than 0, found {value:g}")
     if bounds.error is None and bounds.energy is None:
         advice = "Give --error, as 1%, or --energy."
-        problems.append(Problem("recommend", "", "expected a bound on the error or on the energy, found none", advice))
+        raise wrong_input("recommend", "expected a bound on the error or on the energy, found none", advice)
     if runs < FEWEST_RUNS:
-        problems.append(Problem("--runs", "", f"expected a number of at least {FEWEST_RUNS}, found {runs}"))
-    refuse_if_any(problems)
+        raise wrong_input("--runs", f"expected a number of at least {FEWEST_RUNS}, found {runs}")
 
 
-def _methods(registry: Registry, integrators: Sequence[str], contacts: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the names of the integrators and of the contact laws to choose from.
+def _methods(registry: Registry, kind: str, names: Sequence[str]) -> list[str]:
+    """Return the names of the integrators or of the contact laws to choose from.
 
     Raises
     ------
     InputError
-        If one is not registered, or needs a quantity that belongs to the case.
+        If one needs a quantity that belongs to the case.
     """
-    expect_methods(registry, integrators, contacts)
-    problems, chosen = [], list[list[str]]()
-    for option, names in (("integrator", integrators), ("contact", contacts)):
-        chosen.append([])
-        for name in names or registry.names(f"{option}s"):
-            method: Any = registry.get(f"{option}s", name)
-            needed = " and ".join(needed_quantities(method))
-            if not needed and (names or not getattr(method, "tied_during", False)):
-                chosen[-1].append(name)  # a law that ties a contact at times is none to choose, unless it is named
-            elif needed and names:
-                message = f"'{name}' needs a value of {needed}, which no search knows"
-                problems.append(Problem(f"--{option}", "", message))
-    refuse_if_any(problems)
-    return chosen[0], chosen[1]
+    chosen = []
+    for name in names or registry.names(f"{kind}s"):
+        method: Any = registry.get(f"{kind}s", name)
+        needed = " and ".join(needed_quantities(method))
+        if needed and names:
+            raise wrong_input(f"--{kind}", f"'{name}' needs a value of {needed}, which no search knows")
+        if not needed and (names or not getattr(method, "tied_during", False)):
+            chosen.append(name)  # a law that ties a contact at times is none to choose, unless it is named
+    return chosen
 
 
 def _fixed(case: Case, end: float) -> Entries:
@@ -320,7 +319,36 @@ def _fixed(case: Case, end: float) -> Entries:
     return fixed | {f"contacts.{name}.{key}": None for name in case.contacts for key in ("method", "pairing")}
 
 
-class _Runs:
+def _answer(runs: Runs, methods: tuple[list[str], list[str]]) -> Recommendation:
+    """Search and return the answer."""
+    case = runs.case
+    pairing = case.method.pairing.name if case.method.pairing is not None else ""
+    usable = [one for one in defaults(*methods, case.registry, pairing) if runs.fits(one)]
+    if not usable:
+        raise runs.reason
+    of_pair = list({one.pair: one for one in reversed(usable)}.values())
+    drawn = np.random.default_rng(0).permutation(len(of_pair))[: max(1, int(SHARE_OF_FIRST_RUNS * runs.room))]
+    first = [of_pair[k] for k in drawn]
+    search = Search(first, usable, runs.meshes(first[0]), case.registry, runs)
+    search.run()
+    if runs.made is None:
+        raise AssertionError("a search has made no run")
+    cost, _ = search.best()
+    return Recommendation(
+        bounds=runs.bounds,
+        front=front(runs.tried.values()),
+        tried=list(runs.tried.values()),
+        refused=runs.refused,
+        left=sum(bool(search.left(line, cost)) for line in search.lines.values()),
+        judges=[*dict.fromkeys(row[JUDGED_BY] for row in runs.made.as_records() if row.get(JUDGED_BY))],
+        study=runs.made,
+    )
+
+
+# ---------------------------------------------------------------------------------------- runs and their judgement
+
+
+class Runs:
     """Where the candidates of a search run: the runs so far, and the session of the study that holds them."""
 
     def __init__(self, bench: Bench, session: Session, bounds: Bounds, runs: int, progress: Progress | None) -> None:
@@ -330,8 +358,7 @@ class _Runs:
         self.refused: dict[tuple[str, str], str] = {}
         self.reason: PercussError = InputError([])
         self.made: Study | None = None
-        self._jobs: dict[str, tuple[Candidate, Job]] = {}
-        self._rate = 0.0  # the least time of a march for one evaluation
+        self._planned: dict[str, tuple[Candidate, Task]] = {}
         self._usual: Entries = {}  # methods that fit, to count nodes and steps with
         self._node_steps = functools.cache(self._count_node_steps)
         self._stages = functools.cache(self._count_stages)
@@ -339,13 +366,12 @@ class _Runs:
     @property
     def room(self) -> int:
         """Number of candidates that may still be run."""
-        return 0 if self.made is not None and not self.made.complete else self._runs - len(self._jobs)
+        return 0 if self.made is not None and not self.made.complete else self._runs - len(self._planned)
 
     def cost(self, candidate: Candidate) -> float:
-        """Return the number of steps times nodes times stages of a candidate, infinite if its march takes too long."""
+        """Return the number of steps times nodes times stages of a candidate; it rises with the refinement."""
         options = json.dumps(candidate.integrator_options)
-        count = self._node_steps(candidate.refine, candidate.courant) * self._stages(candidate.integrator, options)
-        return count if self._rate * count <= (self.bounds.seconds or math.inf) else math.inf
+        return self._node_steps(candidate.refine, candidate.courant) * self._stages(candidate.integrator, options)
 
     def _count_node_steps(self, refine: float, courant: float) -> float:
         try:
@@ -394,14 +420,13 @@ class _Runs:
         return found
 
     def ask(self, candidates: Sequence[Candidate]) -> list[float]:
-        """Run candidates and return their excess."""
-        for one in [one for one in candidates if one.key not in self._jobs][: self.room]:
+        """Run candidates and return the excess of each, infinite if it is not known."""
+        for one in [one for one in candidates if one.key not in self._planned][: self.room]:
             task = Task(self._label, one.integrator, one.contact, one.changes, one.changes)
-            self._jobs[one.key] = one, self._bench.job(task)
-        self.made = self._session.make([job for _, job in self._jobs.values()], self._progress)
-        rows = zip(self._jobs.values(), self.made.as_records(), strict=True)
+            self._planned[one.key] = one, self._bench.with_key(task)[0]
+        self.made = self._session.make([task for _, task in self._planned.values()], self._progress)
+        rows = zip(self._planned.values(), self.made.as_records(), strict=True)
         self.tried = {one.key: judged(row, one, self.bounds) for (one, _), row in rows}
-        self._rate = min((one.seconds / one.evaluations for one in self.tried.values() if one.seconds), default=0.0)
         return [self.tried[one.key].excess if one.key in self.tried else math.inf for one in candidates]
 
 
@@ -412,8 +437,7 @@ def judged(row: Data, candidate: Candidate, bounds: Bounds) -> Tried:
     kept, most, error = row["energy_kept"], row["energy_max"], row[MEASURE]
     energy = None if kept is None else abs(1.0 - kept)
     growth = None if None in (kept, most) else max(kept, most) - 1.0
-    seconds = row["seconds"] if ran else None
-    asked = (error, bounds.error), (energy, bounds.energy), (growth, bounds.growth), (seconds, bounds.seconds)
+    asked = (error, bounds.error), (energy, bounds.energy), (growth, bounds.growth)
     ratios = [math.nan if value is None else value / bound for value, bound in asked if bound is not None]
     return Tried(
         candidate,
@@ -422,7 +446,7 @@ def judged(row: Data, candidate: Candidate, bounds: Bounds) -> Tried:
         stable=row[STABLE] if row["status"] == "done" else None,
         error=error,
         energy=energy,
-        seconds=seconds,
+        seconds=row["seconds"] if ran else None,
         evaluations=float(row["node_steps"]) if ran else math.inf,
         excess=max(ratios) if ran and not doubt and all(map(math.isfinite, ratios)) else math.inf,
         key=row["key"],
@@ -446,32 +470,6 @@ def why_never(row: Data) -> str:
     return "" if row["energy_kept"] is not None else "by how much its energy changed is not known"
 
 
-def _answer(runs: _Runs, methods: tuple[list[str], list[str]]) -> Recommendation:
-    """Search and return the answer."""
-    case = runs.case
-    pairing = case.method.pairing.name if case.method.pairing is not None else ""
-    usable = [one for one in defaults(*methods, case.registry, pairing) if runs.fits(one)]
-    if not usable:
-        raise runs.reason
-    of_pair = list({one.pair: one for one in reversed(usable)}.values())
-    drawn = np.random.default_rng(0).permutation(len(of_pair))[: max(1, int(SHARE_OF_FIRST_RUNS * runs.room))]
-    first = [of_pair[k] for k in drawn]
-    search = Search(first, usable, runs.meshes(first[0]), lambda one: neighbours(one, case.registry), runs)
-    search.run()
-    if runs.made is None:
-        raise AssertionError("a search has made no run")
-    cost, _ = search.best()
-    return Recommendation(
-        bounds=runs.bounds,
-        front=front(runs.tried.values()),
-        tried=list(runs.tried.values()),
-        refused=runs.refused,
-        left=sum(bool(search.left(line, cost)) for line in search.lines.values()),
-        judges=[*dict.fromkeys(row[JUDGED_BY] for row in runs.made.as_records() if row.get(JUDGED_BY))],
-        study=runs.made,
-    )
-
-
 def front(runs: Iterable[Tried]) -> list[Tried]:
     """Return the runs of which none is both cheaper and further within the bounds, by rising cost."""
     kept: list[Tried] = []
@@ -479,3 +477,190 @@ def front(runs: Iterable[Tried]) -> list[Tried]:
         if one.excess < (kept[-1].excess if kept else math.inf):
             kept.append(one)
     return kept
+
+
+# ------------------------------------------------------------------------------------------- what runs next
+
+
+@dataclass(eq=False)
+class Line:
+    """A pair with its options and its step on all meshes.
+
+    Attributes
+    ----------
+    candidate
+        The candidate on the mesh of the case.
+    parent
+        The line beside which it was found; until it has runs of its own, that one's are its prediction.
+    rank
+        How many lines were found there before it.
+    runs
+        Excess of its runs, by refinement.
+    refused
+        Whether it cannot be run.
+    """
+
+    candidate: Candidate
+    parent: Line | None = None
+    rank: int = 0
+    runs: dict[float, float] = field(default_factory=dict)
+    refused: bool = False
+
+    def on(self, refine: float) -> Candidate:
+        """Return its candidate on a mesh."""
+        return replace(self.candidate, refine=refine)
+
+    @property
+    def far(self) -> bool:
+        """Whether the line beside which it was found has other options."""
+        own, others = self.candidate, (self.parent or self).candidate
+        return own != replace(others, courant=own.courant)
+
+    def known(self) -> list[float]:
+        """Return the meshes of its runs with a finite excess, the nearest to the bounds first."""
+        finite = (refine for refine, excess in self.runs.items() if excess < math.inf)
+        return sorted(finite, key=lambda refine: abs(math.log(max(self.runs[refine], SMALLEST_EXCESS))))
+
+    def order(self) -> float | None:
+        """Return the order with which its excess falls beside the bounds, None until two meshes tell."""
+        known = [refine for refine in self.known() if self.runs[refine] > SMALLEST_EXCESS][:2]
+        if len(known) < 2:
+            return None
+        fallen = math.log(self.runs[known[0]] / self.runs[known[1]]) / math.log(known[1] / known[0])
+        return min(max(fallen, ORDERS[0]), ORDERS[1])
+
+    def meeting(self, usual: float) -> float:
+        """Return the refinement at which it is predicted to meet the bounds, infinite if its runs do not tell.
+
+        `usual` is the order that is taken until its own is known.
+        """
+        if not self.runs:
+            return self.parent.meeting(usual) if self.parent is not None else 1.0
+        for refine in self.known():
+            exponent = math.log(max(self.runs[refine], SMALLEST_EXCESS)) / (self.order() or usual)
+            return refine * math.exp(min(exponent, 100.0))
+        return math.inf
+
+
+class Search:
+    """A search for the cheapest candidate.
+
+    Parameters
+    ----------
+    first
+        Candidates that run before all others.
+    later
+        Candidates that take part as well.
+    meshes
+        Refinements, rising.
+    registry
+        The methods, whose options candidates differ in.
+    bench
+        Where candidates are run.
+    """
+
+    def __init__(
+        self,
+        first: Sequence[Candidate],
+        later: Sequence[Candidate],
+        meshes: Sequence[float],
+        registry: Registry,
+        bench: Runs,
+    ) -> None:
+        self.meshes, self.registry, self.bench = meshes, registry, bench
+        self.lines: dict[str, Line] = {}
+        self.first = [self._line(one) for one in first]
+        for one in later:
+            self._line(one, rank=LAST)
+        self.usual = USUAL_ORDER
+        self.followed: set[Line] = set()  # those beside which lines take part
+
+    def _line(self, candidate: Candidate, parent: Line | None = None, rank: int = 0) -> Line:
+        """Return the line of a candidate, which takes part from now on."""
+        start = replace(candidate, refine=1)
+        return self.lines.setdefault(start.key, Line(start, parent, rank))
+
+    def run(self) -> None:
+        """Run candidates until all lines are settled or the runs are spent."""
+        batch = [line.on(1) for line in self.first]
+        while batch and self.bench.room > 0:
+            for one, excess in zip(batch, self.bench.ask(batch), strict=False):
+                self._line(one).runs[one.refine] = excess
+            batch = self._batch()
+
+    def best(self) -> tuple[float, Line | None]:
+        """Return cost and line of the cheapest candidate that meets the bounds, of equal ones that with less excess."""
+        met = [
+            (self.bench.cost(line.on(refine)), excess, key)
+            for key, line in self.lines.items()
+            for refine, excess in line.runs.items()
+            if excess <= 1.0
+        ]
+        cost, _, key = min(met, default=(math.inf, 0.0, ""))
+        return cost, self.lines.get(key)
+
+    def left(self, line: Line, cost: float) -> list[float]:
+        """Return the meshes of a line that could meet the bounds at less than a cost.
+
+        They are coarser than all that meet the bounds and finer than the finest that misses them, or than the second
+        of these where one has met them: errors do not fall strictly. A line of which no run tells anything has none,
+        but where nothing meets the bounds.
+        """
+        if line.refused or line.meeting(self.usual) == math.inf > cost:
+            return []
+        met = min((refine for refine, excess in line.runs.items() if excess <= 1.0), default=math.inf)
+        missed = sorted((refine for refine in line.runs if refine < met), reverse=True)
+        low = next(iter(missed[met < math.inf :]), 0.0)
+        cheaper = bisect_left(self.meshes, cost, key=lambda refine: self.bench.cost(line.on(refine)))
+        between = self.meshes[bisect_right(self.meshes, low) : min(bisect_left(self.meshes, met), cheaper)]
+        return [refine for refine in between if refine not in line.runs]
+
+    def _batch(self) -> list[Candidate]:
+        """Return the candidates to run next, of one line each.
+
+        They come in turn from two kinds of lines: those that are predicted to be cheaper than the best or differ in the
+        step, and those with other options, first from the pair of which fewest have run. All others come last.
+        """
+        cost, _ = self.best()
+        self.usual = median([order for line in self.lines.values() if (order := line.order())] or [USUAL_ORDER])
+        ran = sorted((line for line in self.lines.values() if line.runs), key=self._predicted)
+        self._follow({line.candidate.pair: line for line in reversed(ran)}.values())
+        lines = sorted(self.lines.values(), key=lambda line: (self._predicted(line), line.rank))
+        near = [line for line in lines if (self._predicted(line) < cost if line.runs else not line.far)]
+        near.sort(key=lambda line: not line.runs and line.rank > 1)
+        tries = Counter(line.candidate.pair for line in ran if line.far)
+        far = [line for line in lines if line.far and not line.runs]
+        far.sort(key=lambda line: (tries[line.candidate.pair], line.rank))
+        turns = (near, far) if self.bench.room % 2 else (far, near)
+        batch: list[Candidate] = []
+        for line in dict.fromkeys((*filter(None, chain.from_iterable(zip_longest(*turns))), *ran)):
+            left = self.left(line, cost)
+            if left and self.bench.fits(one := line.on(self._next(line, left))):
+                batch.append(one)
+            elif left:
+                line.refused = True
+            if len(batch) >= max(1, self.bench.room // PARTS):
+                break
+        if not batch and cost == math.inf and self._follow(ran):  # not those of each pair alone
+            return self._batch()
+        return batch
+
+    def _follow(self, leading: Iterable[Line]) -> bool:
+        """Let the lines beside others take part; return whether one of those was not followed before."""
+        new = [line for line in leading if line not in self.followed]
+        self.followed.update(new)
+        for line in new:
+            for rank, one in enumerate(filter(self.bench.fits, neighbours(line.candidate, self.registry)), 1):
+                self._line(one, line, rank)
+        return bool(new)
+
+    def _predicted(self, line: Line) -> float:
+        """Return what a line is predicted to cost where it meets the bounds."""
+        refine = line.meeting(self.usual)
+        mesh = self.meshes[min(bisect_left(self.meshes, refine), len(self.meshes) - 1)]
+        return self.bench.cost(line.on(mesh)) * max(refine / mesh, 1.0) ** 2
+
+    def _next(self, line: Line, left: Sequence[float]) -> float:
+        """Return the mesh on which a line runs next: that on which it is predicted to meet, if it is left."""
+        wanted = min(line.meeting(self.usual), LARGEST_STRIDE * max(line.runs, default=math.inf))
+        return left[min(bisect_left(left, wanted * (1.0 - 1e-9)), len(left) - 1)]

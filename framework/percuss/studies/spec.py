@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from percuss.case.case import Case, load
 from percuss.case.cross_checks import misfits
 from percuss.case.hints import name_advice
 from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two, ranking
 from percuss.case.source import Source
+from percuss.case.specs import MeasureSection
 from percuss.case.type_words import found
 from percuss.case.validation import Mistake, Reader
 from percuss.case.yaml_text import KeyPath, flow
@@ -18,15 +20,13 @@ from percuss.errors import InputError, Problem, refuse_if_any, suggestion
 from percuss.jsonable import Data, Entries, as_lists
 from percuss.methods.blame import SINGULAR
 from percuss.methods.registry import Registry
-from percuss.studies import parameters
 from percuss.studies.columns import Column, RowSettings, column, column_by_name
-from percuss.studies.layout import Condition, SampleSection, StudySection
-from percuss.studies.tasks import FAMILIES, Task, method_name, two_references
+from percuss.studies.layout import GRAMMAR, StudySection, combinations, values_in
+from percuss.studies.tasks import FAMILIES, NAMES, Task, method_name, two_references
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 COST = "node_steps"
 Places = Mapping[str, KeyPath]  # where the study writes out a value, by the path that it is set at
-NAMES = ("case", "integrator", "contact")  # columns of every row, besides the varied paths
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class StudySpec:
         Value for ``method.integrator`` or ``method.contact`` by label; a name alone keeps the options of the case.
     vary
         Values of each path.
-    paired
-        Points whose values go together.
+    points
+        The points of the study, as values of varied paths.
     rows
         Measured columns, and the other settings on which rows depend.
     section, source
@@ -53,7 +53,7 @@ class StudySpec:
     integrators: Entries
     contacts: Entries
     vary: dict[str, list[object]]
-    paired: list[Entries]
+    points: list[Entries]
     rows: RowSettings
     section: StudySection
     source: Source
@@ -68,7 +68,7 @@ class StudySpec:
         """Role and path of each file that the study reads: its own, those of its cases, and those among its values."""
         own = [("study", Path(self.source.name))] if self.source.text else []
         values = [value for axis in self.vary.values() for value in axis]
-        values += [value for point in self.paired for value in point.values()]
+        values += [value for point in self.section.paired for value in point.values()]
         of_cases = (file for case in self.cases.values() for file in (*case.inputs, *case.files_among(values)))
         return [*own, *of_cases]
 
@@ -90,9 +90,7 @@ def read_study(given: str | Path | Data, plugins: list[Path] | None = None, chan
     InputError
         With all mistakes in the study.
     """
-    source = Source.of(given) if isinstance(given, Mapping) else Source.read(given)
-    if isinstance(given, Mapping):
-        source = Source("study", "", source.data, source.marks)
+    source = replace(Source.of(given), name="study") if isinstance(given, Mapping) else Source.read(given)
     if changes and isinstance(source.data, Mapping) and isinstance(source.get(("set",), {}), Mapping):
         source = source.replaced(("set",), {**source.get(("set",), {}), **changes})
     return _StudyReader(source, plugins or []).study()
@@ -108,8 +106,7 @@ def settings_of(data: Data, cases: Mapping[str, Case]) -> RowSettings:
     cases
         Its cases by label, or some of them.
     """
-    reader = _StudyReader(Source.of(data), [])
-    return reader.checked(reader.reader.read(StudySection), reader.columns(dict(cases)))[1]
+    return _StudyReader(Source.of(data), []).settings(cases)
 
 
 def mistake_in_study(problem: Problem, places: Places) -> Mistake | None:
@@ -137,13 +134,14 @@ def mistake_in_study(problem: Problem, places: Places) -> Mistake | None:
 
 
 class _StudyReader:
-    """Reader of a study, based on the reader of cases."""
+    """Reader of a study: of the form of its file first, then of what it says about its cases."""
 
     def __init__(self, source: Source, plugins: list[Path]) -> None:
         self.reader = Reader(source, Registry.load(plugins))
         self.source, self.plugins = source, plugins
+        self.section = self._section()
 
-    def study(self) -> StudySpec:
+    def _section(self) -> StudySection:
         reader, data = self.reader, self.source.data
         if not isinstance(data, Mapping):
             reader.wrong((), f"expected a study, found {found(data)}", "Begin with `percuss-study: 1`.")
@@ -154,51 +152,43 @@ class _StudyReader:
             reader.wrong(("percuss-study",), message, "Begin with `percuss-study: 1`.")
         reader.finish()
         section = reader.read(StudySection)
-        names = data.get("cases")
-        if not isinstance(names, tuple) or not all(isinstance(path, str) for path in names):
-            reader.finish()  # without cases nothing else can be checked
-        cases = self.cases(names)
+        reader.finish()
+        if section is None:
+            raise AssertionError("a study is wrong and nothing says why")
+        return section
+
+    def study(self) -> StudySpec:
+        section, cases = self.section, self.cases()
         registries = [case.registry for case in cases.values()] or [self.reader.registry]
         integrators, contacts = self.methods("integrators", registries), self.methods("contacts", registries)
         if contacts:
             cases = {label: case.with_one_law() for label, case in cases.items()}
-        varied = {path: self.values(("vary", path), given) for path, given in self.entries("vary").items()}
-        paired, sample = self.paired(), self.sample()
-        self.refuse_repeated_paths(varied, paired, sample)
-        if (count := parameters.number_of_combinations(varied, paired, sample)) > parameters.MOST:
-            message = f"expected at most {parameters.MOST} combinations of values, found {count}"
-            self.reader.wrong(("vary",), message, "Vary fewer values, or draw a sample of them.", key=True)
-        paths = [*varied, *(path for point in paired for path in point), *(sample.of if sample else ())]
-        points = [{path: value} for path, values in varied.items() for value in values]
-        cases = {label: two_references(case, contacts, [*points, *paired]) for label, case in cases.items()}
-        self.check_conditions([*NAMES, *dict.fromkeys(paths)])
-        section, rows = self.checked(section, self.columns(cases))
-        return StudySpec(cases, integrators, contacts, varied, paired, rows, section, self.source)
-
-    def checked(self, section: StudySection | None, columns: tuple[Column, ...]) -> tuple[StudySection, RowSettings]:
-        """Return the section and the settings of its rows, if no mistake was found."""
+        varied = {path: self.values(("vary", path), given) for path, given in section.vary.items()}
+        self.check_paths()
+        points: list[Entries] = []
+        try:
+            points = combinations(varied, section.paired, section.sample)
+        except InputError as error:
+            self.wrong_as_in(error, ("vary",), key=True)
+        each = [{path: value} for path, values in varied.items() for value in values]
+        cases = {label: two_references(case, contacts, [*each, *section.paired]) for label, case in cases.items()}
+        rows = self.settings(cases)
         self.reader.finish()
-        if section is None:
-            raise AssertionError("a study is wrong and nothing says why")
-        return section, RowSettings(columns, section.nudge, section.keep.histories, section.repeats)
+        return StudySpec(cases, integrators, contacts, varied, points, rows, section, self.source)
 
-    # -------------------------------------------------------------------------------------------- parts
+    def settings(self, cases: Mapping[str, Case]) -> RowSettings:
+        """Return the settings on which rows depend."""
+        section = self.section
+        return RowSettings(self.columns(cases), section.nudge, section.keep.histories, section.repeats)
 
-    def entries(self, *path: str) -> Data:
-        """Return the entries of a mapping, none where it is absent or no mapping, which is reported already."""
-        value = self.source.get(path)
-        return value if isinstance(value, Mapping) else {}
+    def wrong_as_in(self, error: InputError, at: KeyPath, *, key: bool = False) -> None:
+        """Keep the mistake of an error at a place in the study."""
+        self.reader.wrong(at, error.problems[0].message, error.problems[0].advice, key=key)
 
-    def items(self, *path: str) -> tuple[object, ...]:
-        """Return the items of a list, none where it is absent or no list, which is reported already."""
-        value = self.source.get(path)
-        return value if isinstance(value, tuple) else ()
-
-    def cases(self, names: tuple[str, ...]) -> dict[str, Case]:
+    def cases(self) -> dict[str, Case]:
         """Return the cases by label: the file name without its ending, or the path if two names are alike."""
+        names = self.section.cases
         stems = [Path(case_file).stem for case_file in names]
-        if not names:
-            self.reader.wrong(("cases",), "expected at least one case, found none", "Name a file.")
         cases: dict[str, Case] = {}
         for i, case_file in enumerate(names):
             label = stems[i] if stems.count(stems[i]) == 1 else case_file
@@ -221,7 +211,7 @@ class _StudyReader:
 
     def with_set(self, case: Case) -> Case | None:
         """Return the case with the values of `set` and without its expectations, which hold for other runs, or None."""
-        given = self.entries("set")
+        given = self.section.set
         try:
             return case.with_overrides({**given, "expect": ()})
         except InputError as error:
@@ -235,7 +225,8 @@ class _StudyReader:
 
     def methods(self, family: str, registries: list[Registry]) -> Entries:
         """Return label and value of each named method; at least one case must have it."""
-        path, given, kind = ("methods", family), self.items("methods", family), SINGULAR[family]
+        path, kind = ("methods", family), SINGULAR[family]
+        given: tuple[Any, ...] = getattr(self.section.methods, family)
         known_names = sorted({name for registry in registries for name in registry.names(family)})
         out: Entries = {}
         names = [method_name(method) for method in given]
@@ -254,67 +245,45 @@ class _StudyReader:
         return out
 
     def values(self, at: KeyPath, given: object) -> list[object]:
-        """Return the values of a list or of a text in the grammar of `parameters`, or a single value as a list."""
+        """Return the values of a list or of a text in the grammar of `values_in`, or a single value as a list."""
         if isinstance(given, str):
             try:
-                return [*parameters.values(given)]
+                return [*values_in(given)]
             except InputError as error:
-                self.reader.wrong(at, error.problems[0].message, error.problems[0].advice)
+                self.wrong_as_in(error, at)
                 return []
         out = list(given) if isinstance(given, tuple) else [given]
         if not out or given is None or isinstance(given, Mapping):
-            advice = f"Or {parameters.GRAMMAR}."
+            advice = f"Or {GRAMMAR}."
             self.reader.wrong(at, f"expected a list of values, found {found(given)}", advice)
         return out
 
-    def paired(self) -> list[Entries]:
-        """Return the points whose values go together."""
-        points = [(i, dict(point)) for i, point in enumerate(self.items("paired")) if isinstance(point, Mapping)]
-        for i, point in points[1:]:
-            first = points[0][1]
-            if set(point) != set(first):
-                message = f"has {', '.join(point)}, and the first has {', '.join(first)}"
+    def check_paths(self) -> None:
+        """Report a path that is varied in two ways, as the second would silently replace the first, and the like."""
+        section, seen = self.section, [*NAMES, *self.section.vary]
+        for i, point in enumerate(section.paired):
+            if set(point) != set(section.paired[0]):
+                message = f"has {', '.join(point)}, and the first has {', '.join(section.paired[0])}"
                 self.reader.wrong(("paired", i), message, "Give every point the same paths.")
-        return [point for _, point in points]
-
-    def sample(self) -> SampleSection | None:
-        """Return the points to be drawn, or None if there are none."""
-        section: SampleSection | None = self.reader.part(("sample",))
-        if section is not None and not section.of:
-            self.reader.wrong(("sample", "of"), "expected at least one path, found none", "Add PATH: {from: 0, to: 1}.")
-        return section
-
-    def check_conditions(self, paths: list[str]) -> None:
-        """Report the conditions on what is not varied."""
-        for i in range(len(self.items("where"))):
-            condition: Condition | None = self.reader.part(("where", i))
-            if condition is not None and condition.path not in paths:
-                message = f"'{condition.path}' is not varied"
-                self.reader.wrong(("where", i, "path"), message, suggestion(condition.path, paths))
-
-    def refuse_repeated_paths(self, varied: Data, paired: Sequence[Data], sample: SampleSection | None) -> None:
-        """Report a path that is varied in two ways, as the second would silently replace the first."""
-        seen = set(varied)
-        together = dict.fromkeys(path for point in paired for path in point)
-        for section, paths in (("paired", together), ("sample", sample.of if sample else {})):
+        together = dict.fromkeys(path for point in section.paired for path in point)
+        for key, paths in (("paired", together), ("sample", section.sample.of if section.sample else {})):
             for path in (path for path in paths if path in seen):
-                self.reader.wrong((section,), f"{path} is varied twice", "Give each path once.")
-            seen |= set(paths)
+                self.reader.wrong((key,), f"{path} is varied twice", "Give each path once.")
+            seen += paths
+        for i, condition in enumerate(section.where):
+            if condition.path not in seen:
+                message = f"'{condition.path}' is not varied"
+                self.reader.wrong(("where", i, "path"), message, suggestion(condition.path, seen))
 
-    def columns(self, cases: dict[str, Case]) -> tuple[Column, ...]:
+    def columns(self, cases: Mapping[str, Case]) -> tuple[Column, ...]:
         """Return the measured columns."""
         out: dict[str, Column] = {}
-        for i, measure in enumerate(self.items("measure")):
-            column_of_measure = self.column(("measure", i), measure, cases)
-            if column_of_measure is None:
-                continue
-            name = column_of_measure.name
-            if not isinstance(measure, str) and name in RESERVED:
-                self.reader.wrong(("measure", i), f"the name '{name}' is the name of another column", "Rename it.")
-            elif name in out:
-                self.reader.wrong(("measure", i), f"the name '{name}' is taken by another measure", "Rename it.")
-            else:
-                out[name] = column_of_measure
+        for i, measure in enumerate(self.section.measure):
+            made = self.column(("measure", i), measure, cases)
+            if made is not None and (made.name in out or (made.name in RESERVED and not isinstance(measure, str))):
+                self.reader.wrong(("measure", i), f"the name '{made.name}' is the name of another column", "Rename it.")
+            elif made is not None:
+                out[made.name] = made
         # Every row has the cost that does not depend on the machine, and the finer runs by which it may be judged.
         names, judges = [*([] if out else METRICS), COST], [case.reference for case in cases.values()]
         names += [JUDGED_BY] if any(judge is not None for judge in judges) else []
@@ -323,18 +292,16 @@ class _StudyReader:
         names += [path for error in errors for path in by_two(error)] if two else []
         return tuple({**out, **{name: column_by_name(name) for name in names}}.values())
 
-    def column(self, at: KeyPath, measure: object, cases: dict[str, Case]) -> Column | None:
+    def column(self, at: KeyPath, measure: MeasureSection | str, cases: Mapping[str, Case]) -> Column | None:
         """Return the column of a measure, or None if the measure is wrong."""
         contacts = dict.fromkeys(name for case in cases.values() for name in case.contacts)
         try:
             if isinstance(measure, str):
                 made = column_by_name(measure, [case.registry for case in cases.values()])
-            elif (section := self.reader.part(at)) is not None:
-                for mistake in misfits(section, contacts):
-                    self.reader.report(mistake, at)
-                made = column(section, [name for case in cases.values() for name in case.bodies])
             else:
-                return None
+                for mistake in misfits(measure, contacts):
+                    self.reader.report(mistake, at)
+                made = column(measure, [name for case in cases.values() for name in case.bodies])
             made.check(contacts)
         except ValueError as error:  # raised without the place in the study, which the column does not know
             message, advice, *inside = error.args
@@ -346,7 +313,7 @@ class _StudyReader:
 # --------------------------------------------------------------------------------- values before the first run
 
 
-def refuse_wrong_values(spec: StudySpec, read: Iterable[tuple[Task, InputError | None]]) -> None:
+def refuse_wrong_values(spec: StudySpec, read: Sequence[tuple[Task, InputError | None]]) -> None:
     """Raise InputError for the values that are wrong in every run, at their places in the study.
 
     A value that is right in some run fails as the other runs; so does one that was drawn.
@@ -358,31 +325,26 @@ def refuse_wrong_values(spec: StudySpec, read: Iterable[tuple[Task, InputError |
     read
         Each task, with the error by which its case cannot be changed so.
     """
-    places: dict[tuple[str, str], Places] = {}
+    places: dict[tuple[str, str], KeyPath] = {}
     for path, values in spec.vary.items():
-        listed = isinstance(spec.source.get(("vary", path)), tuple)
-        for i, value in enumerate(values):
-            places[path, repr(value)] = {path: ("vary", path, i) if listed else ("vary", path)}
-    for i, point in enumerate(spec.paired):
-        places |= {(path, repr(value)): {path: ("paired", i, path)} for path, value in point.items()}
-    for kind, family in FAMILIES.items():
-        for i, method in enumerate((spec.integrators if kind == "integrator" else spec.contacts).values()):
-            places[f"method.{kind}", repr(method)] = {f"method.{kind}": ("methods", family, i)}
-    right: set[tuple[str, str]] = set()
-    wrong: dict[tuple[str, str], InputError] = {}
-    errors = []
+        listed = isinstance(spec.section.vary[path], tuple)
+        places |= {(path, repr(value)): ("vary", path, i)[: 3 if listed else 2] for i, value in enumerate(values)}
+    for i, point in enumerate(spec.section.paired):
+        places |= {(path, repr(value)): ("paired", i, path) for path, value in point.items()}
+    for kind, methods in (("integrator", spec.integrators), ("contact", spec.contacts)):
+        at = f"method.{kind}"
+        places |= {(at, repr(one)): ("methods", FAMILIES[kind], i) for i, one in enumerate(methods.values())}
+    errors = [(task, error) for task, error in read if error is not None]
     for task, error in read:
-        values_of_task = {(path, repr(value)) for path, value in task.changes.items()}
-        errors.append(error)
-        if error is None:
-            right |= values_of_task
-        else:
-            wrong |= {value: error for value in values_of_task & places.keys() if value not in wrong}
-    problems: dict[Problem, None] = {}
-    for value in (value for value in places if value in wrong and value not in right):
-        mistakes = (mistake_in_study(problem, places[value]) for problem in wrong[value].problems)
-        for mistake in filter(None, mistakes):
-            problems.setdefault(spec.source.problem(*mistake[:3], key=mistake.key))
-    refuse_if_any(problems)
-    if errors and all(errors):
-        raise next(filter(None, errors))
+        for path, value in task.changes.items() if error is None else ():
+            places.pop((path, repr(value)), None)
+    mistakes: dict[Mistake, None] = {}
+    for task, wrong in errors:
+        values_of_task = {path: (path, repr(value)) for path, value in task.changes.items()}
+        wrong_here = {path: places[value] for path, value in values_of_task.items() if value in places}
+        told = (mistake_in_study(problem, wrong_here) for problem in wrong.problems)
+        mistakes |= dict.fromkeys(filter(None, told))
+    ordered = sorted(mistakes, key=lambda mistake: spec.source.order(mistake.path, key=mistake.key))
+    refuse_if_any([spec.source.problem(*mistake[:3], key=mistake.key) for mistake in ordered])
+    if len(errors) == len(read):
+        raise errors[0][1]

@@ -1,9 +1,9 @@
 """Studies: many runs, distributed to workers, resumed after any interruption, collected in one table.
 
-The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, and `bench` gives each
-a key. A `Session` gives the tasks that are left to workers (`pool`, `cluster`), where `bench` reads their cases,
-`perform` makes the runs and says what is kept of each, and `columns` measures them. `store` keeps the rows,
-`study_table` shows them, and `rows` makes one of them again.
+The way of a row: `spec` reads the plan in its `layout` and draws its points, `tasks` makes them tasks, and the bench of
+`perform` gives each a key. A `Session` gives the tasks that are left to workers (`pool`), where the bench reads their
+cases, makes the runs and says what is kept of each, and `columns` measures them. `study_table` keeps the rows, shows
+them, and makes one of them again.
 """
 
 from __future__ import annotations
@@ -19,25 +19,21 @@ from pathlib import Path
 
 from percuss.case.arguments import expect_files
 from percuss.errors import InputError, wrong_input
-from percuss.files import expect_no_input, expect_place, expect_writable
+from percuss.files import expect_no_input, expect_place, expect_writable, locked
 from percuss.interrupt import interruptible
-from percuss.jsonable import Data, as_lists
-from percuss.locks import locked
+from percuss.jsonable import Data, Entries, as_lists
 from percuss.results.provenance import keys_of, machine, origins
-from percuss.studies.bench import Bench, Job
-from percuss.studies.parameters import combinations
-from percuss.studies.perform import Record
-from percuss.studies.pool import Workers, number_of_workers
+from percuss.studies import pool
+from percuss.studies.perform import LOST, Bench, Record
 from percuss.studies.spec import StudySpec, read_study, refuse_wrong_values
-from percuss.studies.store import Store
-from percuss.studies.study_table import Study
-from percuss.studies.tasks import tasks
+from percuss.studies.study_table import Store, Study
+from percuss.studies.tasks import NAMES, Task, tasks
 
 OWN = "percuss"  # distribution of the methods that come with it
 AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again on request
 SECONDS = 0.4  # between two batches of rows that are stored
 Progress = Callable[[int, int], None]
-Makers = Callable[[Bench, Sequence[Job], threading.Event], Generator[list[Record]]]
+Makers = Callable[[Bench, Sequence[Task], threading.Event], Generator[list[Record]]]
 
 
 def study(
@@ -93,7 +89,7 @@ def study(
         If one of `plugins` cannot be used.
     """
     expect_files("percuss.study", plugins)
-    number_of_workers(workers)
+    pool.number_of_workers(workers)
     unknown = [status for status in again if status not in AGAIN]
     if unknown:
         message = f"expected one of {', '.join(AGAIN)}, found '{unknown[0]}'"
@@ -103,25 +99,24 @@ def study(
     expect_no_input(file, spec.inputs)
     for output in outputs:
         expect_writable(output, [*spec.inputs, ("file of rows", file)])
-    jobs, bench = planned(spec)
-    with session(spec, bench, file, workers=workers, scheduler=scheduler, longest=longest, most=len(jobs)) as running:
-        return running.make(jobs, progress, again)
+    planned_tasks, bench = planned(spec)
+    most = len(planned_tasks)
+    with session(spec, bench, file, workers=workers, scheduler=scheduler, longest=longest, most=most) as running:
+        return running.make(planned_tasks, progress, again)
 
 
-def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
-    """Return the jobs of all runs of a study, and the bench that makes them."""
-    points = combinations(spec.vary, spec.paired, spec.section.sample)
+def planned(spec: StudySpec) -> tuple[list[Task], Bench]:
+    """Return the tasks of all runs of a study, and the bench that makes them."""
     bench = Bench.of(spec.cases, spec.rows)
-    jobs, read = [], []
-    for task in tasks(spec.cases, spec.integrators, spec.contacts, points, tied=spec.section.tied):
-        names = {"case": task.case, "integrator": task.integrator, "contact": task.contact, **task.varied}
-        if all(condition.holds(names) for condition in spec.section.where):
-            jobs.append(bench.job(task))
-            read.append((task, bench.errors.get(jobs[-1].key)))
-    if not jobs:
+    read = []
+    for task in tasks(spec.cases, spec.integrators, spec.contacts, spec.points, tied=spec.section.tied):
+        row = {**{name: getattr(task, name) for name in NAMES}, **task.varied}
+        if all(condition.holds(row) for condition in spec.section.where):
+            read.append(bench.with_key(task))
+    if not read:
         raise InputError([spec.source.problem(("where",), "leaves no run to be made", "Loosen a condition.")])
     refuse_wrong_values(spec, read)
-    return jobs, bench
+    return [task for task, _ in read], bench
 
 
 # ------------------------------------------------------------------------------------------------- making rows
@@ -159,14 +154,11 @@ def session(
     expect_place(file)
     with locked(file), ExitStack() as ends:
         store = Store(file, new=True)
-        if scheduler is not None:
-            from percuss.studies.cluster import made_on_cluster
-
-            made: Makers = partial(made_on_cluster, scheduler)
-        elif workers == 1:
-            made = _made_here
-        else:
-            made = partial(ends.enter_context(Workers(min(number_of_workers(workers), most))).made, longest)
+        made: Makers = _made_here
+        if scheduler is not None or workers != 1:
+            number = min(pool.number_of_workers(workers), most)
+            elsewhere = pool.cluster(scheduler) if scheduler is not None else pool.processes(number, longest)
+            made = partial(pool.made, ends.enter_context(elsewhere), longest)
         yield Session(spec, bench, store, made)
         store.finish()
 
@@ -186,30 +178,28 @@ class Session:
 
     def __init__(self, spec: StudySpec, bench: Bench, store: Store, made: Makers) -> None:
         self._spec, self._bench, self._store, self._made = spec, bench, store, made
-        self._begun = False
 
-    def make(self, jobs: Sequence[Job], progress: Progress | None = None, again: Sequence[str] = ()) -> Study:
-        """Make the runs of these jobs, which are all of the study so far, and store them as they end.
+    def make(self, planned: Sequence[Task], progress: Progress | None = None, again: Sequence[str] = ()) -> Study:
+        """Make the runs of these tasks, which are all of the study so far, and store them as they end.
 
         Runs that are stored already are not made again, but for lost ones and those with a status in `again`.
         """
         finished = self._store.finished_keys(again)
-        missing = list({job.key: job for job in jobs if job.key not in finished}.values())
-        self._begin(jobs)
+        missing = list({task.key: task for task in planned if task.key not in finished}.values())
+        self._store.begin(self._facts(), planned)
         study = Study(self._store.path)
-        study.found = done = sum(job.key in finished for job in jobs)
-        rows, report = Counter(job.key for job in jobs), progress or (lambda *_: None)
-        report(done, len(jobs))
-        with interruptible() as stop, ExitStack() as ends:
-            made = ends.enter_context(closing(self._made(self._bench, missing, stop))) if missing else ()
-            for records in filter(None, made):
+        study.found = done = sum(task.key in finished for task in planned)
+        rows, report = Counter(task.key for task in planned), progress or (lambda *_: None)
+        report(done, len(planned))
+        with interruptible() as stop, closing(self._made(self._bench, missing, stop)) as made:
+            for records in made if missing else ():
                 self._store.add(records)
                 done += sum(rows[record.key] for record in records)
-                report(done, len(jobs))
+                report(done, len(planned))
         return study
 
-    def _begin(self, jobs: Sequence[Job]) -> None:
-        """Store the facts and the plan of the study, and once the provenance of this session."""
+    def _facts(self) -> Entries:
+        """Return what the file tells of the study besides its rows."""
         cases = {
             label: {
                 "case": as_lists(case.data),
@@ -219,29 +209,26 @@ class Session:
             for label, case in self._spec.cases.items()
         }
         plugins = {name: origin for case in cases.values() for name, origin in case["plugins"].items()}
+        theirs = {name: origin for name, origin in plugins.items() if origin["distribution"] != OWN}
         units = [case.data.get("units") or {} for case in self._spec.cases.values()]
-        facts = {
+        return {
             "spec": self._spec.data,
             "columns": {column.name: column.what for column in self._spec.rows.columns},
             "cases": cases,
             "units": {kind: name for kind, name in units[0].items() if all(one.get(kind) == name for one in units)},
+            "provenance": {**machine(), "cores": os.cpu_count(), "plugins": theirs},
         }
-        theirs = {name: origin for name, origin in plugins.items() if origin["distribution"] != OWN}
-        provenance = {**machine(), "cores": os.cpu_count(), "plugins": theirs}
-        plan = [(key, as_lists(vars(task))) for key, task in jobs]
-        self._store.begin(facts, None if self._begun else provenance, plan)
-        self._begun = True
 
 
-def _made_here(bench: Bench, jobs: Sequence[Job], stop: threading.Event) -> Generator[list[Record]]:
+def _made_here(bench: Bench, tasks: Sequence[Task], stop: threading.Event) -> Generator[list[Record]]:
     """Make runs in this process, and yield the records of each `SECONDS`, until none is left or `stop` is set."""
     records: list[Record] = []
     since = time.monotonic()
-    for job in jobs:
-        made = None if stop.is_set() else bench.record(job)
-        if made is None:
+    for task in tasks:
+        records.append(bench.record(task))
+        if stop.is_set():
+            records = [record for record in records if record.status != LOST]  # one was interrupted
             break
-        records.append(made)
         if time.monotonic() - since > SECONDS:
             yield records
             records, since = [], time.monotonic()

@@ -14,6 +14,7 @@ from percuss.errors import PercussError
 from percuss.jsonable import Data, Entries
 from percuss.march.model_of_case import model_of
 
+NAMES = ("case", "integrator", "contact")  # columns of every row, besides the varied paths
 TIED = "tied"  # name of a tied twin in place of that of a contact law
 FAMILIES = {"integrator": "integrators", "contact": "contacts"}
 
@@ -32,6 +33,8 @@ class Task:
         All values replaced in the case, those of `varied` among them.
     tied
         Whether the interfaces are tied while the exact contact is closed.
+    key
+        Key of all inputs of the run; empty before it is known.
     """
 
     case: str
@@ -40,6 +43,7 @@ class Task:
     varied: Data
     changes: Data
     tied: bool = False
+    key: str = ""
 
     def changed(self, case: Case) -> Case:
         """Return the case of the task with its changes.

@@ -45,10 +45,11 @@ POWERS = {
     "stress": (-1, 1, -2), "density": (-3, 1, 0), "area": (2, 0, 0), "volume": (3, 0, 0), "radian": (0, 0, 0),
     "degree": (0, 0, 0), "power": (2, 1, -3), "strain": (0, 0, 0), "amplitude": (0, 0, 0),
 }  # fmt: skip
-# units of the numbers in a chain of bars, by their keys
+# units of the numbers in a case of bars, by their keys
 UNITS = {
     "length": "length", "at": "length", "wall": "length", "area": "area", "velocity": "velocity",
-    "young": "stress", "density": "density", "constant": "force",
+    "young": "stress", "density": "density", "constant": "force", "epsilon_s": "stiffness", "epsilon_m": "mass",
+    "end": "time", "step": "time", "from": "time", "until": "time",
 }  # fmt: skip
 # factors of length, mass and time; powers of two would leave every result the same to the last bit
 OTHER_UNITS = (1000.0, 1e-3, 1e6)
@@ -167,8 +168,8 @@ def bar_chains(draw: Callable[[SearchStrategy[Any]], Any], *, push: bool = False
 # ------------------------------------------------------------------------------------------------ other units
 
 
-def unit_factor(unit: str) -> float:
-    """Return the factor that converts a number with the given unit to the other units (`OTHER_UNITS`).
+def unit_factor(unit: str, scales: tuple[float, ...] = OTHER_UNITS) -> float:
+    """Return the factor that converts a number with the given unit to other units of length, mass and time.
 
     Raises
     ------
@@ -181,23 +182,24 @@ def unit_factor(unit: str) -> float:
             base, _, power = word.partition("^")
             known = base in POWERS and re.fullmatch(r"(-?\d+(\.\d+)?)?", power)
             must(known, f"unit '{unit}' must consist of known words and / * ^; known are {', '.join(POWERS)}")
-            of_word = math.prod(scale**exponent for scale, exponent in zip(OTHER_UNITS, POWERS[base], strict=True))
+            of_word = math.prod(scale**exponent for scale, exponent in zip(scales, POWERS[base], strict=True))
             factor *= of_word ** (float(power or 1) * (-1.0 if position else 1.0))
     return factor
 
 
-def _scaled(value: Any, scale: float) -> Any:
+def scaled(value: Any, scale: float) -> Any:
     """Return a number times a scale, or a tuple of such; anything else stays as it is."""
     if isinstance(value, tuple | list):
-        return tuple(_scaled(item, scale) for item in value)
+        return tuple(scaled(item, scale) for item in value)
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return value * scale if is_number and scale != 1.0 else value
 
 
-def converted(part: Data) -> Entries:
+def converted(part: Data, scales: tuple[float, ...] = OTHER_UNITS) -> Entries:
     """Return a case of bars, or a part of it, converted to the other units, without the options of methods."""
+    factors = {key: unit_factor(UNITS.get(key, "1"), scales) for key in part}
     return {
-        key: converted(value) if isinstance(value, dict) else _scaled(value, unit_factor(UNITS.get(key, "1")))
+        key: converted(value, scales) if isinstance(value, dict) else scaled(value, factors[key])
         for key, value in part.items()
     }
 
@@ -206,7 +208,7 @@ def converted_options(subject: Subject) -> Entries:
     """Return the options of a subject converted to the other units by their units, with defaults that change."""
     options = options_of(subject.component)
     converted = {
-        key: _scaled(subject.options.get(key, option.default), unit_factor(option.unit or "1"))
+        key: scaled(subject.options.get(key, option.default), unit_factor(option.unit or "1"))
         for key, option in options.items()
     }
     return {k: value for k, value in converted.items() if k in subject.options or value != options[k].default}

@@ -227,9 +227,6 @@ class Subject:
             method[other] = {"name": partner} if isinstance(partner, str) else partner
         if self.family in {"materials", "elements"}:
             bodies = {name: {**body, key: own} for name, body in bodies.items()}
-        elif self.family == "shapes":
-            bodies = {name: {**body, self.name: dict(options)} for name, body in bodies.items()}
-            bodies = {name: {key: body[key] for key in body if key != "bar"} for name, body in bodies.items()}
         elif key:
             method[key] = own
         return {**case, "bodies": bodies, "method": method}

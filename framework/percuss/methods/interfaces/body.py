@@ -599,6 +599,6 @@ class Mass(Component, contract="masses"):
         -------
         (nodes, nodes) sparse array or None
             The symmetric, positive definite matrix [1/mass]. ``M^-1 m = 1`` for the masses m of `nodal`: a body that
-            moves as a whole has their sum, and falls as it would with them. The conformance kit asks for this.
+            moves as a whole has their sum, and falls as it would with them.
         """
         return None

@@ -539,8 +539,7 @@ def _proportional_stress(material: Material) -> bool:
     if material.state or material.stress is None:
         return not material.state
     parameters = np.array(material.parameters(), dtype=float)
-    sizes = np.geomspace(1e-6, 10.0, 15)
-    strains = np.concatenate([-sizes, sizes])
+    strains = np.outer(np.geomspace(1e-6, 10.0, 15), (1.0, -1.0)).ravel()
     stresses = np.array([material.stress(parameters, strain) for strain in strains])
     return bool(np.allclose(stresses, material.modulus * strains, rtol=EXACT, atol=0.0))
 
@@ -656,9 +655,6 @@ def check_total_mass(subject: Subject) -> None:
                 in_contact[nodes] = True
                 where = f"{elements.size} elements with {words} node in contact"
                 _check_nodal(mass, elements, Lumping.of_line(elements.size), in_contact, where)
-        even = np.asarray(mass.nodal(np.ones(6), Lumping.of_line(6)), dtype=float)
-        words = "the centre of mass of a uniform line is not in its middle"
-        must_vanish(even @ np.arange(7.0) / 18.0 - 1.0, words, EXACT)
 
 
 def _check_nodal(
@@ -687,30 +683,3 @@ def _three_nodes(count: int) -> Lumping:
     first = 2 * np.arange(count)
     shares = np.tile(np.array([1.0, 1.0, 4.0]) / 6.0, (count, 1))
     return Lumping(shares, np.stack([first, first + 2, first + 1], axis=1), 2 * count + 1)
-
-
-@demand("masses")
-def check_inverse_mass(subject: Subject) -> None:
-    """The inverse mass moves whole bodies.
-
-    The inverse of a mass that couples nodes is the same if counted from the other end. It is positive
-    definite, and ``M^-1 m = 1`` for the masses m of the nodes.
-    """
-    if subject.component.inverse is Mass.inverse:  # type: ignore[attr-defined]
-        raise NotApplicable("its mass matrix is diagonal")
-    for options, mass in subject.made():
-        for element_mass in (UNLIKE, UNLIKE[:2], np.ones(9)):
-            lumping = Lumping.of_line(element_mass.size)
-            found = [answer(mass, "inverse", masses, lumping) for masses in (element_mass, element_mass[::-1])]
-            if found == [None, None]:
-                continue
-            where = f"{element_mass.size} elements with {options}"
-            inverse, mirrored = (matrix.toarray() for matrix in found)
-            for words, other in (("counted from the other end", mirrored[::-1, ::-1]), ("transposed", inverse.T)):
-                same = np.allclose(inverse, other, rtol=1e-8, atol=1e-12)
-                must(same, f"{where}: the inverse is another if {words}")
-            definite = np.linalg.eigvalsh(inverse).min() > 0.0
-            must(definite, f"{where} give an inverse that is not positive definite")
-            ones = inverse @ np.asarray(mass.nodal(element_mass.copy(), lumping), dtype=float)
-            farthest = ones[np.argmax(np.abs(ones - 1.0))]
-            must_vanish(farthest - 1.0, f"{where}: M^-1 m is {farthest:.6g} at a node, not 1", EXACT)

@@ -1,15 +1,15 @@
-"""Demands on every method: what it says of itself, its options, and the absence of hidden state."""
+"""Demands on every method, what it says of itself and of hidden state, and on loads, exact solutions and measures."""
 
 from __future__ import annotations
 
 import contextlib
 import copy
+import dataclasses
 import inspect
 import itertools
 import json
 import math
 import pickle
-import sys
 from collections.abc import Iterator
 from typing import Any, Literal, get_args, get_origin
 
@@ -18,12 +18,17 @@ import numpy as np
 from percuss.case.json_schema import schema_of
 from percuss.case.options import options_of
 from percuss.case.type_words import bounds, branches
+from percuss.contact.contact_problem import contact_problem
 from percuss.errors import InputError, RefusedPair, RunError, suggestion
 from percuss.jsonable import Data, Entries, plain
+from percuss.march.model_of_case import model_of
 from percuss.methods.blame import described
+from percuss.methods.interfaces import FollowingLoad
+from percuss.methods.plugin_calls import answer
 from percuss.results.result import Result
-from percuss.testing.draws import TWO_BARS, must_agree, must_compile, on_chains, unit_factor
-from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject, demand, must
+from percuss.testing import draws
+from percuss.testing.draws import TWO_BARS, on_chains
+from percuss.testing.subject import PARTNERS, ROUND_OFF, CheckFailed, NotApplicable, Subject, demand, must
 
 # families of methods that take part in the time steps
 METHODS = ("integrators", "contacts", "elements", "materials", "masses")
@@ -44,7 +49,7 @@ def check_starts(subject: Subject) -> None:
     except (RefusedPair, RunError) as refusal:
         raise NotApplicable(str(refusal)) from None
     if result:
-        must_compile(result)
+        draws.must_compile(result)
 
 
 # ------------------------------------------------------------------------------------------------- well-formed
@@ -56,8 +61,8 @@ def check_well_formed(subject: Subject) -> None:
 
     documented: It has a docstring of its own and a summary in one line; `percuss plugins NAME` shows both. formula: The
     docstring has a paragraph that begins with "Formula:", so that the reader sees which equation is solved. references:
-    It names its source, with a DOI if there is one; the source of a new method is its author and the year. facts: Class
-    facts are known, and each expected failure names a check and a reason. frozen: Instances with the same
+    It names its source, with a DOI if there is one; the source of a new method is its author and the year. facts: Each
+    expected failure names a check and a reason. frozen: Instances with the same
     options are equal, hashable and picklable, as studies need them. examples: Every set of options in `examples` is
     accepted. options: Every option has a description, `Doc("...")`, and every number a unit, `Unit("force/length")`.
     refusals: A partner is refused with a reason in words, and not every partner is refused. schema: Its options
@@ -74,7 +79,7 @@ def _documented(subject: Subject) -> None:
     cls = subject.component
     text = vars(cls).get("__doc__") or ""
     own = text and not text.startswith(f"{cls.__name__}(")  # the one that `dataclass` makes
-    must(own or sys.flags.optimize == 2, "it has no docstring of its own")
+    must(own, "it has no docstring of its own")
     in_a_line = cls.summary.strip() and "\n" not in cls.summary and len(cls.summary) <= 100
     must(in_a_line, f"its summary is {cls.summary!r}, expected one line of at most 100 characters")
 
@@ -82,7 +87,7 @@ def _documented(subject: Subject) -> None:
 def _formula(subject: Subject) -> None:
     paragraphs = inspect.cleandoc(subject.component.__doc__ or "").split("\n\n")
     shown = any(paragraph.startswith("Formula:") for paragraph in paragraphs)
-    must(shown or sys.flags.optimize == 2, 'no paragraph of its docstring begins with "Formula:"')
+    must(shown, 'no paragraph of its docstring begins with "Formula:"')
 
 
 def _references(subject: Subject) -> None:
@@ -92,10 +97,7 @@ def _references(subject: Subject) -> None:
 
 
 def _facts(subject: Subject) -> None:
-    cls: Any = subject.component
-    if subject.family == "loads":
-        acts = cls.acts_as in {"force", "acceleration", "velocity"}
-        must(acts, f"`acts_as` is {cls.acts_as!r}, expected force, acceleration or velocity")
+    cls = subject.component
     must(cls.examples, "`examples` is empty: ({},) runs the defaults")
     for name, reason in cls.expected_failures.items():
         advice = suggestion(name, subject.declarable, "check")
@@ -126,7 +128,7 @@ def _options(subject: Subject) -> None:
         needs_unit = _takes_number(option.annotation) and not option.unit
         must(not needs_unit, f'option `{key}` has no unit: add Unit("..."), Unit("1") for a pure number')
         if option.unit:
-            unit_factor(option.unit)
+            draws.unit_factor(option.unit)
 
 
 def _takes_number(annotation: object) -> bool:
@@ -251,4 +253,147 @@ def check_compiled_and_plain(subject: Subject, case: Entries) -> None:
     two if it relies on the behaviour of the other, such as a cached global, an overflow or an unset entry.
     """
     case = subject.placed({**case, "time": {**case["time"], "steps": 60}})
-    must_agree(subject, case, "plain Python", lambda base: subject.run(case, compiled=False, like=base).arrays)
+    draws.must_agree(subject, case, "plain Python", lambda base: subject.run(case, compiled=False, like=base).arrays)
+
+
+# --------------------------------------------------------------------------- loads, exact solutions and measures
+
+TIMES = np.linspace(0.0, 1.0, 41)
+TOLERANCE = 1e-12
+
+
+@demand("loads")
+def check_amplitude(subject: Subject) -> None:
+    """Each time has one finite amplitude.
+
+    An amplitude is a finite number for each time of an array, whatever the length of the array and its other times.
+    Amplitudes are computed in chunks of steps: one that uses neighbouring times depends on where chunks end.
+    """
+    if issubclass(subject.component, FollowingLoad):
+        raise NotApplicable("it follows the motion of an end; it is no function of time")
+    for _, load in subject.made():
+        for time in (TIMES, TIMES[:1], TIMES[:0], TIMES[::-1].copy(), TIMES * 1e3):
+            amplitude = np.asarray(answer(load, "amplitude", time), dtype=float)
+            alone = [float(np.asarray(load.amplitude(time[k : k + 1]))[0]) for k in range(time.size)]
+            size = float(np.abs(amplitude).max(initial=1.0))
+            same = np.allclose(amplitude, alone, rtol=0.0, atol=TOLERANCE * size)
+            must(same, "the amplitude at a time depends on the other times of the array")
+
+
+@demand("loads")
+def check_kinks(subject: Subject) -> None:
+    """`kinks` names every kink.
+
+    The amplitude is smooth between the times that `kinks` returns, because an exact solution relies on it. Of any
+    four neighbouring points, the fourth lies near the parabola through the other three.
+    """
+    declared = [(load, kinks) for _, load in subject.made() if (kinks := load.kinks()) is not None]
+    if not declared:
+        raise NotApplicable("`kinks` returns None")
+    for load, kinks in declared:
+        times = np.linspace(1e-4, 1.2, 3001)
+        near_kink = np.abs(times[:, None] - np.array([*kinks, -1.0])).min(axis=1) < 5 * (times[1] - times[0])
+        values = np.asarray(load.amplitude(times), dtype=float)
+        bends = np.abs(np.diff(values, 3))
+        clear = ~np.lib.stride_tricks.sliding_window_view(near_kink, 4).any(axis=1)
+        typical = np.median(bends[clear]) if clear.any() else 0.0
+        size = float(np.abs(values).max(initial=1e-300))
+        for rough in np.flatnonzero(clear & (bends > 1e3 * typical + 1e-4 * size)):
+            raise CheckFailed(f"the amplitude has a kink near time {times[rough]:.4g}, and `kinks` does not name it")
+
+
+@demand("loads")
+def check_runs_in_a_case(subject: Subject) -> None:
+    """Its work and its impulse are accounted for.
+
+    In a run with the load on a free bar, at its end, everywhere or as the velocity of the driven end, momentum and
+    energy are balanced to round-off. Of a load that follows the motion of an end this holds its kernel to what it says
+    of its force.
+    """
+    for options, load in subject.made():
+        vector = load.vector()
+        dim = len(vector) if vector is not None else 1
+        start = np.eye(dim)[0].tolist()
+        follows = isinstance(load, FollowingLoad)
+        body = draws.bar(5, velocity=start if follows else 0.0, at=[0.0] * dim)
+        if dim > 1:
+            body["bar"]["direction"] = start
+        push = {subject.name: dict(options), **({} if load.everywhere else {"on": "a.left"})}
+        draws.must_balance(
+            subject.run(draws.chain({"a": body}, loads={"push": push}, time={"steps": 400, "courant": 0.5}))
+        )
+
+
+@demand("solutions")
+def check_exact_solution(subject: Subject) -> None:
+    """It is the motion to which runs tend.
+
+    In a case that the solution covers, the displacements of a run tend to the exact ones as the mesh is refined. In no
+    drawn case a contact pulls, overlaps, or presses where it is open, and no sample of a force is above the stated
+    largest one. The energy changes by the work of the loads. A case that is not covered is told in words.
+    """
+    draws.for_all(subject, draws.bar_chains(), lambda case: _check_contacts(subject, case))
+    components = subject.registry.components.items()
+    sole = {key: cls for key, cls in components if key[0] != "solutions" or key[1] == subject.name}
+    subject = dataclasses.replace(subject, registry=dataclasses.replace(subject.registry, components=sole))
+    for options, engine in subject.made():
+        cases = [subject.placed(case, options) for case in (TWO_BARS, draws.STRUCK_WALL)]
+        problems: list[Any] = [contact_problem(model_of(subject.load(case))) for case in cases]
+        covered = [case for case, problem in zip(cases, problems, strict=True) if engine.covers(problem) is None]
+        if not covered:
+            raise NotApplicable("it covers neither two bars that meet nor a bar that strikes a wall")
+        errors = []
+        for refine in (2, 8):
+            summary: Any = subject.run({**covered[0], "refine": refine, "time": {"end": 0.03, "courant": 0.5}}).summary
+            must(summary["exact"], f"no error against it was computed: {summary['exact_reason']}")
+            errors.append(summary["exact"]["displacement_error"])
+        words = f"a mesh four times finer brings the displacement from {errors[0]:.3g} to {errors[1]:.3g}"
+        must(errors[1] < 0.5 * errors[0], words)
+
+
+def _check_contacts(subject: Subject, case: Entries) -> None:
+    """Raise `CheckFailed` unless the contacts of a drawn case press or are open, and its energy is balanced."""
+    model = model_of(subject.load(case))
+    problem: Any = contact_problem(model)
+    engine = subject.make(subject.examples[0])
+    reason = engine.covers(problem)
+    if reason is not None:
+        in_words = isinstance(reason, str) and reason.strip()
+        must(in_words, f"`covers` gives {reason!r}, expected a reason in words or None")
+        raise NotApplicable(f"it covers no drawn case: {reason}")
+    end = model.dt * model.steps
+    solution = engine.solve(problem, end)
+    in_words = isinstance(solution.stopped, str) and solution.stopped.strip()
+    reached = in_words or solution.reached >= end * (1.0 - ROUND_OFF)
+    must(reached, f"it ends at {solution.reached:.6g} of {end:.6g}, and `stopped` gives no reason")
+    end = min(end, solution.reached)
+    time = np.linspace(0.0, end, 400, endpoint=False) + end / 1000.0
+    for name, contact in solution.contacts.items():
+        force, gap = np.asarray(contact.force(time)), np.asarray(contact.gap(time))
+        size, travel = float(np.abs(force).max()), float(np.abs(gap).max()) + end
+        must(force.min() >= -ROUND_OFF * size, f"contact '{name}' pulls with {force.min():.3g}")
+        must(gap.min() >= -ROUND_OFF * travel, f"the bodies of contact '{name}' overlap by {-gap.min():.3g}")
+        apart = np.abs(force * gap).max() <= ROUND_OFF * size * travel
+        must(apart, f"contact '{name}' presses where it is open")
+        most, stated = force.max(), contact.largest_force(0.0, end)
+        words = f"contact '{name}' presses with {most:.6g}, the stated largest is {stated:.6g}"
+        must(most <= stated + ROUND_OFF * size, words)
+    first, last = (sum(solution.energy(t)) for t in (0.0, end))
+    gained, work = last - first, solution.work(end)
+    balanced = abs(gained - work) <= ROUND_OFF * max(first, last, 1e-300)
+    must(balanced, f"energy changes by {gained:.6g}, the work is {work:.6g}")
+
+
+@demand("measures")
+@on_chains()
+def check_measure(subject: Subject, case: Entries) -> None:
+    """It measures the same number each time.
+
+    A measure returns a finite number or None, the same each time for a result.
+    `what` states quantity, norm and averaging, because a column without them cannot be interpreted.
+    """
+    what = getattr(subject.component, "what", "")
+    must(isinstance(what, str) and what.strip(), "`what` is empty: say quantity, norm and averaging")
+    result = subject.run(case)
+    first, second = (answer(subject.make(subject.options), "of", result) for _ in range(2))
+    must(first == second, f"it measures {first!r}, and {second!r} the second time")
