@@ -71,6 +71,17 @@ reduction = compiled_with(fastmath={"nsz": True, "reassoc": True})
 merged = compiled_with(inline="always")
 
 
+def shared(function: AnyKernel) -> AnyKernel:
+    """Return a copy of a function whose loop over `each` is shared out among threads in compiled code."""
+    copy = types.FunctionType(function.__code__, function.__globals__, function.__name__)  # type: ignore[attr-defined]
+    return cast("AnyKernel", compiled_with(forceinline=False, parallel=True)(copy))
+
+
+def each(count: int) -> Any:
+    """Return the numbers below `count`; a loop over them may be shared out among threads (slot in compiled code)."""
+    return range(count)
+
+
 # ----------------------------------------------------------------------------------------------------------- binding
 
 

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Array, BodyMesh, Floats
 
 
+FEW_PAIRS = 100_000  # pairs of nodes of a body, up to which it takes longer to wake threads than they win
+
+
 class Arrays:
     """The arrays of a run.
 
@@ -36,6 +39,8 @@ class Arrays:
     ----------
     model
         The model of the run.
+    threads
+        How many threads share out the loops over large bodies.
 
     Attributes
     ----------
@@ -64,8 +69,8 @@ class Arrays:
     actions: Sequence[Action]
     uniform: bool
 
-    def __init__(self, model: Model) -> None:
-        self.model = model
+    def __init__(self, model: Model, threads: int = 1) -> None:
+        self.model, self.threads = model, threads
         self.order, self.law_records = model.law_records()
         self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
         self.variables = StateVariables.of(model, self.kernel_laws)
@@ -201,7 +206,7 @@ class Arrays:
                 bulk.energy_of_body: bulk.energy_of_cell_body if cells else bulk.energy_of_row,
             }
             if isinstance(block.element, StiffnessRows):
-                filled = {**filled, **bulk.of_linear_solids(model.dim)}
+                filled = {**filled, **bulk.of_linear_solids(model.dim, threads=self.threads > 1 and block.element.node.size > FEW_PAIRS)}
             if model.loads.body_forces and not model.multistage:
                 filled = {**filled, **bulk.OF_LOADED_BODIES}
             name = f"element {element.name} with material {material.name}"

@@ -29,6 +29,7 @@ from percuss.step.account import NOISE
 from percuss.step.build import Kernels, compile_actions, kernels, why_not_compiled
 from percuss.step.equation import SWEEPS
 from percuss.step.record import OF_CONTACTS, OF_PROBES, Record
+from percuss.threads import limited_to, why_one
 
 if TYPE_CHECKING:
     from percuss.contact.model import Model
@@ -102,15 +103,18 @@ class March:
         The model to integrate in time.
     compiled
         Whether to compile the kernels where possible.
+    threads
+        How many threads may share out the loops over large bodies.
     """
 
-    def __init__(self, model: Model, *, compiled: bool = True) -> None:
+    def __init__(self, model: Model, *, compiled: bool = True, threads: int = 1) -> None:
         started = time.perf_counter()
         self.model = model
         self.dim = model.dim
         self._beginning: list[bytes] = []
         self.kernels = kernels(compiled=compiled)
-        self.arrays = Arrays(model)
+        self.threads = threads if threads > 1 and self.kernels.compiled and not why_one() else 1
+        self.arrays = Arrays(model, self.threads)
         self._is_compiled = False
         self._begin()
         self.seconds = {"build": time.perf_counter() - started}
@@ -216,7 +220,7 @@ class March:
         totals["floor"] = self.noise if self.model.case.time.on_unstable == "stop" else np.inf
         outcome.kinetic_before = energy_before
         # Plain Python would warn of overflow and invalid values; the checks after each chunk report them.
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), limited_to(self.threads):
             self._march(outcome, progress, interrupted or threading.Event(), keeper)
             self._add_reactions()
             outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.jit import Kernel, called, compiled_function, fused
+from percuss.jit import Kernel, called, compiled_function, each, fused
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -134,11 +134,6 @@ def add_pairs(
 
 
 # ------------------------------------------------------------------------------------------------------ kernels
-
-
-def each(count: int) -> Any:
-    """Return the numbers below `count`; in compiled code a loop over them may be shared out among threads (slot)."""
-    return range(count)
 
 
 @fused

@@ -22,6 +22,7 @@ from percuss.results.assemble import result_of
 from percuss.results.result import Result
 from percuss.results.saved_state import SavedState
 from percuss.results.summary import StopSummary
+from percuss.threads import most
 
 REPEATS, REPEAT_SECONDS = 3, 0.3  # marches of a timed run, and seconds after which no other begins
 NUDGE_OF_AREA = 1e-12  # relative, of the nudged twin
@@ -36,6 +37,7 @@ def run(
     nudge: bool = False,
     progress: Progress | None = None,
     resume: bool = False,
+    threads: int | None = None,
 ) -> Result:
     """Run a case and return its result.
 
@@ -57,6 +59,9 @@ def run(
     resume
         Whether the run goes on from the state that an earlier run of the case saved before it was killed or
         interrupted. The result has the bits of a run that nothing has stopped.
+    threads
+        How many threads share out the steps of large bodies; None: as many as there are cores, or NUMBA_NUM_THREADS of
+        the environment. The bits do not depend on it.
 
     Returns
     -------
@@ -76,7 +81,8 @@ def run(
     expect_case("percuss.run", case, overrides=overrides)
     case = case.with_overrides(overrides) if overrides else case
     keeper = SavedState(case, compiled=compiled, resume=resume)
-    return _run(case, watch, compiled=compiled, nudge=nudge, progress=progress, keeper=keeper)
+    threads = most() if threads is None else threads
+    return _run(case, watch, compiled=compiled, nudge=nudge, progress=progress, keeper=keeper, threads=threads)
 
 
 def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None, critical_step: bool = False) -> Result:
@@ -117,9 +123,10 @@ def _run(
     repeats: int | None = 1,
     certify: verdict.Certify = verdict.verdict_alone,
     keeper: SavedState | None = None,
+    threads: int = 1,
 ) -> Result:
     model, criterion = verdict.settled(case)
-    march = March(recordable(model), compiled=compiled)
+    march = March(recordable(model), compiled=compiled, threads=threads)
     seconds = march.seconds
     seconds["build"] = watch.lap()
     certificate = certify(model, criterion)

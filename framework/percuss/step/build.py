@@ -12,11 +12,13 @@ import numpy as np
 from percuss.jit import (
     LOCK,
     Binder,
+    Bound,
     Compiled,
     Filled,
     Kernel,
     compile_error,
     compiler,
+    each,
     entry,
     jit_disabled,
     plain,
@@ -85,6 +87,8 @@ class Entrance:
 
 
 def _binder(filled: Slots, *, allocates: bool = False, checked: bool = False) -> Binder:
+    import numba
+
     from percuss.step import linked
 
     instructions: dict[Kernel, Any] = {
@@ -93,6 +97,7 @@ def _binder(filled: Slots, *, allocates: bool = False, checked: bool = False) ->
         slots.accelerations: linked.accelerations,
         slots.internal: linked.internal,
         cell_kernels.room: linked.room,
+        each: Bound(numba.prange, "prange"),
     }
     return Binder({**instructions, **dict(filled)}, allocates=allocates, checked=checked)
 

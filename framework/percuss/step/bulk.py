@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from percuss.jit import Kernel, called, reduction
+from percuss.jit import Kernel, called, each, reduction, shared
 from percuss.mesh.cell_kernels import Block, add_up_forces, energy_of_cells, energy_of_points
 from percuss.mesh.materials import MaterialPoints
-from percuss.mesh.stiffness_rows import SET_FORCES, StiffnessRows, each, energy_of_rows
+from percuss.mesh.stiffness_rows import SET_FORCES, StiffnessRows, energy_of_rows
 from percuss.methods.slots import energy, internal_force, unbound
 from percuss.record_arrays import Records
 
@@ -230,13 +230,14 @@ def energy_of_linear_solid(data: Bulk, b: int, u: Floats, v: Floats, dt: float) 
     return energy_of_rows(data.block.element, data.force, u[lo:hi], v[lo:hi], dt)
 
 
-def of_linear_solids(dim: int) -> dict[Kernel, Kernel]:
+def of_linear_solids(dim: int, *, threads: bool) -> dict[Kernel, Kernel]:
     """Return the slots of a linear solid, whose `Block.element` has the rows of its stiffness, and what fills them."""
-    return {
+    filled = {
         internal_force_of_cells: internal_force_of_rows,
         energy_of_body: energy_of_linear_solid,
         set_forces_of_rows: SET_FORCES[dim],
     }
+    return filled | (OF_THREADS[dim] if threads else {})
 
 
 # ---------------------------------------------------------------------------------------------------------- nodes
@@ -302,6 +303,12 @@ def add_momentum_of_nodes(data: Bulk, body: int, first: int, stop: int, v: Float
 
 # The slots of bodies on which loads act as a whole, and what fills them.
 OF_LOADED_BODIES: dict[Kernel, Kernel] = {move_nodes: move_loaded_nodes, add_momentum: add_momentum_of_nodes}
+
+
+# What large bodies are advanced by where there are several threads.
+OF_THREADS: dict[int, dict[Kernel, Kernel]] = {
+    dim: {set_forces_of_rows: shared(forces), update_line: shared(update_line)} for dim, forces in SET_FORCES.items()
+}
 
 
 class Masses(NamedTuple):
