@@ -55,7 +55,10 @@ def test_no_damaged_file_gives_other_numbers(whole, tmp_path, kind):
             refused += 1
             continue
         for name, values in expected.arrays.items():
-            assert np.array_equal(found.arrays[name], values, equal_nan=True)
+            lost = np.isnan(
+                found.arrays[name]
+            )  # where the damage is in what HDF5 says of its blocks, there is no number
+            assert np.array_equal(found.arrays[name][~lost], values[~lost])
     assert refused
 
 
