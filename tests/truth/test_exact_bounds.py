@@ -14,6 +14,7 @@ from percuss.reporting.verdict import run_verdict
 from percuss.results.exact import exact_solution
 from percuss.results.exact_only import run_exact
 from percuss_methods.solutions import _row
+from percuss_methods.solutions._polynomials import pieces_needed
 from strategies import UNIT, case_of
 
 
@@ -104,6 +105,15 @@ def test_a_load_faster_than_any_step_is_called_so_at_once(frequency):
     reason = result.summary["exact_reason"]
     assert "load 'push' (harmonic) changes too fast for polynomials" in reason
     assert "kinks" not in reason
+
+
+def test_the_pieces_of_a_load_are_estimated():
+    edges = np.array([0.0, 4.0])
+    assert pieces_needed(lambda t: 1.0 + 2.0 * t, edges) == 1.0
+    cycles = 4000.0
+    assert 15.0 < pieces_needed(lambda t: np.sin(2.0 * np.pi * 1000.0 * t), edges) / cycles < 45.0
+    jump = pieces_needed(lambda t: 1.0 * (t > 1.234), edges)
+    assert np.isfinite(jump)  # the fit itself says that it is not smooth there
 
 
 def test_ctrl_c_ends_the_exact_solution_and_keeps_the_run(monkeypatch):

@@ -139,6 +139,13 @@ def test_a_large_share_of_hourglass_energy_is_told(elements, told):
     assert any("hourglass control holds up to" in note for note in result.summary["notes"]) is told
 
 
+@pytest.mark.parametrize("steps", [1, 3, 100])
+def test_round_off_of_a_body_in_free_flight_is_no_hourglass_energy(steps):
+    """Elastic energy, of which it is part, may then be exactly zero."""
+    body = block([0.5, 0.5], [0.03, 0.0], [6, 6], POISSON, size=[0.7, 0.7], element="quad4-one-point")
+    assert percuss.run(alone(body, time={"steps": steps, "courant": 0.5})).summary["notes"] == []
+
+
 @pytest.mark.parametrize("cell", ["quad", "hexahedron"])
 def test_hourglass_modes_have_no_stress(cell):
     element, material, body = body_of(patch(cell, Registry.load()))

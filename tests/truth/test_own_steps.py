@@ -87,6 +87,21 @@ def test_bodies_alike_make_central_difference_to_the_last_bit():
     assert ours.summary["certificate"] == theirs.summary["certificate"]
 
 
+def test_the_elements_of_a_body_that_is_not_due_are_left_alone():
+    """They are made to give nan between two actions of their forces: nothing shows until the next one."""
+    march = March(model_of(percuss.load(two_bars(steps=40))))
+    march.compile()
+    march.advance(march.stepper.amplitudes(0, 11), 0, 11)
+    ((block, _, _),) = march.arrays.blocks
+    values = block.element[0]
+    values.flags.writeable = True
+    values[10:] = np.nan
+    march.advance(march.stepper.amplitudes(11, 9), 11, 9)
+    assert np.isfinite(march.v).all()
+    march.advance(march.stepper.amplitudes(20, 1), 20, 1)
+    assert np.isnan(march.v[11:]).all()
+
+
 @pytest.mark.parametrize("element", ["bar", pytest.param("green-bar", marks=pytest.mark.deep)])
 def test_the_ledger_closes_whatever_the_contact_does(element):
     case = three_bars("lagrange", on_unstable="warn", steps=4000)

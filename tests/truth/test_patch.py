@@ -297,3 +297,11 @@ def test_mortar_in_space_sees_the_nearer_of_two_layers():
     found = Mortar().points(plate(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 4)), Surface(*joined))
     assert found.weight.sum() == pytest.approx(1.0, rel=1e-12)
     assert found.weight @ found.gap == pytest.approx(0.2, rel=1e-12)
+
+
+def test_mortar_in_space_sees_the_near_side_of_a_closed_body_alone():
+    ball = {"ball": {"radius": 1.0, "elements": 8}, "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
+    bodies = {"a": {**ball, "at": [-1, 0, 0]}, "b": {**ball, "at": [1, 0, 0]}}
+    points = model_of(loaded(bodies, {"seam": {"between": ["a.skin", "b.skin"], "pairing": "mortar"}})).contact_points
+    assert points.gap.min() == 0.0
+    assert (points.normal[:, 0] > 0.0).all()

@@ -130,6 +130,19 @@ def test_balls_have_the_volume_of_their_polyhedron_and_no_slivers(cells):
     assert errors[1] / errors[0] == pytest.approx(0.25, abs=0.02)
 
 
+@pytest.mark.parametrize("grading", [4.0, 16.0, 1 / 16.0])
+def test_graded_balls_keep_the_sphere_and_the_shapes_of_cells(grading):
+    """At the lowest point lengths are grading^(1/2) times smaller, in all directions alike."""
+    graded, even = (model_of(alone({**ball(16, "hex8", grading=one), "at": [0, 0, 0]})).bodies["a"].mesh
+                    for one in (grading, 1.0))  # fmt: skip
+    skin = graded.nodes[list(graded.regions["skin"].nodes)]
+    assert np.linalg.norm(skin, axis=1) == pytest.approx(1.0, rel=1e-14)
+    lowest, cells = int(np.argmin(even.nodes[:, 2])), even.cells["hexahedron"]
+    near = np.setdiff1d(cells[(cells == lowest).any(axis=1)], [lowest])
+    found, before = (np.linalg.norm(one.nodes[near] - one.nodes[lowest], axis=1) for one in (graded, even))
+    assert found / before == pytest.approx(grading**-0.5, rel=0.25)
+
+
 @pytest.mark.parametrize(
     ("cells", "elements"),
     [pytest.param("hex8", 24, marks=pytest.mark.deep), pytest.param("tet4", 48, marks=pytest.mark.nightly)],

@@ -55,8 +55,7 @@ def doubts(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
         turn = turned_by(body, moved[body.start : body.stop]) if body.of_small_strains else 0.0
         yield from doubts_about(body, turn)
     if model.bodies.of_lines:
-        yield from _passed_ends(march, outcome, arrays)
-        yield from _slid_off(march, outcome, arrays) if outcome.done > 0 else ()
+        yield from _seen_of_bars(march, outcome, arrays)
     elif outcome.status != "unstable":
         sights = list(_sights(march, outcome))
         for body in model.bodies.values():
@@ -191,20 +190,25 @@ def expected_meetings(model: Model) -> Iterator[str]:
             )
 
 
-def _passed_ends(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
-    """Yield notes on bars that passed through each other without a contact."""
-    for end, other, gap, axis in _undeclared_pairs(march.model):
-        depth = -float((gap + _relative(march, outcome, arrays, end.node, other.node) @ axis).min(initial=0.0))
+def _seen_of_bars(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
+    """Yield notes on bars that passed through each other, and on contacts whose ends had slid off each other."""
+    model, points = march.model, march.model.contact_points
+    probes = {node: place for place, ((node, _), *_) in enumerate(probe_nodes(model))}
+    last = outcome.final_displacement.reshape(1, -1, march.dim)
+
+    def apart(first: int, second: int) -> Floats:
+        """Return how far two nodes moved apart, (T, dim): over the run where that is recorded, else at its end."""
+        recorded = first in probes and second in probes
+        moved, places = (arrays["displacement"], probes) if recorded else (last, {first: first, second: second})
+        return np.asarray(moved[:, places[second]] - moved[:, places[first]])
+
+    for end, other, gap, axis in _undeclared_pairs(model):
+        depth = -float((gap + apart(end.node, other.node) @ axis).min(initial=0.0))
         if depth > TOUCHING * end.body.shortest:
             yield f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}"
-
-
-def _slid_off(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
-    """Yield notes on contacts that pressed although their ends had slid off each other."""
-    model, points = march.model, march.model.contact_points
-    for p in np.flatnonzero(~points.at_wall).tolist() if model.dim > 1 else ():
+    for p in np.flatnonzero(~points.at_wall).tolist() if model.dim > 1 and outcome.done > 0 else ():
         normal, nodes = points.normal[p], points.nodes_of(p)
-        relative = _relative(march, outcome, arrays, *nodes)
+        relative = apart(*nodes)
         beside = np.linalg.norm(relative - np.outer(relative @ normal, normal), axis=1)
         pressing = arrays["contact_force"][-beside.size :, p] != 0.0
         # The faces are taken as squares: they have no point in common beyond half the sum of their sides.
@@ -215,16 +219,6 @@ def _slid_off(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
                 f"although its ends have slid off each other: they are {beside[off].max():.3g} apart sideways, and "
                 f"{width:.3g} wide; a contact of two ends knows only their distance along its normal"
             )
-
-
-def _relative(march: March, outcome: Outcome, arrays: Entries, first: int, second: int) -> Floats:
-    """Return how far two nodes moved apart, (T, dim): over the run where that is recorded of both, else at its end."""
-    probes = [node for (node, _), *_ in probe_nodes(march.model)]
-    if {first, second} <= set(probes):
-        one, other = (arrays["displacement"][:, probes.index(node)] for node in (first, second))
-    else:
-        one, other = outcome.final_displacement.reshape(-1, march.dim)[[[first], [second]]]
-    return np.asarray(other - one).reshape(-1, march.dim)
 
 
 # -- contacts of solids -----------------------------------------------------------------------------------------

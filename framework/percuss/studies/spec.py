@@ -158,6 +158,7 @@ class _StudyReader:
         return section
 
     def study(self) -> StudySpec:
+        """Return the study, with its cases, methods, points and columns."""
         section, cases = self.section, self.cases()
         registries = [case.registry for case in cases.values()] or [self.reader.registry]
         integrators, contacts = self.methods("integrators", registries), self.methods("contacts", registries)

@@ -296,6 +296,7 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
     """
 
     def check_convergence(drawn: tuple[float, float, float]) -> None:
+        """Fail if the impulse of an impact, by its drawn numbers, does not tend to the exact one."""
         errors: list[float] = []
         certify, courant = verdict.verdict_alone, COURANT
         for refine in MESHES:
@@ -340,6 +341,7 @@ def check_energy_never_grows(subject: Subject, partner: str) -> None:
     pairs = list(itertools.product(subject.examples, subject.partner_class(partner).examples))
 
     def check_growth(case: Data, options: Data, partner_options: Data) -> None:
+        """Fail if the energy of a case grows with the options of the method and of its partner."""
         full_case = subject.placed(case, options, {"name": partner, **partner_options})
         if getattr(subject.scheme_of(full_case), "own_steps", False):
             raise NotApplicable("its internal forces do not act in every step, so contact is not balanced in each")
