@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from percuss.certificate.assessment import MARGINAL_DISTANCE, Assessment, largest_step_below, signed_distance
-from percuss.certificate.closed_laws import closed_laws, delassus
+from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.oscillator import limit_ratio
 
 if TYPE_CHECKING:
@@ -49,16 +49,15 @@ class Bounds:
         self.model = model
         self._ratio = limit_ratio(model)
         self.free = 2.0 * self._ratio / model.bodies.omega
-        self._delassus = delassus(model)
 
     def _largest_sum(self, stiffness: Floats) -> float:
         """Return the largest sum of a row of ``|S| D`` [1/time^2]."""
-        return float((abs(self._delassus) @ stiffness).max(initial=0.0))
+        return float((abs(self.model.delassus) @ stiffness).max(initial=0.0))
 
     def _share(self, dt: float) -> tuple[float, str]:
         """Return the number below 1 where a step is known to be stable, or inf and why no step is known to be."""
         laws = closed_laws(self.model, dt)
-        doubt = "; ".join(laws.doubts) or (UNLIKE if laws.unlike(self._delassus, dt) else "")
+        doubt = "; ".join(laws.doubts) or (UNLIKE if laws.unlike(self.model.delassus, dt) else "")
         if doubt:
             return np.inf, doubt
         limit = 4.0 * (self._ratio / dt) ** 2
