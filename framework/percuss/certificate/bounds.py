@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from percuss.certificate.assessment import MARGINAL_DISTANCE, Assessment, largest_step_below, signed_distance
-from percuss.certificate.closed_laws import closed_laws, delassus
+from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.oscillator import limit_ratio
 
 if TYPE_CHECKING:
@@ -51,16 +51,15 @@ class Bounds:
         self.model = model
         self.ratio = limit_ratio(model)
         self.free = 2.0 * self.ratio / model.bodies.omega
-        self._delassus = delassus(model)
 
     def _largest_sum(self, stiffness: Floats) -> float:
         """Return the largest sum of a row of ``|S| D`` [1/time^2]."""
-        return float((abs(self._delassus) @ stiffness).max(initial=0.0))
+        return float((abs(self.model.delassus) @ stiffness).max(initial=0.0))
 
     def theta(self, dt: float) -> tuple[float, str]:
         """Return a bound of theta, 0 without contacts evaluated at the predicted gap; or inf, and why there is none."""
         laws = closed_laws(self.model, dt)
-        doubt = "; ".join(laws.doubts) or (UNLIKE if laws.unlike(self._delassus, dt) else "")
+        doubt = "; ".join(laws.doubts) or (UNLIKE if laws.unlike(self.model.delassus, dt) else "")
         if doubt:
             return np.inf, doubt
         predicted = laws.predicted & laws.pressing

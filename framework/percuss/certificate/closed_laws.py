@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -93,6 +94,8 @@ class ClosedLaws:
         dt
             Time step.
         """
+        if delassus.nnz == delassus.shape[0]:  # none share an end
+            return []
         pairs, pressing = delassus.tocoo(), self.pressing
         one, other = self.surplus[pairs.row], self.surplus[pairs.col]
         differ = np.abs(one - other) > ROUND_OFF * (np.maximum(np.abs(one), np.abs(other)) + dt * dt)
@@ -100,22 +103,29 @@ class ClosedLaws:
         return found
 
 
-def delassus(model: Model) -> Any:
-    """Return the Delassus operator S of the contacts of a stretch as a sparse array, (P, P)."""
-    return model.rows_at(0.5 * model.dt).matrix()
-
-
 def why_unlike(model: Model, laws: ClosedLaws | None = None) -> str:
     """Return which contacts that share an end differ in eps_m / eps_s; empty if none do.
 
     The closed contacts of its step, `laws`, are found unless they are given.
     """
-    unlike = (laws or closed_laws(model, model.dt)).unlike(delassus(model), model.dt)
+    unlike = (laws or closed_laws(model, model.dt)).unlike(model.delassus, model.dt)
     return UNALIKE.format(quoted(model.contact_points.names, unlike)) if unlike else ""
+
+
+# Those of the step of each model, which several criteria ask for.
+_AT_OWN_STEP: WeakKeyDictionary[Model, ClosedLaws] = WeakKeyDictionary()
 
 
 def closed_laws(model: Model, dt: float) -> ClosedLaws:
     """Return the closed contacts of a model, as its linear laws describe them for a step `dt`."""
+    if dt != model.dt:
+        return _closed_laws(model, dt)
+    if model not in _AT_OWN_STEP:
+        _AT_OWN_STEP[model] = _closed_laws(model, dt)
+    return _AT_OWN_STEP[model]
+
+
+def _closed_laws(model: Model, dt: float) -> ClosedLaws:
     count = len(model.contact_points)
     stiffness, inertia, compliance = np.zeros((3, count))
     predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)

@@ -25,7 +25,7 @@ from scipy.sparse.csgraph import connected_components
 
 from percuss.certificate.assessment import SMALLEST_NUMBER, Assessment, largest_step_below, signed_distance
 from percuss.certificate.black_box import LARGEST_DENSE_STATE, BlackBox
-from percuss.certificate.closed_laws import ROUND_OFF, UNALIKE, ClosedLaws, closed_laws, delassus, why_unlike
+from percuss.certificate.closed_laws import ROUND_OFF, UNALIKE, ClosedLaws, closed_laws, why_unlike
 from percuss.certificate.matrices import operator_of
 from percuss.certificate.operator import Operator, largest_eigenvalue, limiting_rows, submatrix
 from percuss.certificate.oscillator import limit_ratio
@@ -53,7 +53,7 @@ def linear_laws(model: Model) -> LinearLaws:
     small, alone = 2 * model.dim * model.bodies.mass.size <= LARGEST_DENSE_STATE, bool(model.why("black box"))
     return LinearLaws(
         operator_of(model),
-        delassus(model),
+        model.delassus,
         functools.partial(closed_laws, model),
         limit_ratio=limit_ratio(model),
         beyond=BlackBox(model) if short and small and not alone else None,
@@ -104,8 +104,10 @@ class LinearLaws:
         predicted = np.flatnonzero(laws.predicted & laws.pressing)
         if not predicted.size:
             return None, []
-        coupled = submatrix(self.delassus, predicted)
-        _, label = connected_components(coupled, directed=False)
+        coupled = self.delassus if predicted.size == laws.predicted.size else submatrix(self.delassus, predicted)
+        label = np.arange(predicted.size)
+        if coupled.nnz > predicted.size:
+            label = connected_components(coupled, directed=False)[1]
         s, stiffness, inertia = coupled.diagonal(), laws.stiffness[predicted], laws.inertia[predicted]
         thetas = dt**2 * (s * stiffness / (1.0 + s * inertia))
         for group in np.flatnonzero(np.bincount(label) > 1):

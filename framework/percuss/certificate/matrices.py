@@ -44,6 +44,8 @@ def operator_of(model: Model) -> Operator:
 
     Of a whole run, a drive that is off at any time counts as absent.
     """
+    if along_x(model):
+        return _of_bars_along_x(model)
     basis = free_motions(model, across=not model.bodies.of_lines)
     rows = model.contact_points.matrix(model.bodies.n_nodes)
     ties = rows[:, list(model.tied_points)] if model.tied_points and model.period == 1 else None
@@ -58,6 +60,32 @@ def operator_of(model: Model) -> Operator:
     inverse = _inverse_mass(model, basis, ties)
     stiffness, normals = csr_array(inverse @ stiffness @ inverse), csr_array(inverse @ normals)
     return Operator(stiffness, inverse, normals, basis).banded()
+
+
+def along_x(model: Model) -> bool:
+    """Return whether a model has bars in one dimension alone, whose nodes have masses of their own and are not tied."""
+    free = not model.tied_points and not model.facts.springs(model)
+    return free and model.dim == 1 and not model.bodies.couples_nodes and bool((model.bodies.mass > 0.0).all())
+
+
+def _of_bars_along_x(model: Model) -> Operator:
+    """Return the operator of bars along x: each node is held, or moves along x."""
+    free = np.ones(model.bodies.n_nodes, dtype=bool)
+    free[list(directions_at_nodes(held_throughout(model)))] = False
+    number, bodies = np.cumsum(free, dtype=np.int32) - 1, model.bodies.values()
+    entries = [body.axial_entries for body in bodies]
+    values = np.concatenate([leap**2 * one[0] for leap, one in zip(model.leaps, entries, strict=True)])
+    row, column = (
+        np.concatenate([body.start + one[k] for body, one in zip(bodies, entries, strict=True)]) for k in (1, 2)
+    )
+    kept, size, points = free[row] & free[column], int(free.sum()), model.contact_points
+    stiffness = csr_array((values[kept], (number[row[kept]], number[column[kept]])), shape=(size, size))
+    on = free[points.node]
+    rows = csr_array((points.value[on, 0], (number[points.node[on]], points.point[on])), shape=(size, len(points)))
+    each = np.arange(size + 1, dtype=np.int32)
+    mass = csr_array((model.bodies.mass[free], each[:-1], each), shape=(size, size))
+    motions = csr_array((np.ones(size), each[:-1], np.append(number - free, number[-1]) + 1), shape=(free.size, size))
+    return Operator(stiffness, mass, rows, motions)
 
 
 def _stiffness(model: Model) -> Any:

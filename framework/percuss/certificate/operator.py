@@ -227,10 +227,12 @@ def largest_eigenvalue(matrix: Any) -> float:
     A contact is coupled to those on the same bodies only, so that a suitable order of the contacts gives a large matrix
     few diagonals.
     """
-    matrix = csr_array(matrix)
     size = matrix.shape[0]
+    if not size:
+        return 0.0
+    matrix = csr_array(matrix)
     if size <= SMALL_MATRIX:
-        return float(np.linalg.eigvalsh(matrix.toarray())[-1]) if size else 0.0
+        return float(np.linalg.eigvalsh(matrix.toarray())[-1])
     last = (size - 1, size - 1)
     ordered = submatrix(matrix, reverse_cuthill_mckee(matrix, symmetric_mode=True))
     if _reach(ordered) > size // 8:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,7 @@ SHARE_OF_CRITICAL_STEP = 0.9
 # Relative tolerance of the option that is named as a cure, far below the digits that are printed.
 CURE_TOLERANCE = 1e-10
 NOT_SEARCHED = "only the black box can tell it, and a run does not search it; `percuss check` does"
+NOT_IN_STUDY = "a study searches it where a column asks for it or the step is unstable; `percuss check` does"
 LONGER = "longer steps may be stable where this one is not, or nothing is known of them"
 NOT_ASKED = "a run does not search it; `percuss check` does"
 NOT_FACTORED = f"a body of more than {MOST_FACTORED} nodes in three dimensions is not factored"
@@ -110,6 +111,8 @@ class Finding:
     theta: float | None = None
 
 
+# When the critical step of a run is searched, which nobody asks for in a study of many runs.
+Search = Literal["always", "without black box", "where unstable"]
 # The entries of a `Finding`, as the summary of a run has them.
 Certificate = Entries
 # What gives a run its certificate: `certificate`, or a function that asks for less.
@@ -194,7 +197,7 @@ def _with_step(case: Case) -> SettledRun:
 
 @one_blas_thread()
 @np.errstate(all="ignore")
-def certificate(model: Model, criterion: RunCriterion | None = None, *, with_critical_step: bool = True) -> Certificate:
+def certificate(model: Model, criterion: RunCriterion | None = None, *, search: Search = "always") -> Certificate:
     """Return the certificate of a run.
 
     Each stretch of the run with its own supports, drives and acting laws is assessed, and the worst of them decides.
@@ -205,16 +208,22 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
         The case as arrays.
     criterion
         The criterion of this run, if `settled` has searched the critical step already.
-    with_critical_step
-        Whether to search the critical step too where only the black box can tell it and `criterion` is None, which
-        takes many times as long as to examine the step of the run; without it that is not known.
+    search
+        When to search the critical step too, which is known otherwise only if `criterion` is given: always; where the
+        black box is not needed for it, which takes many times as long as to examine the step of the run; or where the
+        step of the run is unstable.
     """
-    return dataclasses.asdict(_finding(model, criterion, with_critical_step=with_critical_step))
+    return dataclasses.asdict(_finding(model, criterion, search))
 
 
 def verdict_alone(model: Model, criterion: RunCriterion | None = None) -> Certificate:
     """Return the certificate of a run, which searches no critical step that only the black box can tell."""
-    return certificate(model, criterion, with_critical_step=False)
+    return certificate(model, criterion, search="without black box")
+
+
+def verdict_in_study(model: Model, criterion: RunCriterion | None = None) -> Certificate:
+    """Return the certificate of a run of a study, which searches a critical step only where the step is unstable."""
+    return certificate(model, criterion, search="where unstable")
 
 
 def unasked(model: Model, criterion: RunCriterion | None = None) -> Certificate:  # noqa: ARG001
@@ -228,7 +237,7 @@ def _unknown(model: Model, laws: ClosedLaws, why: str, **known: Any) -> Finding:
     return dataclasses.replace(found, **known)
 
 
-def _finding(model: Model, criterion: RunCriterion | None, *, with_critical_step: bool) -> Finding:
+def _finding(model: Model, criterion: RunCriterion | None, search: Search) -> Finding:
     """Return what is found about a run, by the criterion that covers it."""
     laws = closed_laws(model, model.dt)
     large = too_large(model)
@@ -237,10 +246,12 @@ def _finding(model: Model, criterion: RunCriterion | None, *, with_critical_step
     elif why := model.bodies.why_not_linear or unknown_by_mass(model) or model.why("criterion"):
         found = _unknown(model, laws, why)
     else:
-        if criterion is None or (with_critical_step and criterion.kind is Lanczos):
-            criterion = criterion_of(model, quickly=not with_critical_step)
+        if criterion is None or (search == "always" and criterion.kind is Lanczos):
+            criterion = criterion_of(model, quickly=search != "always")
+        else:
+            search = "always"  # it has found the critical step already
         quick = criterion.kind in {Bounds, Lanczos}
-        found = _about_large_solids(criterion, laws) if quick else _about_linear_bodies(criterion, laws, with_critical_step)
+        found = _about_large_solids(criterion, laws) if quick else _about_linear_bodies(criterion, laws, search)
     if why := model.why("certificate"):
         why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found.why}"
         known = {name: getattr(found, name) for name in ("energy", "energy_why", "by", "stretch", "theta")}
@@ -278,14 +289,19 @@ def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
     return _unknown(model, laws, why, **known, stable="yes", energy=energy, energy_why=energy_why)
 
 
-def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, with_critical_step: bool) -> Finding:
+def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, search: Search) -> Finding:
     model, free, black_box = criterion.model, criterion.free, criterion.kind is BlackBox
     assessment = criterion.assess_step(model.dt)
     # Where nothing is certain about the step of the run nothing is about longer ones, and a search takes long.
-    searched = assessment.conclusive and (with_critical_step or not black_box)
-    critical, critical_why = (criterion.critical_step, LONGER) if searched else (np.nan, NOT_SEARCHED)
-    if assessment.conclusive and not searched and assessment.stable and model.dt > free * (1.0 - MARGINAL_DISTANCE):
-        critical = free
+    asked = search == "always" or not (black_box or (search == "where unstable" and assessment.stable))
+    searched = assessment.conclusive and asked
+    not_searched = NOT_SEARCHED if black_box else NOT_IN_STUDY
+    critical, critical_why = (criterion.critical_step, LONGER) if searched else (np.nan, not_searched)
+    if assessment.conclusive and not searched and assessment.stable:
+        if model.dt > free * (1.0 - MARGINAL_DISTANCE):
+            critical = free
+        elif not black_box and not criterion.assess_step(model.dt * (1.0 + MARGINAL_DISTANCE)).stable:
+            critical = model.dt
     if searched and np.isnan(critical) and black_box and model.period == 1:
         unsure: Answer = "no growth found" if assessment.stable else "unknown"
         assessment = dataclasses.replace(assessment, answer=unsure, doubt=NOT_LINEAR)

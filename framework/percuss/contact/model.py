@@ -163,6 +163,11 @@ class Model:
         return self.rows[self.active_constraints(midpoint)]
 
     @cached_property
+    def delassus(self) -> Any:
+        """The Delassus operator S of the first step, sparse, (P, P)."""
+        return self.rows_at(0.5 * self.dt).matrix()
+
+    @cached_property
     def largest_delassus(self) -> tuple[Floats, Floats]:
         """The largest diagonal entry of S over the run, and the largest sum of absolute values of a row, (P,) each."""
         rows = self.rows.values()

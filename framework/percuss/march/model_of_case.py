@@ -139,6 +139,9 @@ def stretches(model: Model) -> list[Stretch]:
     A stretch with the same constraints and laws as an earlier one is not listed again.
     """
     listed: dict[Any, Stretch] = {}
+    if _is_one_stretch(model):
+        whole = tuple(range(len(model.loads.constraints)))
+        return [Stretch(0.0, model.steps * model.dt, whole, (), model)]
     for first, last in model.segments():
         midpoint = (first + 0.5) * model.dt
         constraints, inactive = model.active_constraints(midpoint), model.inactive_points(midpoint)
@@ -149,3 +152,10 @@ def stretches(model: Model) -> list[Stretch]:
             alone = without_loads(model, model.dt, at_rest, inactive)
             listed[constraints, inactive] = Stretch(start, max(stop, start), constraints, inactive, alone)
     return list(listed.values())
+
+
+def _is_one_stretch(model: Model) -> bool:
+    """Return whether a model is that of its only stretch: it has supports at rest and laws that always act alone."""
+    acts = bool(model.loads.on_nodes or model.loads.body_forces or model.never_active)
+    always = all(one.load is None for one in model.loads.constraints)
+    return always and not acts and all(bound_law.during is None for bound_law in model.laws)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.mesh.cell_stiffness import assembled, rows_of_solid, stiffness_of_cells
+from percuss.mesh.cell_stiffness import entries_of, entries_of_cells, rows_of_solid, stiffness_of_cells
 from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of
 from percuss.mesh.eigenvalues import as_bands, highest_of_bands
 from percuss.mesh.surfaces import BodySurface, surface_of
@@ -19,6 +19,9 @@ from percuss.methods.plugin_calls import answer
 if TYPE_CHECKING:
     from percuss.case.specs import BodySpec
     from percuss.mesh.stiffness_rows import StiffnessRows
+
+
+TWO_NODES = np.array([[1.0, -1.0], [-1.0, 1.0]])  # stiffness of a two-node bar, over EA/h
 
 
 @dataclass(frozen=True)
@@ -267,10 +270,17 @@ class Body:
     @property
     def axial_stiffness(self) -> Any:
         """The stiffness along a bar with a linear material, sparse, (nodes, nodes) [force/length]; it is not kept."""
+        from scipy.sparse import csr_array
+
+        values, row, column = self.axial_entries
+        return csr_array((values, (row, column)), shape=(self.mass.size,) * 2)
+
+    @property
+    def axial_entries(self) -> tuple[Floats, Integers, Integers]:
+        """The entries of that stiffness, those at one place to be added up, with their rows and columns."""
         if self.of_cells:
-            return stiffness_of_cells(self.spec.element, self.spec.material, self.view)
-        matrices = self.stiffness[:, None, None] * np.array([[1.0, -1.0], [-1.0, 1.0]])
-        return assembled(matrices, cells_of(self.mesh), self.mass.size)
+            return entries_of_cells(self.spec.element, self.spec.material, self.view)
+        return entries_of(self.stiffness[:, None, None] * TWO_NODES, cells_of(self.mesh))
 
 
 def in_space(vectors: Floats) -> Floats:

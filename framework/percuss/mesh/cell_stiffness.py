@@ -60,20 +60,26 @@ def stiffness_of_cells(element: Element, material: Material, body: BodyMesh) -> 
 
     It is an (n, n) array with n = nodes * dim, of a bar n = nodes.
     """
-    cells, count = cells_of(body.mesh), len(body.mesh.nodes)
-    found = cell_stiffness(element, material, body)
-    ways = found.matrices.shape[1] // cells.shape[1]  # of the motion of a node
-    dofs = (cells[:, :, None] * ways + np.arange(ways)).reshape(len(cells), -1)
-    return assembled(found.matrices[found.kind], dofs, ways * count)
-
-
-def assembled(matrices: Floats, dofs: Integers, size: int) -> Any:
-    """Return the sum of matrices of cells, each at its degrees of freedom, as a sparse array of a size."""
     from scipy.sparse import csr_array
 
+    size = body.mesh.nodes.size if body.mesh.line is None else len(body.mesh.nodes)
+    values, row, column = entries_of_cells(element, material, body)
+    return csr_array((values, (row, column)), shape=(size, size))
+
+
+def entries_of_cells(element: Element, material: Material, body: BodyMesh) -> tuple[Floats, Integers, Integers]:
+    """Return the entries of the stiffness of a body, those at one place to be added up, with their rows and columns."""
+    cells, found = cells_of(body.mesh), cell_stiffness(element, material, body)
+    ways = found.matrices.shape[1] // cells.shape[1]  # of the motion of a node
+    dofs = (cells[:, :, None] * ways + np.arange(ways)).reshape(len(cells), -1)
+    return entries_of(found.matrices[found.kind], dofs)
+
+
+def entries_of(matrices: Floats, dofs: Integers) -> tuple[Floats, Integers, Integers]:
+    """Return the entries of matrices of cells, each at its degrees of freedom."""
     dofs = dofs.astype(np.int32)  # SciPy would copy wider numbers, which takes longer than all else
     row, column = (np.broadcast_to(d, matrices.shape).ravel() for d in (dofs[:, :, None], dofs[:, None, :]))
-    return csr_array((matrices.ravel(), (row, column)), shape=(size, size))
+    return matrices.ravel(), row, column
 
 
 def frequencies_of_cells(element: Element, material: Material, body: BodyMesh) -> Floats:

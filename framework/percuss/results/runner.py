@@ -97,9 +97,9 @@ def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None, cr
     repeats
         Number of marches; None: `REPEATS`, of which none begins after `REPEAT_SECONDS`.
     critical_step
-        Whether to search a critical step that only the black box can tell.
+        Whether to search the critical step of a stable run.
     """
-    certify = verdict.certificate if critical_step else verdict.verdict_alone
+    certify = verdict.certificate if critical_step else verdict.verdict_in_study
     return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, certify=certify)
 
 

@@ -116,7 +116,7 @@ class RowSettings:
     def run(self, case: Case) -> Result:
         """Return the result of a case, with a repeated march to measure its cost.
 
-        Where only the step can tell the critical step, it is not searched unless a column asks for it.
+        The critical step of a stable run is not searched unless a column asks for it.
         """
         asked = any(column.path in OF_CRITICAL_STEP for column in self.columns)
         return timed_run(case, nudge=self.nudge, repeats=self.repeats, critical_step=asked)
