@@ -73,7 +73,7 @@ merged = compiled_with(inline="always")
 
 def shared(function: AnyKernel) -> AnyKernel:
     """Return a copy of a function whose loop over `each` is shared out among threads in compiled code."""
-    copy = types.FunctionType(function.__code__, function.__globals__, function.__name__)  # type: ignore[attr-defined]
+    copy = types.FunctionType(function.__code__, function.__globals__, function.__name__)
     return cast("AnyKernel", compiled_with(forceinline=False, parallel=True)(copy))
 
 

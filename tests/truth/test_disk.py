@@ -249,7 +249,7 @@ class Brittle(SolidMaterial):
 
     name = "brittle"
     summary = "no stress beyond a strain"
-    linear = True
+    linear = False
     rho = 1.0
 
     def solid_parameters(self, plane):
@@ -262,6 +262,10 @@ class Brittle(SolidMaterial):
     def stress_2d(parameters, gradient):
         along, shear = gradient[0] if abs(gradient[0]) <= 0.01 else math.nan, 0.5 * (gradient[1] + gradient[2])
         return along, shear, shear, gradient[3]
+
+    @staticmethod
+    def stored_2d(parameters, gradient):
+        return 0.5 * (gradient[0] ** 2 + gradient[3] ** 2) + 0.25 * (gradient[1] + gradient[2]) ** 2
 
 
 def test_a_material_without_a_number_in_a_run_is_named():

@@ -76,7 +76,7 @@ ROOMS = (
 )
 GROUND = {
     *("blas", "cache", "digest", "errors", "files", "interrupt", "jit", "jsonable", "process"),
-    *("record_arrays", "version"),
+    *("record_arrays", "threads", "version"),
 }
 DOORS = {"percuss", "percuss.__main__"}
 # a result shows its picture in a notebook

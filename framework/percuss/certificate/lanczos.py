@@ -4,8 +4,9 @@ Closed contacts of laws at the current state add ``N D N^T`` to K, with ``D = (D
 set. Central difference is stable where the largest eigenvalue of ``M^-1 (K + N D N^T)`` is below ``4/dt^2``. The Ritz
 value of a Lanczos run is at most this eigenvalue, so that one above ``4/dt^2`` proves growth. From a random start it
 falls short of the eigenvalue by more than a share e, after k products, with a probability of at most
-``1.648 sqrt(n) exp(-sqrt(e) (2k - 1))``, n the number of motions [Kuczynski and Wozniakowski, SIAM J. Matrix Anal. Appl.
-13 (1992), doi:10.1137/0613066]. A step is called stable where that is below `CHANCE` for what is missing to ``4/dt^2``.
+``1.648 sqrt(n) exp(-sqrt(e) (2k - 1))``, n the number of motions [Kuczynski and Wozniakowski, SIAM Journal on Matrix
+Analysis and Applications 13 (1992), doi:10.1137/0613066]. A step is called stable where that is below `CHANCE` for what
+is missing to ``4/dt^2``.
 
 Laws evaluated at the predicted gap need ``theta <= 1`` besides, of which `percuss.certificate.bounds` has a bound.
 """
@@ -38,7 +39,7 @@ MARGIN = 0.01  # share of the eigenvalue by which the Ritz value may fall short,
 MOST_PRODUCTS = 10  # times those for `MARGIN` that are made for a step within it
 SEARCHED_TO = 1e-3  # relative, of the longest step
 NO_MORE_MOTIONS = 1e-14  # relative size of what is left of a motion where the start has no part in others
-TAKING_PART = 0.1  # of the largest force of a contact in a motion, from which on it is named
+TAKING_PART = (1.0, 0.5, 0.1, 0.01)  # of the largest force of a contact in a motion, above which it is named
 WITHIN = "it lies so near to the critical one that {} products do not tell them apart; `percuss check` does"
 THETA = "theta of contacts evaluated at the predicted gap may be above 1; `percuss check` tells it"
 
@@ -140,12 +141,16 @@ class Lanczos:
             self._found[key] = max(float(values[0]), 0.0), vectors[:, 0]
         return self._found[key]
 
-    def _takes_part(self, stiffness: Floats, count: int) -> list[int]:
-        """Return the contacts that push in the motion of the largest Ritz value."""
+    def _limiting(self, stiffness: Floats, count: int, limit: float) -> list[int]:
+        """Return the contacts that push most in the motion of the largest Ritz value and suffice for it to grow."""
         weights = self._highest(stiffness, count)[1]
         motion = sum(w * one for w, (one, *_) in zip(weights, self._motions(stiffness, len(weights)), strict=True))
         force = np.abs(stiffness * (self._rows.T @ (self._root * motion)))
-        return np.flatnonzero(force > TAKING_PART * force.max(initial=0.0)).tolist()
+        for share in TAKING_PART:
+            named = force > share * force.max(initial=0.0)
+            if self._highest(np.where(named, stiffness, 0.0), count)[0] > limit:
+                return np.flatnonzero(named).tolist()
+        return np.flatnonzero(stiffness).tolist()
 
     def _limit(self, dt: float) -> float:
         """Return the square of the frequency up to which oscillators are stable at a step [1/time^2]."""
@@ -168,7 +173,7 @@ class Lanczos:
         while True:
             value, _ = self._highest(harmful, count)
             if value > limit * (1.0 + MARGINAL_DISTANCE):
-                return Assessment("grows", self._takes_part(harmful, count))
+                return Assessment("grows", self._limiting(harmful, count, limit))
             missing = 1.0 - value / limit
             if missing > 0.0 and products_for(missing, size) <= count:
                 stable = theta < 1.0

@@ -44,8 +44,8 @@ LONGER = "longer steps may be stable where this one is not, or nothing is known 
 NOT_ASKED = "a run does not search it; `percuss check` does"
 NOT_FACTORED = f"a body of more than {MOST_FACTORED} nodes in three dimensions is not factored"
 BY_LANCZOS = (
-    f"the highest frequency with closed contacts that a Lanczos run finds leaves the step stable; it misses a higher one "
-    f"that does not with a probability below {CHANCE:g}"
+    "the highest frequency with closed contacts that a Lanczos run finds leaves the step stable; it misses a higher "
+    f"one that does not with a probability below {CHANCE:g}"
 )
 NOT_LINEAR = "the closed step is not linear at longer steps"
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or evaluate contact at the current gap"

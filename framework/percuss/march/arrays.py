@@ -206,7 +206,8 @@ class Arrays:
                 bulk.energy_of_body: bulk.energy_of_cell_body if cells else bulk.energy_of_row,
             }
             if isinstance(block.element, StiffnessRows):
-                filled = {**filled, **bulk.of_linear_solids(model.dim, threads=self.threads > 1 and block.element.node.size > FEW_PAIRS)}
+                shared = self.threads > 1 and block.element.node.size > FEW_PAIRS
+                filled = {**filled, **bulk.of_linear_solids(model.dim, threads=shared)}
             if model.loads.body_forces and not model.multistage:
                 filled = {**filled, **bulk.OF_LOADED_BODIES}
             name = f"element {element.name} with material {material.name}"

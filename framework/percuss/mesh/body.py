@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.mesh.cell_stiffness import entries_of, entries_of_cells, rows_of_solid, stiffness_of_cells
+from percuss.mesh.cell_stiffness import entries_of, entries_of_cells, rows_of_solid
 from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of
 from percuss.mesh.eigenvalues import as_bands, highest_of_bands
 from percuss.mesh.surfaces import BodySurface, surface_of

@@ -110,27 +110,37 @@ def add_pairs(
             for b in range(nodes):
                 j = cells[at[p], b]
                 if j != i and not edges[i] <= place[j] < found:
-                    q = found
-                    while q > edges[i] and node[q - 1] > j:
-                        node[q] = node[q - 1]
-                        place[node[q]] = q
-                        q -= 1
-                    node[q] = j
-                    place[j] = q
+                    sort_in(j, node, edges[i], found, place)
                     found += 1
         for p in range(first[i], first[i + 1]):
             e, a = at[p], 0
             while cells[e, a] != i:
                 a += 1
-            for b in range(nodes):
-                j = cells[e, b]
-                for c in range(dim):
-                    for d in range(dim):
-                        stiffness = matrices[kind[e], a * dim + c, b * dim + d]
-                        if j != i:
-                            pairs[place[j], c, d] -= stiffness
-                        if d == 0 and len(outward) > 0:
-                            outward[i, c] += stiffness
+            add_rows(matrices[kind[e], a * dim : (a + 1) * dim], cells[e], i, pairs, outward, place)
+
+
+def sort_in(j: int, node: Integers, first: int, count: int, place: Integers) -> None:
+    """Put node j among the neighbours from `first` to `count`, which rise, and keep where each of them is."""
+    q = count
+    while q > first and node[q - 1] > j:
+        node[q] = node[q - 1]
+        place[node[q]] = q
+        q -= 1
+    node[q] = j
+    place[j] = q
+
+
+def add_rows(rows: Floats, cell: Integers, i: int, pairs: Floats, outward: Floats, place: Integers) -> None:
+    """Add the rows of node i in the stiffness of a cell to its pairs."""
+    dim = pairs.shape[1]
+    for b in range(cell.size):
+        j = cell[b]
+        for c in range(dim):
+            if j != i:
+                for d in range(dim):
+                    pairs[place[j], c, d] -= rows[c, b * dim + d]
+            if len(outward) > 0:
+                outward[i, c] += rows[c, b * dim]
 
 
 # ------------------------------------------------------------------------------------------------------ kernels

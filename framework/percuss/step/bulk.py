@@ -232,7 +232,7 @@ def energy_of_linear_solid(data: Bulk, b: int, u: Floats, v: Floats, dt: float) 
 
 def of_linear_solids(dim: int, *, threads: bool) -> dict[Kernel, Kernel]:
     """Return the slots of a linear solid, whose `Block.element` has the rows of its stiffness, and what fills them."""
-    filled = {
+    filled: dict[Kernel, Kernel] = {
         internal_force_of_cells: internal_force_of_rows,
         energy_of_body: energy_of_linear_solid,
         set_forces_of_rows: SET_FORCES[dim],

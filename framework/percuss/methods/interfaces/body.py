@@ -323,7 +323,8 @@ class BodyMesh:
         if self.plane == "axisymmetric":  # where the distance from the axis tells cells apart, too
             relative[..., 0] = nodes[cells, 0]
         rounded = np.rint(relative.reshape(len(cells), -1) * (10.0**SAME_SHAPE / size)).astype(np.int64)
-        mixed = rounded.view(np.uint64) @ np.random.default_rng(0).integers(1 << 63, size=rounded.shape[1], dtype=np.uint64)
+        weights = np.random.default_rng(0).integers(1 << 63, size=rounded.shape[1], dtype=np.uint64)
+        mixed = rounded.view(np.uint64) @ weights  # one number of a kind
         _, first, kind = np.unique(mixed, return_index=True, return_inverse=True)
         if not np.array_equal(rounded[first][kind], rounded):  # two kinds were mixed to one number
             _, first, kind = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
