@@ -1,4 +1,4 @@
-"""The criterion of Lanczos runs against full matrices: no false yes, no false no, and nothing open but near the limit."""
+"""The criterion of Lanczos runs against full matrices: no false yes or no, and nothing open but near the limit."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ def test_no_yes_and_no_no_is_false_and_nothing_is_open_but_near_the_critical_ste
     try:
         model = model_of(case)
     except (InputError, RefusedPair):
-        assume(False)  # noqa: PT015 - a refused pair has no step
+        assume(False)
     assume(not doubts_of(model))
     assert not why_not_covered(model)
     quick, exact = RunCriterion(model, Lanczos), RunCriterion(model, linear_laws)

@@ -73,10 +73,10 @@ def signed_distance(*shares: float) -> float:
     return (largest - 1.0) / (largest + 1.0) if math.isfinite(largest) else 1.0
 
 
-def largest_step_below(excess: Callable[[float], float], free: float) -> float:
+def largest_step_below(excess: Callable[[float], float], free: float, tolerance: float = 1e-11) -> float:
     """Return the largest stable step, `free` where contact does not lower it; `excess` is that of `largest_step`."""
     just_below = free * (1.0 - 0.1 * MARGINAL_DISTANCE)
-    return free if excess(just_below) <= 0.0 else largest_step(excess, just_below)
+    return free if excess(just_below) <= 0.0 else largest_step(excess, just_below, tolerance)
 
 
 def largest_step(excess: Callable[[float], float], start: float, tolerance: float = 1e-11) -> float:

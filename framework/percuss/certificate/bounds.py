@@ -18,14 +18,17 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from percuss.certificate.assessment import MARGINAL_DISTANCE, Assessment, largest_step_below, signed_distance
-from percuss.certificate.closed_laws import closed_laws
+from percuss.certificate.closed_laws import ClosedLaws, closed_laws
 from percuss.certificate.oscillator import limit_ratio
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
-BOUND = "up to which the bounds of cells and closed contacts exclude growth"
+BOUND = "up to which the bounds of cells and of closed contacts, as stiff as in this run, exclude growth"
+SEARCHED_TO = 1e-6  # relative, of a step by bounds
 UNLIKE = "contacts that share nodes differ in eps_m / eps_s, so that they do not act on one another as equals"
 
 
@@ -56,9 +59,9 @@ class Bounds:
         """Return the largest sum of a row of ``|S| D`` [1/time^2]."""
         return float((abs(self.model.delassus) @ stiffness).max(initial=0.0))
 
-    def theta(self, dt: float) -> tuple[float, str]:
+    def theta(self, dt: float, laws: ClosedLaws | None = None) -> tuple[float, str]:
         """Return a bound of theta, 0 without contacts evaluated at the predicted gap; or inf, and why there is none."""
-        laws = closed_laws(self.model, dt)
+        laws = laws or closed_laws(self.model, dt)
         doubt = "; ".join(laws.doubts) or (UNLIKE if laws.unlike(self.model.delassus, dt) else "")
         if doubt:
             return np.inf, doubt
@@ -67,26 +70,36 @@ class Bounds:
         ratio = float(np.min(laws.inertia[predicted] / laws.stiffness[predicted], initial=np.inf))
         return (dt**2 * by_sums / (1.0 + ratio * by_sums) if by_sums else 0.0), ""
 
-    def _share(self, dt: float) -> tuple[float, str]:
+    def _share(self, dt: float, laws: ClosedLaws) -> tuple[float, str]:
         """Return the number below 1 where a step is known to be stable, or inf and why no step is known to be."""
-        theta, doubt = self.theta(dt)
+        theta, doubt = self.theta(dt, laws)
         if doubt:
             return np.inf, doubt
         limit = 4.0 * (self.ratio / dt) ** 2
-        stiffness, inertia = closed_laws(self.model, dt).at_current_state()
+        stiffness, inertia = laws.at_current_state()
         share = (self.model.bodies.omega**2 + self._largest_sum(np.maximum(stiffness - limit * inertia, 0.0))) / limit
         return max(share, theta), ""
 
     def assess_step(self, dt: float) -> Assessment:
         """Return the assessment of a step."""
-        share, doubt = self._share(dt)
+        share, doubt = self._share(dt, closed_laws(self.model, dt))
         if share < 1.0 - MARGINAL_DISTANCE:
             return Assessment("stable")
-        return Assessment("unknown", doubt=doubt or f"the step is not below {self.critical_step:.6g}, {BOUND}")
+        return Assessment("unknown", doubt=doubt or f"the step is not below {self.proven_step:.6g}, {BOUND}")
+
+    @cached_property
+    def proven_step(self) -> float:
+        """Largest step that is known to be stable with the laws as they are bound for the step of the run, or nan."""
+        laws = closed_laws(self.model, self.model.dt)
+        return self._largest(lambda dt: self._share(dt, laws))
 
     @cached_property
     def critical_step(self) -> float:
         """Largest step that is known to be stable, with laws bound anew for each step tried; nan where none is."""
-        if self._share(self.free)[1]:
+        return self._largest(lambda dt: self._share(dt, closed_laws(self.model, dt)))
+
+    def _largest(self, share_at: Callable[[float], tuple[float, str]]) -> float:
+        """Return the largest step with a share below 1, nan where none is known."""
+        if share_at(self.free)[1]:
             return np.nan
-        return largest_step_below(lambda dt: signed_distance(self._share(dt)[0]), self.free)
+        return largest_step_below(lambda dt: signed_distance(share_at(dt)[0]), self.free, SEARCHED_TO)

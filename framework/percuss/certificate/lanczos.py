@@ -16,17 +16,15 @@ from __future__ import annotations
 import dataclasses
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from percuss.certificate.assessment import MARGINAL_DISTANCE, Assessment, largest_step, signed_distance
+from percuss.certificate.assessment import MARGINAL_DISTANCE, Assessment, largest_step_below, signed_distance
 from percuss.certificate.bounds import Bounds
 from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.matrices import columns_at_nodes, held_throughout
-from percuss.jit import compiled_function
 from percuss.mesh.loads import directions_at_nodes
-from percuss.mesh.stiffness_rows import SET_FORCES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -83,24 +81,10 @@ class Lanczos:
         pairs = [(node, direction) for node, directions in held.items() for direction in directions]
         self._held = columns_at_nodes(model, [node for node, _ in pairs], [direction for _, direction in pairs])
 
-    @cached_property
-    def _stiffness(self) -> list[tuple[slice, Any]]:
-        """The degrees of freedom of each body, and its rows of differences or its matrix."""
-        found: list[tuple[slice, Any]] = []
-        for body in self.model.bodies.values():
-            place = slice(body.start * self.model.dim, body.stop * self.model.dim)
-            found.append((place, body.stiffness_matrix() if body.is_bar else body.stiffness_rows))
-        return found
-
     def _product(self, motion: Floats, stiffness: Floats) -> Floats:
         """Return ``M^-1/2 (K + N D N^T) M^-1/2`` times a motion that supports leave free."""
-        moved, forces = self._root * motion, np.empty(motion.size)
-        for place, rows in self._stiffness:
-            if isinstance(rows, tuple):
-                compiled_function(SET_FORCES[self.model.dim])(rows, moved[place], forces[place])
-                np.negative(forces[place], out=forces[place])
-            else:
-                forces[place] = rows @ moved[place]
+        moved = self._root * motion
+        forces = self.model.bodies.stiffness_times(moved)
         closed = np.flatnonzero(stiffness)
         if closed.size:
             forces += self._rows @ (stiffness * (self._rows.T @ moved))
@@ -200,4 +184,4 @@ class Lanczos:
             value, _ = self._highest(self._harmful(dt), products_for(MARGIN, self._root.size))
             return signed_distance(value / (1.0 - MARGIN) / self._limit(dt), self.bounds.theta(dt)[0])
 
-        return largest_step(excess, self.free, SEARCHED_TO)
+        return largest_step_below(excess, self.free * math.sqrt(1.0 - MARGIN), SEARCHED_TO)

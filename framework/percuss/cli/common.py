@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from percuss.case.case import Case
+    from percuss.contact.model import Model
     from percuss.jsonable import Entries
     from percuss.reporting.tables import Piece
 
@@ -47,6 +48,7 @@ Reference = Annotated[str, option("--reference refine=N", "Where no exact soluti
 AsJson = Annotated[bool, option("--json", "Print one JSON object; the rest goes to standard error.")]
 
 
+LONG = 10.0  # seconds from which on it is told beforehand how long something takes
 FIRST_LINE, LINES_EVERY = 10.0, 30.0  # seconds until the first line of progress, and between two lines
 PACE = 600.0  # seconds over which the pace of the work is taken
 
@@ -224,6 +226,15 @@ def _bar(unit: str, total: int) -> Progress:
 def tell(text: str) -> None:
     """Print a message on standard error, in which texts of files and plug-ins cannot steer a terminal."""
     print(printable(text), file=sys.stderr, flush=True)
+
+
+def tell_if_long(model: Model) -> None:
+    """Tell beforehand that the search of the critical step of a run takes long, and which command needs none."""
+    from percuss.certificate.criteria import seconds_to_search
+
+    if (seconds := seconds_to_search(model)) > LONG:
+        nodes = f"of {model.bodies.n_nodes} nodes"
+        tell(f"The search of the critical step {nodes} takes about {duration(seconds)}; `percuss run` needs none.")
 
 
 def print_json(data: Entries, file: TextIO | None = None) -> None:

@@ -104,6 +104,14 @@ class Bodies(dict[str, Body]):
         """Whether all bodies are along lines."""
         return all(body.is_bar for body in self.values())
 
+    def stiffness_times(self, motion: Floats) -> Floats:
+        """Return the forces that hold a motion about rest, K u, (nodes * dim,)."""
+        forces = np.empty(motion.size)
+        for body in self.values():
+            place = slice(body.start * self.dim, body.stop * self.dim)
+            body.hold(motion[place], forces[place])
+        return forces
+
     def at(self, node: int) -> Body:
         """Return the body that contains a node."""
         return self._in_order[bisect.bisect_right(self._starts, node) - 1]

@@ -12,6 +12,7 @@ import numpy as np
 from percuss.mesh.cell_stiffness import entries_of, entries_of_cells, rows_of_solid
 from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of
 from percuss.mesh.eigenvalues import as_bands, highest_of_bands
+from percuss.mesh.stiffness_rows import compiled_forces
 from percuss.mesh.surfaces import BodySurface, surface_of
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, LoadedEnd, Mesh, SolidMaterial
 from percuss.methods.plugin_calls import answer
@@ -222,6 +223,18 @@ class Body:
             return self.stiffness_rows.matrix().tocsr()
         along = np.outer(self.mesh.direction, self.mesh.direction)
         return self.axial_stiffness if along.size == 1 else kron(self.axial_stiffness, along)
+
+    def hold(self, motion: Floats, forces: Floats) -> None:
+        """Set the forces that hold a motion about rest, of a bar along it with a linear material, (nodes * dim,)."""
+        if self.is_bar:
+            forces[:] = self._kept_matrix @ motion
+        else:
+            compiled_forces(self.mesh.nodes.shape[1])(self.stiffness_rows, motion, forces)
+            np.negative(forces, out=forces)
+
+    @cached_property
+    def _kept_matrix(self) -> Any:
+        return self.stiffness_matrix()
 
     @property
     def highest_frequency(self) -> float:

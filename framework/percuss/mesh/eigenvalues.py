@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from percuss.methods.interfaces import Floats
 
 BRACKET = 2.0  # factor between two trials for a bracket of the highest eigenvalue
+FEW = 20  # rows up to which a matrix is made by products
 RITZ_TOLERANCE = 1e-9  # of the largest residual over the Ritz value, whose own error is of second order
 
 
@@ -67,6 +70,21 @@ def highest_of_bands(stiffness: Floats, mass: Floats) -> float:
         if not low < middle < high:
             return high
         low, high = (low, middle) if definite(middle) else (middle, high)
+
+
+def highest_value(product: Callable[[Floats], Floats], size: int, tolerance: float = RITZ_TOLERANCE) -> float:
+    """Return the largest eigenvalue of a symmetric matrix of which only products are known.
+
+    The `tolerance` is that of the residual over the Ritz value, whose own error is smaller.
+    """
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    if size <= FEW:
+        matrix = np.column_stack([product(unit) for unit in np.eye(size)])
+        return float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[-1])
+    search: Any = {"k": 1, "which": "LA", "tol": tolerance, "return_eigenvectors": False}
+    search |= {"v0": np.random.default_rng(0).standard_normal(size), **without_chance(eigsh)}
+    return float(eigsh(LinearOperator((size, size), product, dtype=float), **search)[0])
 
 
 def highest_ritz_value(stiffness: Any, mass: Any) -> float:

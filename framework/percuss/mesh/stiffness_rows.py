@@ -7,6 +7,7 @@ without a diagonal. A body that has moved by many times its size keeps the digit
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -199,6 +200,12 @@ def set_forces_in_space(rows: StiffnessRows, u: Floats, force: Floats) -> None:
 
 
 SET_FORCES: dict[int, Kernel] = {2: set_forces_in_plane, 3: set_forces_in_space}
+
+
+@functools.cache
+def compiled_forces(dim: int) -> Any:
+    """Return the compiled kernel of `SET_FORCES`."""
+    return compiled_function(SET_FORCES[dim])
 
 
 @called

@@ -24,7 +24,7 @@ from percuss.methods.interfaces import Component, ContactLaw
 from percuss.reporting.component import Explanation, docs, filled
 from percuss.reporting.tables import duration
 from percuss.reporting.verdict import check_verdict
-from percuss.results.doubts import doubts_about, expected_meetings
+from percuss.results.doubts import doubts_about, expected_meetings, slow_step
 from percuss.results.exact import engine_for
 
 if TYPE_CHECKING:
@@ -65,7 +65,13 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
         "measured": _measured_energy(model, verdict["energy"]),
         "exact": {"name": name, "why": why_not_exact},
         "methods": {f"{component.family}/{component.name}": _method(component) for component in used},
-        "notes": [*case.notes, *unlike_sides(case, model.bodies), *verdict["ignores"], *expected_meetings(model)],
+        "notes": [
+            *case.notes,
+            *unlike_sides(case, model.bodies),
+            *verdict["ignores"],
+            *expected_meetings(model),
+            *slow_step(model, verdict),
+        ],
     }
     words = {
         "model": model,

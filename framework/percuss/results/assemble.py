@@ -18,7 +18,7 @@ from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.march.stop import Stop, likely_cause
 from percuss.methods.interfaces import Exact, Floats
 from percuss.results import ledger, true_error
-from percuss.results.doubts import doubts
+from percuss.results.doubts import doubts, slow_step
 from percuss.results.exact import ROUND_OFF, exact_solution
 from percuss.results.fields import fields_of, in_parts
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
@@ -88,6 +88,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         *unlike_sides(model.case, model.bodies),
         *_warnings(march, outcome, certificate, energy),
         *doubts(march, outcome, arrays),
+        *slow_step(model, certificate),
         *ledger.growth_notes(march, outcome, growth),
         *ledger.hourglass_notes(arrays, march.noise),
     ]

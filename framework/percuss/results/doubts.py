@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.case.quantities import percent
+from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP
 from percuss.contact.pairs import walls_of
 from percuss.contact.points import TOUCHING
 from percuss.march.recording import probe_nodes
@@ -26,11 +27,13 @@ from percuss.methods.interfaces.nearest import EVEN
 
 if TYPE_CHECKING:
     from percuss.contact.model import Model
-    from percuss.jsonable import Entries
+    from percuss.jsonable import Data, Entries
     from percuss.march.march import March, Outcome
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats, Surface
 
+FEWER_STEPS = 0.7  # of those of the run, from which on a longer step is worth a word
+SAME_FOR_ALL_CELLS = 1.2  # Courant number of the critical step up to which its cells are much alike
 MOST_TURNED = 0.05  # rad, which stretches a body of small strains by 0.12 %
 NEARLY_INCOMPRESSIBLE = 3.79  # modulus of longitudinal waves over Young's at a Poisson's ratio of .45
 SLENDER = 5.0  # length over thickness of a body that is expected to bend
@@ -67,6 +70,19 @@ def doubts(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
 
 
 # -- meshes and motions of solids -------------------------------------------------------------------------------
+
+
+def slow_step(model: Model, certificate: Data) -> Iterator[str]:
+    """Yield that a far longer step would be stable, where one fast cell of a solid sets the Courant number."""
+    critical, free = certificate["dt_critical"], certificate["dt_critical_free"]
+    longest, alone = (free, " without contact") if critical is None else (critical, "")
+    if certificate["stable"] != "yes" or not longest or model.bodies.of_lines or model.multistage:
+        return
+    fast_cell = longest * model.bodies.omega > 2.0 * SAME_FOR_ALL_CELLS
+    if fast_cell and model.dt < FEWER_STEPS * SHARE_OF_CRITICAL_STEP * longest:
+        of_it = f"{model.courant:.3g} is {model.dt / longest:.3g} of the longest stable step{alone}"
+        auto = f"`courant: auto` takes {percent(SHARE_OF_CRITICAL_STEP)} of that"
+        yield f"one fast cell sets the Courant number: {of_it}, and {auto}"
 
 
 def doubts_about(body: Body, turn: float) -> Iterator[str]:

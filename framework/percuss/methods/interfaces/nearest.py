@@ -11,6 +11,7 @@ EVEN = 1e-8  # of the size of a facet: places whose distances differ by less are
 FEW = 10_000  # pairs of a point and a facet that are all tried, as that takes less time than a search
 FIRST_TRIED = 8  # facets whose middles are nearest to a point
 NEWTON, FARTHEST = 12, 3.0  # steps of the search for a place, and how far from the middle of a facet it may go
+FOUND = 1e-12  # step after which a place is found, as each step squares the distance to it
 
 
 def nearest_places(at: Floats, corners: Floats) -> tuple[Integers, Floats]:
@@ -88,21 +89,24 @@ def _inside(at: Floats, corners: Floats) -> Floats:
 
     Newton's method for quadrilaterals, with the curvature of the facet; of triangles its first step is exact.
     """
-    width = corners.shape[1]
+    width, left = corners.shape[1], np.arange(len(at))
     cell, place = REFERENCE_CELLS["triangle" if width == 3 else "quad"], np.zeros((len(at), 2))
     for _ in range(1 if width == 3 else NEWTON):
-        shares, slopes = cell.shape_functions(place)
-        tangents = np.einsum("pai,pad->pid", slopes, corners)
-        apart = at - np.einsum("pa,pad->pd", shares, corners)
-        matrix = np.einsum("pid,pjd->pij", tangents, tangents)
+        shares, slopes = cell.shape_functions(place[left])
+        tangents = np.swapaxes(slopes, 1, 2) @ corners[left]
+        apart = at[left] - np.einsum("pa,pad->pd", shares, corners[left])
+        matrix = tangents @ np.swapaxes(tangents, 1, 2)
         if width == 4:
-            twist = 0.25 * np.einsum("a,pad->pd", cell.corners.prod(axis=1), corners)
+            twist = 0.25 * np.einsum("a,pad->pd", cell.corners.prod(axis=1), corners[left])
             matrix[:, [0, 1], [1, 0]] -= np.einsum("pd,pd->p", apart, twist)[:, None]
         right = np.einsum("pid,pd->pi", tangents, apart)
         sound = np.abs(np.linalg.det(matrix)) > 1e-12 * np.trace(matrix, axis1=1, axis2=2) ** 2
         matrix[~sound] = np.eye(2)
         step = np.where(sound[:, None], np.linalg.solve(matrix, right[..., None])[..., 0], 0.0)
-        place = np.clip(place + step, -FARTHEST, FARTHEST)
+        found = np.clip(place[left] + step, -FARTHEST, FARTHEST)
+        moves = np.abs(found - place[left]).max(axis=1) > FOUND
+        place[left] = found
+        left = left[moves]
     shares, _ = cell.shape_functions(place)
     outside = np.abs(place).max(axis=1) > 1.0 if width == 4 else np.zeros(len(at), dtype=bool)
     shares[outside, 0] = -1.0
