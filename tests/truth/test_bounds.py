@@ -65,7 +65,7 @@ def test_contacts_that_differ_in_inertia_are_not_proved_stable():
 @pytest.mark.parametrize("contact", ["lagrange", "regularised-lagrange", SOFT])
 def test_a_large_body_has_the_verdict_and_the_energy_of_a_small_one(monkeypatch, contact):
     small = certificate(model_of(boxes(contact, dim=3)))
-    monkeypatch.setattr("percuss.certificate.criteria.MOST_FACTORED", 20)
+    monkeypatch.setattr("percuss.mesh.size_limits.MOST_FACTORED", 20)
     large = certificate(model_of(boxes(contact, dim=3)))
     assert (large["stable"], large["energy"], large["by"]) == ("yes", small["energy"], "bounds")
     assert large["dt_proven"] < small["dt_critical"]
@@ -78,7 +78,7 @@ def test_a_large_body_has_the_verdict_and_the_energy_of_a_small_one(monkeypatch,
 
 def test_of_a_large_body_a_motion_that_grows_is_found_and_what_is_known_is_said(monkeypatch):
     small = certificate(model_of(boxes(STIFF, CENTRAL, dim=3, courant=0.97)))
-    monkeypatch.setattr("percuss.certificate.criteria.MOST_FACTORED", 20)
+    monkeypatch.setattr("percuss.mesh.size_limits.MOST_FACTORED", 20)
     above = certificate(model_of(boxes(STIFF, CENTRAL, dim=3, courant=0.97)))
     assert (above["stable"], above["worst"]) == ("no", ["floor"])  # which suffices at this step
     assert {"floor"} < set(small["worst"])  # at the critical one the tip belongs to it

@@ -1,4 +1,4 @@
-"""Rows of differences against the stiffness that is added up from cells, and the digits of a body that has moved far."""
+"""Rows of differences against the stiffness added up from cells, and the digits of a body that has moved far."""
 
 import numpy as np
 import pytest

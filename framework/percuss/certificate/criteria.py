@@ -17,7 +17,7 @@ from percuss.certificate.bounds import Bounds
 from percuss.certificate.lanczos import Lanczos, why_not_covered
 from percuss.certificate.linear_laws import LinearLaws, doubts_of, linear_laws
 from percuss.march.model_of_case import stretches
-from percuss.mesh.size_limits import MOST_FACTORED
+from percuss.mesh.size_limits import why_not_factored
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -131,9 +131,10 @@ def takes_long(model: Model) -> bool:
     return not model.bodies.of_lines and model.bodies.mass_of_dofs.size > MOST_CHEAP
 
 
-def too_large(model: Model) -> bool:
-    """Return whether a body is too large to be factored, which would take minutes and much memory."""
-    return model.dim == 3 and any(body.mass.size > MOST_FACTORED for body in model.bodies.values())
+def too_large(model: Model) -> str:
+    """Return why the solids of a model are not factored; empty if they are, or if there are none."""
+    solids = [body.mass.size for body in model.bodies.values() if not body.is_bar]
+    return why_not_factored(solids, model.dim) if solids else ""
 
 
 def seconds_to_search(model: Model) -> float:

@@ -27,7 +27,6 @@ from percuss.contact.model import Model
 from percuss.errors import InputError, refuse_if_any
 from percuss.jsonable import Entries
 from percuss.march.model_of_case import model_of, with_laws, with_step
-from percuss.mesh.size_limits import MOST_FACTORED
 from percuss.mesh.stresses import tangent_as_declared
 
 if TYPE_CHECKING:
@@ -44,7 +43,6 @@ NOT_IN_STUDY = "a study searches it where a column asks for it or the step is un
 LONGER = "longer steps may be stable where this one is not, or nothing is known of them"
 LONG_RUN = 20  # times the products of a Lanczos run, which then costs little beside the march
 NOT_ASKED = "a run does not search it; `percuss check` does"
-NOT_FACTORED = f"a body of more than {MOST_FACTORED} nodes in three dimensions is not factored"
 BY_LANCZOS = (
     "the highest frequency with closed contacts that a Lanczos run finds leaves the step stable; it misses a higher "
     f"one that does not with a probability below {CHANCE:g}"
@@ -267,7 +265,7 @@ def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
     model, dt = criterion.model, criterion.model.dt
     assessment = criterion.assess_step(dt)
     by, proven = assessment.by or criterion.by, criterion.proven_step
-    known: dict[str, Any] = {"by": by, "dt_critical_why": NOT_ASKED if not too_large(model) else NOT_FACTORED}
+    known: dict[str, Any] = {"by": by, "dt_critical_why": too_large(model) or NOT_ASKED}
     if not np.isnan(proven):
         known |= {"dt_proven": proven, "dt_proven_why": BOUND}
     if model.steps > LONG_RUN * products_for(MARGIN, model.bodies.mass_of_dofs.size) and criterion.kind is Lanczos:

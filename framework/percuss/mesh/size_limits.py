@@ -25,11 +25,10 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Mesh
 
 BYTES_PER_NODE = 400  # of bars, for the certificate and the run together, for each node and dimension
-BYTES_PER_SOLID_NODE = 12_000  # of bodies in two dimensions, roughly; most are factors of the certificate
-# In three dimensions the factors fill up, the more the larger the body is: n nodes take this many bytes times n^(5/3).
-BYTES_IN_SPACE = 330
-# A larger body in three dimensions is not factored: that takes minutes. Its run alone takes so many bytes a node.
-MOST_FACTORED, BYTES_OF_RUN = 20_000, 10_000
+BYTES_PER_SOLID_NODE = {2: 2_000, 3: 10_000}  # of the run of bodies in two and in three dimensions, at most
+# Factors for the critical step of solids: those of n nodes take these bytes times n to a power, by dimension.
+BYTES_OF_FACTORS = {2: (12_000.0, 1.0), 3: (330.0, 5.0 / 3.0)}
+MOST_FACTORED = 20_000  # nodes of a body in three dimensions; of more, factors take minutes
 OUT_OF_PLANE = (0.0, 0.0, 1.0)
 BOUNDS = f"{SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}"
 ALWAYS_FITS = 2.0**26  # bytes for which no machine is asked how much memory it has
@@ -61,12 +60,17 @@ def why_too_large(size: float) -> str:
 
 
 def bytes_of_nodes(count: float, dim: int, *, of_bar: bool) -> float:
-    """Return the memory [bytes] that certificate and run take for `count` nodes of a body."""
-    if of_bar:
-        return count * BYTES_PER_NODE * dim
-    if dim == 2:
-        return count * BYTES_PER_SOLID_NODE
-    return count * BYTES_OF_RUN if count > MOST_FACTORED else BYTES_IN_SPACE * count ** (5.0 / 3.0)
+    """Return the memory [bytes] that a run takes for `count` nodes of a body."""
+    return count * BYTES_PER_NODE * dim if of_bar else count * BYTES_PER_SOLID_NODE[dim]
+
+
+def why_not_factored(counts: Sequence[int], dim: int) -> str:
+    """Return why solids of these numbers of nodes are not factored: it takes minutes, or too much memory."""
+    if dim == 3 and max(counts) > MOST_FACTORED:
+        return f"a body of more than {MOST_FACTORED} nodes in three dimensions is not factored"
+    scale, power = BYTES_OF_FACTORS[dim]
+    too_much = why_too_large(sum(scale * count**power for count in counts))
+    return f"its factors {too_much}" if too_much else ""
 
 
 def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
