@@ -76,39 +76,49 @@ class Lanczos:
         self.bounds = Bounds(model)
         self._found: dict[tuple[int, bytes], tuple[float, Floats]] = {}
         self._root = 1.0 / np.sqrt(model.bodies.mass_of_dofs)
-        self._rows = model.contact_points.matrix(model.bodies.n_nodes).tocsr()
+        self._moved = np.empty(self._root.size)
+        rows = model.contact_points.matrix(model.bodies.n_nodes).tocoo()
+        self._touched = np.unique(rows.row)  # by contacts
+        self._rows = rows.tocsr()[self._touched]
+        self._across = self._rows.T.tocsr()
         held = directions_at_nodes(held_throughout(model))
         pairs = [(node, direction) for node, directions in held.items() for direction in directions]
         self._held = columns_at_nodes(model, [node for node, _ in pairs], [direction for _, direction in pairs])
 
-    def _product(self, motion: Floats, stiffness: Floats) -> Floats:
-        """Return ``M^-1/2 (K + N D N^T) M^-1/2`` times a motion that supports leave free."""
-        moved = self._root * motion
-        forces = self.model.bodies.stiffness_times(moved)
-        closed = np.flatnonzero(stiffness)
-        if closed.size:
-            forces += self._rows @ (stiffness * (self._rows.T @ moved))
-        return self._free(self._root * forces)
+    def _set_product(self, motion: Floats, stiffness: Floats, out: Floats) -> None:
+        """Set `out` to ``M^-1/2 (K + N D N^T) M^-1/2`` times a motion that supports leave free."""
+        moved = np.multiply(self._root, motion, out=self._moved)
+        self.model.bodies.stiffness_times(moved, out)
+        if stiffness.any():
+            out[self._touched] += self._rows @ (stiffness * (self._across @ moved[self._touched]))
+        out *= self._root
+        self._release(out)
 
-    def _free(self, motion: Floats) -> Floats:
-        """Return what supports leave of a motion."""
+    def _release(self, motion: Floats) -> None:
+        """Take away what supports hold of a motion."""
         if self._held.shape[1]:
-            motion = motion - self._held @ (self._held.T @ motion)
-        return motion
+            motion -= self._held @ (self._held.T @ motion)
 
     def _motions(self, stiffness: Floats, count: int) -> Iterator[tuple[Floats, float, float]]:
-        """Yield the motions of a Lanczos run, each with the entries of its matrix on the diagonal and beside it."""
-        start = self._free(np.random.default_rng(0).standard_normal(self._root.size))
-        last, now, beside = np.zeros(start.size), start / np.linalg.norm(start), 0.0
+        """Yield the motions of a Lanczos run, each with the entries of its matrix on the diagonal and beside it.
+
+        A motion holds until the next is asked for.
+        """
+        now = np.random.default_rng(0).standard_normal(self._root.size)
+        self._release(now)
+        now /= np.linalg.norm(now)
+        last, ahead, work, beside = np.zeros(now.size), np.empty(now.size), np.empty(now.size), 0.0
         for _ in range(count):
-            ahead = self._product(now, stiffness)
+            self._set_product(now, stiffness, ahead)
             along = float(now @ ahead)
-            ahead -= along * now + beside * last
+            ahead -= np.multiply(now, along, out=work)
+            ahead -= np.multiply(last, beside, out=work)
             beside = float(np.linalg.norm(ahead))
             yield now, along, beside
             if beside <= NO_MORE_MOTIONS * abs(along):
                 return
-            last, now = now, ahead / beside
+            ahead /= beside
+            last, now, ahead = now, ahead, last
 
     def _highest(self, stiffness: Floats, count: int) -> tuple[float, Floats]:
         """Return the largest Ritz value of `count` products [1/time^2], and the weights of the motions in its motion.
@@ -129,7 +139,7 @@ class Lanczos:
         """Return the contacts that push most in the motion of the largest Ritz value and suffice for it to grow."""
         weights = self._highest(stiffness, count)[1]
         motion = sum(w * one for w, (one, *_) in zip(weights, self._motions(stiffness, len(weights)), strict=True))
-        force = np.abs(stiffness * (self._rows.T @ (self._root * motion)))
+        force = np.abs(stiffness * (self._across @ (self._root * motion)[self._touched]))
         for share in TAKING_PART:
             named = force > share * force.max(initial=0.0)
             if self._highest(np.where(named, stiffness, 0.0), count)[0] > limit:

@@ -104,9 +104,9 @@ class Bodies(dict[str, Body]):
         """Whether all bodies are along lines."""
         return all(body.is_bar for body in self.values())
 
-    def stiffness_times(self, motion: Floats) -> Floats:
-        """Return the forces that hold a motion about rest, K u, (nodes * dim,)."""
-        forces = np.empty(motion.size)
+    def stiffness_times(self, motion: Floats, out: Floats | None = None) -> Floats:
+        """Return the forces that hold a motion about rest, K u, (nodes * dim,), in `out` where that is given."""
+        forces = np.empty(motion.size) if out is None else out
         for body in self.values():
             place = slice(body.start * self.dim, body.stop * self.dim)
             body.hold(motion[place], forces[place])
