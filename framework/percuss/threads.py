@@ -8,11 +8,16 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+from percuss.errors import wrong_input
 
 NO_LAYER = "numba has no threads here that several threads of Python may use: install OpenMP (libgomp) or tbb"
 FORKED = "a forked process has one thread"
+
+TRIAL = 16  # part of the steps by which threads are compared with one
 
 _FORKED = threading.Event()
 if hasattr(os, "register_at_fork"):
@@ -32,27 +37,64 @@ def why_one() -> str:
         numba.get_num_threads()
     except ValueError:
         return NO_LAYER
-    return ""
+    # Others have launched them before, by the setting of numba that they had.
+    return NO_LAYER if numba.threading_layer() == "workqueue" else ""
 
 
 def most() -> int:
     """Return how many threads there may be: NUMBA_NUM_THREADS of the environment, or as many as there are cores."""
-    import numba
-
+    try:
+        import numba
+    except ValueError:
+        found = os.environ.get("NUMBA_NUM_THREADS")
+        raise wrong_input("NUMBA_NUM_THREADS", f"expected a number of at least 1, found {found}") from None
     return int(numba.config.NUMBA_NUM_THREADS)
+
+
+def number_of_threads(given: int | None) -> int:
+    """Return how many threads a run is given, as many as there may be if nobody says; refuse fewer than 1 and more."""
+    there = most()
+    if given is None or (type(given) is int and 1 <= given <= there):
+        return given or there
+    advice = "There are as many as cores, or as NUMBA_NUM_THREADS of the environment says."
+    raise wrong_input("--threads", f"expected a whole number from 1 to {there}, found {given!r}", advice)
 
 
 @contextmanager
 def limited_to(count: int) -> Iterator[None]:
-    """Share out the loops of this thread of Python among `count` threads inside this context, where there are more."""
+    """Share out the loops of this thread of Python among `count` threads inside this context."""
     import numba
 
-    if count < 2:
-        yield
-        return
     before = numba.get_num_threads()
-    numba.set_num_threads(min(count, most()))
+    numba.set_num_threads(count)
     try:
         yield
     finally:
         numba.set_num_threads(before)
+
+
+def made_faster(count: int, threads: int, advance: Callable[[int, int], int]) -> int:
+    """Make steps by some threads or by one, whichever is faster; return how many were made before one failed.
+
+    Threads wait for each other in each step: where another program holds a core, one thread alone is often faster. So
+    some of the steps are made by all of them, some by one, and the rest by those that took less time.
+
+    Parameters
+    ----------
+    count
+        Number of steps.
+    threads
+        How many threads there are.
+    advance
+        Makes the steps from a first number up to another, and returns how many it made before one failed.
+    """
+    trial, done, seconds = count // TRIAL, 0, dict[int, float]()
+    for number in (threads, 1) if trial else ():
+        began = time.perf_counter()
+        with limited_to(number):
+            made = advance(done, done + trial)
+        done, seconds[number] = done + made, time.perf_counter() - began
+        if made < trial:
+            return done
+    with limited_to(min(seconds, key=lambda number: seconds[number], default=threads)):
+        return done + advance(done, count)

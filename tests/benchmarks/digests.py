@@ -50,7 +50,7 @@ INTEGRATORS = ["central-difference", "wu-predictor-corrector", "noh-bathe"]
 CONTACTS = ["penalty", "bipenalty", "lagrange", "tied"]
 CRITERIA = ("linear-laws", "black-box")
 RECORDED_AS = {"linear-laws": "pencil"}  # what records of earlier versions call a criterion
-TIMES = {"seconds", "provenance", "machine", "compiled_why", "hint"}
+TIMES = {"seconds", "provenance", "machine", "compiled_why", "threads", "hint"}
 PLAIN_STEPS = 25
 QUICK_CASE = "hunek"
 

@@ -36,6 +36,7 @@ def run(
     reference: common.Reference = "",
     row: Annotated[str, option("--row KEY", "CASE is the file of a study: make its row with this key.")] = "",
     resume: Annotated[bool, option("--resume", "Go on from the state that a killed run has saved.")] = False,
+    threads: Annotated[int | None, option("--threads N", "Number of threads; by default one a core.")] = None,
     as_json: common.AsJson = False,
 ) -> None:
     """Run a case; print, save and draw its result."""
@@ -51,8 +52,9 @@ def run(
             from percuss.reporting import animation
 
             animation.check_animation(animate)
-        if exact_only and (tied or resume):
-            both = f"expected {'--tied' if tied else '--resume'} or --exact-only, found both"
+        others = {"--tied": tied, "--resume": resume, "--threads": threads is not None}
+        if exact_only and any(others.values()):
+            both = f"expected {next(filter(others.get, others))} or --exact-only, found both"
             advice = "An exact solution has no interface to tie." if tied else "An exact solution makes no steps."
             raise InputError([Problem("percuss run", "", both, advice)])
         loaded = common.load_case(case, set_, plugin, partial(_of_row, row) if row else None, reference)
@@ -68,7 +70,7 @@ def run(
             common.print_notes(loaded)
         for path in filter(None, (out, plot, animate)):
             expect_writable(path, loaded.inputs)
-        result, failure = _outcome(loaded, exact_only=exact_only, nudge=nudge, resume=resume)
+        result, failure = _outcome(loaded, exact_only=exact_only, nudge=nudge, resume=resume, threads=threads)
         if result.status != "unstable" or result.summary["steps"]:  # a run that was not started has nothing to show
             answer.write(out, result.save, out)
             answer.write(plot, result.plot, plot)
@@ -97,7 +99,9 @@ def _of_row(row: str, file: Path, overrides: Data, plugins: list[Path]) -> Case:
     return rows.case(rows.key(row)).with_overrides(overrides)
 
 
-def _outcome(case: Case, *, exact_only: bool, nudge: bool, resume: bool) -> tuple[Result, RunError | None]:
+def _outcome(
+    case: Case, *, exact_only: bool, nudge: bool, resume: bool, threads: int | None
+) -> tuple[Result, RunError | None]:
     """Return the result of a case or its exact solution, and the error that stopped the run, if one did."""
     from percuss.results.runner import run as run_case
 
@@ -105,7 +109,7 @@ def _outcome(case: Case, *, exact_only: bool, nudge: bool, resume: bool) -> tupl
     with common.progress_bar() as progress, of_exact as show, heard_by(lambda share: show(int(100 * share), 100)):
         try:
             if not exact_only:
-                return run_case(case, nudge=nudge, progress=progress, resume=resume), None
+                return run_case(case, nudge=nudge, progress=progress, resume=resume, threads=threads), None
             from percuss.results.exact_only import run_exact
 
             return run_exact(case), None

@@ -21,6 +21,7 @@ from percuss.step.actions import BULK, INTERNAL_FORCES, INTERNAL_FORCES_ASIDE, K
 from percuss.step.law_kernels import kernel_laws
 from percuss.step.part import Part, Setting
 from percuss.step.records import BOUNDARY_DOF, CONSTRAINT, NODAL_FORCE, NOW, SHARE, TOTAL, Loads, Step
+from percuss.threads import why_one
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Array, BodyMesh, Floats
 
 
-FEW_PAIRS = 100_000  # pairs of nodes of a body, up to which it takes longer to wake threads than they win
+# Numbers in the rows of stiffness of a body, up to which it takes longer to wake threads than they win.
+FEW_NUMBERS = 200_000
 
 
 class Arrays:
@@ -40,7 +42,7 @@ class Arrays:
     model
         The model of the run.
     threads
-        How many threads share out the loops over large bodies.
+        How many threads may share out the loops over large bodies.
 
     Attributes
     ----------
@@ -62,6 +64,10 @@ class Arrays:
         What its step does.
     uniform
         Whether all bodies are advanced as bars of equal elements.
+    threads
+        How many threads share out the loops over large bodies; 1 where there are no such bodies.
+    why_one
+        Why it is one although there are such bodies and more threads were asked for; else empty.
     """
 
     step: Step
@@ -70,7 +76,7 @@ class Arrays:
     uniform: bool
 
     def __init__(self, model: Model, threads: int = 1) -> None:
-        self.model, self.threads = model, threads
+        self.model = model
         self.order, self.law_records = model.law_records()
         self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
         self.variables = StateVariables.of(model, self.kernel_laws)
@@ -79,6 +85,10 @@ class Arrays:
         self.recorded = recorded_elements(model)
         self.record, self.time = empty_record(model, self.place)
         self.blocks = list(_blocks(model, self.variables))
+        # A process in which threads have been launched may not fork: small runs launch none.
+        shared = threads > 1 and any(_is_large(block) for block, _, _ in self.blocks)
+        self.why_one = why_one() if shared else ""
+        self.threads = threads if shared and not self.why_one else 1
 
     def begin(self, momenta: Floats) -> None:
         """Make what the first stretch works on, with the momenta of the bodies half a step before t = 0."""
@@ -206,7 +216,7 @@ class Arrays:
                 bulk.energy_of_body: bulk.energy_of_cell_body if cells else bulk.energy_of_row,
             }
             if isinstance(block.element, StiffnessRows):
-                shared = self.threads > 1 and block.element.node.size > FEW_PAIRS
+                shared = self.threads > 1 and _is_large(block)
                 filled = {**filled, **bulk.of_linear_solids(model.dim, threads=shared)}
             if model.loads.body_forces and not model.multistage:
                 filled = {**filled, **bulk.OF_LOADED_BODIES}
@@ -260,6 +270,10 @@ def _places(model: Model) -> dict[int, int]:
     probed = [node for nodes in probe_nodes(model) for node, _ in nodes]
     nodes = dict.fromkeys([*contact_nodes, *acted_nodes, *beside, *probed])
     return {node: k * model.dim for k, node in enumerate(nodes)}
+
+
+def _is_large(block: Block) -> bool:
+    return isinstance(block.element, StiffnessRows) and block.element.pairs.size > FEW_NUMBERS
 
 
 def _blocks(model: Model, variables: StateVariables) -> Iterator[tuple[Block, Any, Any]]:

@@ -29,7 +29,7 @@ from percuss.step.account import NOISE
 from percuss.step.build import Kernels, compile_actions, kernels, why_not_compiled
 from percuss.step.equation import SWEEPS
 from percuss.step.record import OF_CONTACTS, OF_PROBES, Record
-from percuss.threads import limited_to, why_one
+from percuss.threads import made_faster
 
 if TYPE_CHECKING:
     from percuss.contact.model import Model
@@ -94,6 +94,13 @@ class Outcome:
     stop: Stop | None = None
 
 
+def rows_of(amplitudes: Any, start: int, stop: int) -> Any:
+    """Return the amplitudes of loads in some of the steps; those of stages are several arrays."""
+    if isinstance(amplitudes, tuple):
+        return type(amplitudes)(*(array[start:stop] for array in amplitudes))
+    return amplitudes[start:stop]
+
+
 class March:
     """The time integration of one run of a model.
 
@@ -113,7 +120,7 @@ class March:
         self.dim = model.dim
         self._beginning: list[bytes] = []
         self.kernels = kernels(compiled=compiled)
-        self.threads = threads if threads > 1 and self.kernels.compiled and not why_one() else 1
+        self.threads = threads if self.kernels.compiled else 1
         self.arrays = Arrays(model, self.threads)
         self._is_compiled = False
         self._begin()
@@ -220,7 +227,7 @@ class March:
         totals["floor"] = self.noise if self.model.case.time.on_unstable == "stop" else np.inf
         outcome.kinetic_before = energy_before
         # Plain Python would warn of overflow and invalid values; the checks after each chunk report them.
-        with np.errstate(all="ignore"), limited_to(self.threads):
+        with np.errstate(all="ignore"):
             self._march(outcome, progress, interrupted or threading.Event(), keeper)
             self._add_reactions()
             outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()
@@ -370,7 +377,14 @@ class March:
         count
             Number of steps.
         """
-        return self.stepper.advance(amplitudes, self.arrays.record, first, count)
+        stepper, record, threads = self.stepper, self.arrays.record, self.arrays.threads
+        if threads == 1:
+            return stepper.advance(amplitudes, record, first, count)
+
+        def part(start: int, stop: int) -> int:
+            return stepper.advance(rows_of(amplitudes, start, stop), record, first + start, stop - start)
+
+        return made_faster(count, threads, part)
 
     def compile(self) -> None:
         """Compile the kernels; run all of them as plain Python where one cannot be compiled."""

@@ -55,10 +55,12 @@ def result_lines(result: Result) -> Iterator[Piece]:
     yield (result.title or "untitled case", "bold"), f": {result.status}"
     if result.marched:
         dt = in_unit(summary["dt"], 6, "time", result.units)
+        threads = f"{summary['threads']} threads, " if summary.get("threads", 1) > 1 else ""
         yield (
             f"{result.provenance['resolved']['integrator']}, "
             f"{summary['steps']} steps of {dt} (Courant number {summary['courant']:.4g}), "
-            f"{'compiled' if summary['compiled'] else 'plain Python'}, marched in {summary['seconds']['march']:.3g} s"
+            f"{'compiled' if summary['compiled'] else 'plain Python'}, {threads}marched in "
+            f"{summary['seconds']['march']:.3g} s"
         )
     else:
         yield result.solution_name

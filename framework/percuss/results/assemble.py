@@ -111,6 +111,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         **true_errors,
         "compiled": outcome.kernels.compiled,
         "compiled_why": list(outcome.kernels.reasons),
+        "threads": march.arrays.threads if outcome.kernels.compiled else 1,
         "notes": notes,
         "seconds": outcome.seconds,
     }
@@ -134,6 +135,8 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of a body may grow with time, with no bound")
     warnings += ignored_couplings(march.model)
+    if march.arrays.why_one:
+        warnings.append(f"one thread made the steps of large solids: {march.arrays.why_one}")
     name = march.model.case.method.integrator.name
     if march.arrays.record.every > 1 and march.model.contact_points:
         warnings.append("true errors of the contact force need `record.every: 1`")
@@ -177,7 +180,7 @@ def _true_errors(march: March, outcome: Outcome, arrays: Entries) -> tuple[Exact
         if reason and model.case.reference is not None and outcome.status != "interrupted":
             from percuss.results.reference import finer_runs
 
-            finer = finer_runs(model)
+            finer = finer_runs(model, march.threads)
             if isinstance(finer, str):
                 reason = f"{reason}; {finer}"
             else:

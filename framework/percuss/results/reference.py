@@ -166,29 +166,32 @@ def case_of(case: Case, end: float, *, second: bool = False) -> Case:
 _kept: dict[object, FinerRun] = {}
 
 
-def finer_runs(model: Model) -> list[FinerRun] | str:
-    """Return the finer run that judges a run of a model, and the second if its case has one; or why there is none."""
+def finer_runs(model: Model, threads: int) -> list[FinerRun] | str:
+    """Return the finer run that judges a run of a model, and the second if its case has one; or why there is none.
+
+    As many threads share out their steps, where their bodies are large.
+    """
     case, chosen = model.case, model.case.reference
     if chosen is not None and case.refine >= chosen.refine:
         return f"the finer run (refine {chosen.refine:g}) is not finer than this run (refine {case.refine:g})"
     end = case.time.known_end or model.steps * model.dt
     seconds = (False, True) if chosen is not None and chosen.second is not None else (False,)
     try:
-        return [_kept_or_made(case_of(case, end, second=second)) for second in seconds]
+        return [_kept_or_made(case_of(case, end, second=second), threads) for second in seconds]
     except PercussError as error:
         return f"the finer run that would judge it was not made: {error}"
 
 
-def _kept_or_made(finer: Case) -> FinerRun:
+def _kept_or_made(finer: Case, threads: int) -> FinerRun:
     """Return the finer run of its case, which is kept for other runs of the case that it judges."""
     key = flow(as_lists(finer.data)), tuple(finer.data_files.items()), id(finer.registry)
-    found = _kept[key] = _kept.get(key) or _march(finer)
+    found = _kept[key] = _kept.get(key) or _march(finer, threads)
     while len(_kept) > MOST_KEPT:
         del _kept[next(iter(_kept))]
     return found
 
 
-def _march(case: Case) -> FinerRun:
+def _march(case: Case, threads: int) -> FinerRun:
     """Return the finer run of its case.
 
     Raises
@@ -201,7 +204,7 @@ def _march(case: Case) -> FinerRun:
         certificate = verdict.verdict_alone(model, criterion)
         if certificate["stable"] == "no":
             raise PercussError(f"it is unstable: {certificate['why']}")
-        march = March(recordable(model))
+        march = March(recordable(model), threads=threads)
         march.compile()
         outcome = march.run(marginal=certificate["stable"] == "marginal", interrupted=interrupted)
     if interrupted.is_set():  # also in its last steps

@@ -17,8 +17,9 @@ from percuss.results.provenance import case_inside
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run
 
-# Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
-_NOT_COMPARED = {"seconds", "notes", "compiled_why"}
+# Entries of a summary in which two runs of one case may differ: times and threads, and sentences about the way to the
+# case.
+_NOT_COMPARED = {"seconds", "threads", "notes", "compiled_why"}
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from percuss.results.assemble import result_of
 from percuss.results.result import Result
 from percuss.results.saved_state import SavedState
 from percuss.results.summary import StopSummary
-from percuss.threads import most
+from percuss.threads import number_of_threads
 
 REPEATS, REPEAT_SECONDS = 3, 0.3  # marches of a timed run, and seconds after which no other begins
 NUDGE_OF_AREA = 1e-12  # relative, of the nudged twin
@@ -60,8 +60,8 @@ def run(
         Whether the run goes on from the state that an earlier run of the case saved before it was killed or
         interrupted. The result has the bits of a run that nothing has stopped.
     threads
-        How many threads share out the steps of large bodies; None: as many as there are cores, or NUMBA_NUM_THREADS of
-        the environment. The bits do not depend on it.
+        How many threads share out the steps of large solids; None: as many as there are cores, or as NUMBA_NUM_THREADS
+        of the environment says. The bits do not depend on it.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def run(
     Raises
     ------
     InputError
-        If the case or an override is wrong, or there is no state from which the run can go on.
+        If the case or an override is wrong, there are not so many threads, or no state from which the run can go on.
     RefusedPair
         If the integrator and a contact law make no sense together.
     RunError
@@ -80,8 +80,7 @@ def run(
     watch = Stopwatch()
     expect_case("percuss.run", case, overrides=overrides)
     case = case.with_overrides(overrides) if overrides else case
-    keeper = SavedState(case, compiled=compiled, resume=resume)
-    threads = most() if threads is None else threads
+    threads, keeper = number_of_threads(threads), SavedState(case, compiled=compiled, resume=resume)
     return _run(case, watch, compiled=compiled, nudge=nudge, progress=progress, keeper=keeper, threads=threads)
 
 
@@ -150,7 +149,7 @@ def _run(
         result = result_of(march, outcome, certificate)
     if nudge and outcome.status == "done":
         try:
-            twin = run(nudged(case, model.courant), compiled=compiled)
+            twin = run(nudged(case, model.courant), compiled=compiled, threads=threads)
         except RunError as error:  # the twin is unstable although the run is not
             twin = error.result
         if twin.status == "interrupted":

@@ -199,5 +199,6 @@ class Summary(ExactEntries):
     energy_growth: GrowthSummary
     compiled: bool
     compiled_why: list[str]
+    threads: int
     notes: list[str]
     seconds: dict[str, float]

@@ -260,11 +260,7 @@ def move_loaded_nodes(data: Bulk, force: Floats, first: int, u: Floats, v: Float
     if alike:
         update_line(data.inverse_mass[first:stop], force, u[first:stop], v[first:stop], data.acceleration[0], dt)
     else:
-        for i in range(force.size // dim):
-            for d in range(dim):
-                j = first + i * dim + d
-                v[j] += dt * (data.inverse_mass[j] * force[i * dim + d] + data.acceleration[d])
-                u[j] += dt * v[j]
+        update_nodes(data.inverse_mass[first:stop], force, u[first:stop], v[first:stop], data.acceleration, dt)
 
 
 def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, acceleration: float, dt: float) -> None:
@@ -272,6 +268,16 @@ def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, accel
     for i in each(u.size):
         v[i] += dt * (inverse_mass[i] * force[i] + acceleration)
         u[i] += dt * v[i]
+
+
+def update_nodes(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, acceleration: Floats, dt: float) -> None:
+    """Advance nodes whose degrees of freedom have accelerations of their own."""
+    dim = acceleration.size
+    for i in each(u.size // dim):
+        for d in range(dim):
+            j = i * dim + d
+            v[j] += dt * (inverse_mass[j] * force[j] + acceleration[d])
+            u[j] += dt * v[j]
 
 
 @reduction
@@ -307,7 +313,8 @@ OF_LOADED_BODIES: dict[Kernel, Kernel] = {move_nodes: move_loaded_nodes, add_mom
 
 # What large bodies are advanced by where there are several threads.
 OF_THREADS: dict[int, dict[Kernel, Kernel]] = {
-    dim: {set_forces_of_rows: shared(forces), update_line: shared(update_line)} for dim, forces in SET_FORCES.items()
+    dim: {set_forces_of_rows: shared(forces), update_line: shared(update_line), update_nodes: shared(update_nodes)}
+    for dim, forces in SET_FORCES.items()
 }
 
 

@@ -98,7 +98,7 @@ def label_of(integrator: str, contact: str, varied: Data) -> str:
     return " ".join([f"{integrator} + {contact}", *values])
 
 
-def perform(case: Case, task: Task, make: Callable[[Case], Result] = run) -> Run:
+def perform(case: Case, task: Task, make: Callable[[Case], Result] | None = None) -> Run:
     """Return the run of a task with its outcome.
 
     Parameters
@@ -108,13 +108,14 @@ def perform(case: Case, task: Task, make: Callable[[Case], Result] = run) -> Run
     task
         Task of the run.
     make
-        Function that runs a case; in a study one that measures its cost.
+        Function that runs a case, as that of a study, which measures the cost; None: `percuss.run` with one thread.
     """
     names = task.integrator, task.contact, task.varied
     try:
         with plugin_faults():
             changed = task.changed(case)
-            result = make(tied_twin(changed) if task.tied else changed)
+            changed = tied_twin(changed) if task.tied else changed
+            result = make(changed) if make is not None else run(changed, threads=1)
     except RefusedPair as error:
         return Run(*names, "refused", error.reason, error.said_by)
     except RunError as error:
