@@ -18,10 +18,11 @@ import places
 from command_line import percuss_command
 from percuss.certificate import verdict
 from percuss.errors import PercussError
-from percuss.march import march
+from percuss.march import arrays, march
 from percuss.methods.registry import Registry
 from percuss.results import runner, saved_state
 from percuss.results.saved_state import SavedState
+from percuss.threads import most
 from strategies import hunek
 
 
@@ -79,19 +80,19 @@ def content(result):
     """Return all that a result holds but for times and the clock."""
     if isinstance(result, str):
         return result
-    summary = {name: value for name, value in result.summary.items() if name != "seconds"}
+    summary = {name: value for name, value in result.summary.items() if name not in {"seconds", "threads"}}
     provenance = {name: value for name, value in result.provenance.items() if name != "time"}
     arrays = {name: values.tobytes() for name, values in result.arrays.items()}
     fields = {name: np.asarray(values).tobytes() for name, values in result.field_arrays.items()}
     return json.dumps([summary, provenance], default=str), arrays, fields
 
 
-def killed(case, chunks):
+def killed(case, chunks, **how):
     """Return whether a run was killed after so many chunks, before it ended."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         kill_after(monkeypatch, chunks)
         try:
-            outcome(case)
+            outcome(case, **how)
         except Killed:
             return True
     return False
@@ -114,9 +115,10 @@ def solid(size, cells, **more):
     return {"percuss": 1, "bodies": bodies, "contacts": contacts, "time": time_of_run, "record": {"fields": 5}, **more}
 
 
+PUSH = {"ramp": {"value": 1e-3, "duration": 1.0}, "on": "left.left", "direction": [1.0, 0.0]}
 SOLIDS = {
-    "quad4": solid([1.0, 1.0], "quad4", loads={"push": {"ramp": {"value": 1e-3, "duration": 1.0}, "on": "left.left"}}),
-    "tri3 by Gauss points": solid([1.0, 1.0], "tri3", method={"pairing": "gauss-points"}),
+    "quad4": solid([1.0, 1.0], "quad4", loads={"push": PUSH}),
+    "tri3 by Gauss points": solid([1.0, 1.0], "tri3", method={"pairing": "gauss-points", "contact": "penalty"}),
     "hex8": solid([1.0, 1.0, 1.0], "hex8", method={"contact": "hunt-crossley"}),
     "tet4 in stages": solid([1.0, 1.0, 1.0], "tet4", method={"integrator": "noh-bathe", "contact": "penalty"}),
 }
@@ -128,7 +130,18 @@ SOLIDS = {
 )
 def test_a_killed_run_goes_on_bit_for_bit(name):
     case = SOLIDS[name] if name in SOLIDS else runs()[name].case
+    assert outcome(case).status == "done"
     assert not any(differs(case, chunks) for chunks in (1, 4))
+
+
+@pytest.mark.skipif(most() < 2, reason="one core")
+@pytest.mark.parametrize(("before", "after"), [(1, 2), (2, 1)])
+def test_a_killed_run_goes_on_with_other_threads(monkeypatch, before, after):
+    monkeypatch.setattr(arrays, "FEW_NUMBERS", 0)
+    assert killed(SOLIDS["quad4"], 3, threads=before)
+    resumed = outcome(SOLIDS["quad4"], resume=True, threads=after)
+    assert resumed.summary["threads"] == after
+    assert content(resumed) == content(outcome(SOLIDS["quad4"], threads=before))
 
 
 @pytest.mark.deep

@@ -1,5 +1,6 @@
-"""Several threads at once, in a process that has compiled nothing yet: the same numbers as one after the other."""
+"""Threads that share out the steps of large solids, and several threads of Python: the same numbers as one."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -9,6 +10,9 @@ import pytest
 
 import percuss
 import places
+import shared_out
+from percuss import threads
+from percuss.march import arrays
 from strategies import hunek
 
 LAWS = places.SUPPORT / "bodies" / "laws.py"
@@ -49,3 +53,86 @@ def test_runs_in_threads_of_a_cold_process(tmp_path):
         assert compiled
         assert peak == pytest.approx(float(expected.arrays["contact_force"].max()), rel=1e-11)
         assert march < 1.0  # no other thread's compiling is in it
+
+
+# ------------------------------------------------------------------------ loops that are shared out among threads
+
+
+def in_process(*arguments, before="", most=3):
+    """Return what `shared_out` tells in a process of its own that may have so many threads."""
+    environment = {**os.environ, "NUMBA_NUM_THREADS": str(most), "PYTHONPATH": os.pathsep.join(sys.path)}
+    file = places.SUPPORT / "shared_out.py"
+    code = f"{before}\nimport runpy; runpy.run_path({str(file)!r}, run_name='__main__')"
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("names", ["tet4,weight", pytest.param("viscous,stages of rings", marks=pytest.mark.deep)])
+def test_the_bits_do_not_depend_on_the_threads(names, tmp_path):
+    """Code with shared loops is compiled in the first process, and loaded after serial code, and first, in others."""
+    expected = {name: shared_out.told(shared_out.run(name, 1))[1:] for name in names.split(",")}
+    for counts, more in (("321", ()), ("13", (tmp_path / "a.nc",)), ("2", ())):
+        ends = in_process(names, counts, *more)
+        assert ends["small"] == [1, False]
+        for name, runs in ends["runs"].items():
+            for count, (there, *found) in zip(counts, runs, strict=True):
+                assert there == int(count)
+                assert found == list(expected[name]), (name, count)
+        if more:
+            digest, notes = expected[names.split(",")[0]]
+            assert ends["at once"] == [[3, digest, notes]] * 2
+            assert ends["child"] == [
+                1,
+                digest,
+                [*notes, f"one thread made the steps of large solids: {threads.FORKED}"],
+            ]
+            same, line = ends["again"]
+            assert same
+            assert ", compiled, 3 threads, marched in " in line
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        "import sys; sys.modules |= dict.fromkeys(['numba.np.ufunc.omppool', 'numba.np.ufunc.tbbpool'])",
+        "import numba; numba.config.THREADING_LAYER = 'workqueue'; numba.get_num_threads()",
+    ],
+    ids=["no layer", "launched by others"],
+)
+def test_without_threads_that_may_run_at_once_a_run_is_serial_and_says_so(before):
+    there, digest, notes = in_process("tet4", "2", before=before)["runs"]["tet4"][0]
+    expected = shared_out.told(shared_out.run("tet4", 1))
+    said = f"one thread made the steps of large solids: {threads.NO_LAYER}"
+    assert (there, digest, notes) == (1, expected[1], [*expected[2], said])
+
+
+def test_one_thread_in_studies_and_comparisons(monkeypatch):
+    monkeypatch.setattr(arrays, "FEW_NUMBERS", 0)
+    (run,) = percuss.compare(percuss.load(shared_out.CASES["tet4"]))
+    assert run.result.summary["threads"] == 1
+
+
+@pytest.mark.parametrize("failing", [0, 5, 10, 19, 20, 33, 99, 100])
+@pytest.mark.parametrize("slow", [1, 2])
+def test_steps_are_made_by_the_faster_up_to_the_one_that_fails(monkeypatch, failing, slow):
+    clock, made, now = [0.0], [], [0]
+
+    @contextlib.contextmanager
+    def limited_to(number):
+        now[0] = number
+        yield
+
+    def advance(first, stop):
+        ends = min(stop, failing)
+        made.extend((step, now[0]) for step in range(first, ends))
+        clock[0] += (ends - first) * (2.0 if now[0] == slow else 1.0)
+        return ends - first
+
+    monkeypatch.setattr(threads, "limited_to", limited_to)
+    monkeypatch.setattr(threads.time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(threads, "TRIAL", 10)
+    assert threads.made_faster(100, 2, advance) == failing
+    numbers = [2] * 10 + [1] * 10 + [3 - slow] * 80
+    assert made == list(enumerate(numbers[:failing]))
