@@ -6,6 +6,7 @@ process has one. Each sum is made by one thread in its one order, so that the bi
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
@@ -17,7 +18,7 @@ from percuss.errors import wrong_input
 NO_LAYER = "numba has no threads here that several threads of Python may use: install OpenMP (libgomp) or tbb"
 FORKED = "a forked process has one thread"
 
-TRIAL = 16  # part of the steps by which threads are compared with one
+PARTS = 32  # of the steps, after each of which threads are compared with one
 
 _FORKED = threading.Event()
 if hasattr(os, "register_at_fork"):
@@ -76,8 +77,9 @@ def limited_to(count: int) -> Iterator[None]:
 def made_faster(count: int, threads: int, advance: Callable[[int, int], int]) -> int:
     """Make steps by some threads or by one, whichever is faster; return how many were made before one failed.
 
-    Threads wait for each other in each step: where another program holds a core, one thread alone is often faster. So
-    some of the steps are made by all of them, some by one, and the rest by those that took less time.
+    Threads wait for each other in each step: where other programs hold the cores, one thread alone is several times as
+    fast. So one thread makes the first part of the steps, and all of them go on until they have lost the time of a part
+    against it. Of few steps there is no part: those of very large bodies take so long that waiting does not matter.
 
     Parameters
     ----------
@@ -88,13 +90,19 @@ def made_faster(count: int, threads: int, advance: Callable[[int, int], int]) ->
     advance
         Makes the steps from a first number up to another, and returns how many it made before one failed.
     """
-    trial, done, seconds = count // TRIAL, 0, dict[int, float]()
-    for number in (threads, 1) if trial else ():
-        began = time.perf_counter()
-        with limited_to(number):
-            made = advance(done, done + trial)
-        done, seconds[number] = done + made, time.perf_counter() - began
-        if made < trial:
-            return done
-    with limited_to(min(seconds, key=lambda number: seconds[number], default=threads)):
-        return done + advance(done, count)
+    part, done, alone, lost = max(1, count // PARTS), 0, math.inf, 0.0
+    by = 1 if count >= PARTS else threads
+    while True:
+        stop, began = min(done + part, count), time.perf_counter()
+        with limited_to(by):
+            made = advance(done, stop)
+        seconds = time.perf_counter() - began
+        if made < stop - done or stop == count:
+            return done + made
+        done = stop
+        if by == 1:
+            by, alone = threads, seconds
+        else:
+            lost += seconds - alone
+        if lost > alone:
+            by, part = 1, count

@@ -114,9 +114,9 @@ def test_one_thread_in_studies_and_comparisons(monkeypatch):
     assert run.result.summary["threads"] == 1
 
 
-@pytest.mark.parametrize("failing", [0, 5, 10, 19, 20, 33, 99, 100])
-@pytest.mark.parametrize("slow", [1, 2])
-def test_steps_are_made_by_the_faster_up_to_the_one_that_fails(monkeypatch, failing, slow):
+@pytest.mark.parametrize("failing", [0, 5, 10, 33, 99, 100])
+@pytest.mark.parametrize(("pace", "alone"), [(0.5, 10), (1.4, 10), (3.0, 10), (3.0, 0)])
+def test_one_thread_goes_on_where_threads_lose_time(monkeypatch, failing, pace, alone):
     clock, made, now = [0.0], [], [0]
 
     @contextlib.contextmanager
@@ -126,13 +126,16 @@ def test_steps_are_made_by_the_faster_up_to_the_one_that_fails(monkeypatch, fail
 
     def advance(first, stop):
         ends = min(stop, failing)
-        made.extend((step, now[0]) for step in range(first, ends))
-        clock[0] += (ends - first) * (2.0 if now[0] == slow else 1.0)
+        made.extend(now * (ends - first))
+        clock[0] += (ends - first) * (1.0 if now[0] == 1 else pace)
         return ends - first
 
     monkeypatch.setattr(threads, "limited_to", limited_to)
     monkeypatch.setattr(threads.time, "perf_counter", lambda: clock[0])
-    monkeypatch.setattr(threads, "TRIAL", 10)
+    monkeypatch.setattr(threads, "PARTS", 10 if alone else 101)  # of fewer steps none is made alone
     assert threads.made_faster(100, 2, advance) == failing
-    numbers = [2] * 10 + [1] * 10 + [3 - slow] * 80
-    assert made == list(enumerate(numbers[:failing]))
+    parts = {0.5: 9, 1.4: 3, 3.0: 1 if alone else 9}[pace]
+    by_threads = 10 * parts if alone else 100
+    assert made == ([1] * alone + [2] * by_threads + [1] * 100)[:failing]
+    assert threads.made_faster(0, 2, lambda *part: made.append(part) or 0) == 0
+    assert made[-1] == (0, 0)  # what compiles the loop
