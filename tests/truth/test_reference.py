@@ -55,7 +55,7 @@ def test_an_estimate_is_the_true_error_but_for_the_error_of_the_finer_run(name, 
 
 def test_one_finer_run_judges_all_methods_steps_and_meshes(monkeypatch):
     marched, march = [], reference._march
-    monkeypatch.setattr(reference, "_march", lambda case: marched.append(case) or march(case))
+    monkeypatch.setattr(reference, "_march", lambda case, *how: marched.append(case) or march(case, *how))
     case = percuss.load(BLOCKS, {"reference.refine": 2, "time.end": 1.0, "expect": (), "title": "finer runs"})
     vary = {"time.courant": [0.5, 0.9], "refine": [0.5, 1]}
     runs = percuss.compare(case, contacts=["lagrange", "penalty"], vary=vary)

@@ -102,7 +102,7 @@ def test_an_interrupted_run_has_no_finer_run_and_its_twin_tells_nothing(monkeypa
     """The finer run takes longer than the run that it judges."""
     monkeypatch.setattr("percuss.results.assemble.exact_solution", lambda *_: (None, "", "hidden"))
     monkeypatch.setattr(march, "CHUNK_STEPS", 1)
-    monkeypatch.setattr(reference, "_march", lambda _: pytest.fail("a finer run was made"))
+    monkeypatch.setattr(reference, "_march", lambda *_: pytest.fail("a finer run was made"))
     case = percuss.load({**CASE, "reference": {"refine": 2}})
     result = percuss.run(case, nudge=True, progress=lambda done, _: press() if done == 1 else None)
     assert (result.status, result.summary["steps"], result.summary["fragile"]) == ("interrupted", 1, None)

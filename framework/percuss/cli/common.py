@@ -42,7 +42,7 @@ Vary = Annotated[
     list[str] | None,
     option("--vary PATH=VALUES", "Vary a value: 1,2,5, 0:1:11, 0.01:100:log:30 or mortar,gauss-points. Repeatable."),
 ]
-Workers = Annotated[int | None, option("--workers N", "Number of processes; by default one a core.")]
+Workers = Annotated[int | None, option("--workers N", "Number of processes of one thread each; by default one a core.")]
 Longest = Annotated[float | None, option("--longest SECONDS", "End a run of a worker after this time.")]
 Reference = Annotated[str, option("--reference refine=N", "Where no exact solution is known, judge by a finer run.")]
 AsJson = Annotated[bool, option("--json", "Print one JSON object; the rest goes to standard error.")]
