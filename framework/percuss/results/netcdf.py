@@ -15,7 +15,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -38,6 +38,22 @@ _AXES = {
     "run": (),
 }
 _FIELD_AXES = {"element": ("element", _STRESSES), "probe": ("node", "component"), "point": ("point",)}
+
+
+class Labelled(NamedTuple):
+    """Arrays with the names of their axes and their attributes, before a library makes a dataset or a file of them."""
+
+    variables: Entries  # name: (axes, array, attributes)
+    coordinates: Entries
+    attributes: Data
+
+    def dataset(self) -> xr.Dataset:
+        """Return the dataset of xarray, which is imported here alone: a file is written without it."""
+        import xarray as xr
+
+        return xr.Dataset(self.variables, coords=self.coordinates, attrs=dict(self.attributes))
+
+
 Source = Literal["leap-frog", "multistage", "exact"]  # kind of scheme, or none
 _POINTS = "point_contact"  # contact of each contact point
 _TIMES = ("time", "time_half")  # a result without steps has no second one
@@ -61,10 +77,10 @@ def _variables(arrays: Data, axes: Mapping[str, tuple[str, ...]], source: Source
     return variables
 
 
-def histories_dataset(
+def labelled_histories(
     arrays: Data, coordinates: Mapping[str, list[str]], source: Source, units: Mapping[str, str], attributes: Data
-) -> xr.Dataset:
-    """Return histories as a dataset.
+) -> Labelled:
+    """Return histories with axes and attributes.
 
     Parameters
     ----------
@@ -76,23 +92,19 @@ def histories_dataset(
     source, units
         What the histories are of, on which their definitions depend, and the names of units by kind.
     attributes
-        Attributes of the dataset.
+        Attributes of the whole.
     """
-    import xarray as xr
-
     axes, names = dict(_AXES), {"contact": "contact", "probe": "probe"}
     if "point" in coordinates:
         axes["contact state"], names[_POINTS] = ("point", "state_variable"), "point"
-    coords: Entries = {name: ("time", arrays[name]) for name in _TIMES if name in arrays}
-    coords |= {name: (axis, np.array(coordinates[axis], dtype=object)) for name, axis in names.items()}
-    coords["component"] = list(range(arrays["displacement"].shape[2]))
-    return xr.Dataset(_variables(arrays, axes, source, units), coords=coords, attrs=dict(attributes))
+    coords: Entries = {name: (("time",), arrays[name], {}) for name in _TIMES if name in arrays}
+    coords |= {name: ((axis,), np.array(coordinates[axis], dtype=object), {}) for name, axis in names.items()}
+    coords["component"] = (("component",), np.arange(arrays["displacement"].shape[2]), {})
+    return Labelled(_variables(arrays, axes, source, units), coords, attributes)
 
 
-def fields_dataset(field_arrays: Data, source: Source, units: Mapping[str, str]) -> xr.Dataset:
-    """Return the fields over time as a dataset; empty if none were recorded."""
-    import xarray as xr
-
+def labelled_fields(field_arrays: Data, source: Source, units: Mapping[str, str]) -> Labelled:
+    """Return the fields over time with axes and attributes; none if none were recorded."""
     coords: Entries = {}
     for name in filter(FIELD_COORDINATES.__contains__, field_arrays):
         values, about = field_arrays[name], FIELD_COORDINATES[name]
@@ -102,7 +114,7 @@ def fields_dataset(field_arrays: Data, source: Source, units: Mapping[str, str])
     if "node_position" in field_arrays:
         names = component_names(field_arrays["node_position"].shape[1])
         coords[_STRESSES] = ((_STRESSES,), np.array(names, dtype=object), {})
-    return xr.Dataset(_variables(field_arrays, _FIELD_AXES, source, units), coords=coords)
+    return Labelled(_variables(field_arrays, _FIELD_AXES, source, units), coords, {})
 
 
 FORMAT = "percuss-result-4"  # format 3 had one checksum, at the end of the file
@@ -110,7 +122,7 @@ READ = ("percuss-result-3", FORMAT)
 ADVICE = "Make the run again, or use an undamaged copy."
 
 
-def write(path: str | os.PathLike[str], histories: xr.Dataset, fields: xr.Dataset | None) -> None:
+def write(path: str | os.PathLike[str], histories: Labelled, fields: Labelled | None) -> None:
     """Write histories, and fields in a group of their own, to a temporary file beside `path`, then rename it.
 
     Raises
@@ -120,16 +132,32 @@ def write(path: str | os.PathLike[str], histories: xr.Dataset, fields: xr.Datase
     UnwrittenError
         If the file cannot be written to its end, as on a full disk.
     """
-    with written_whole(path, ".nc") as temporary:
-        histories.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=_checksums(histories))
+    import netCDF4
+
+    with written_whole(path, ".nc") as temporary, netCDF4.Dataset(temporary, "w", format="NETCDF4") as file:
+        _put_labelled(file, histories)
         if fields is not None:
-            encoding = _checksums(fields)
-            fields.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", mode="a", group="fields", encoding=encoding)
+            _put_labelled(file.createGroup("fields"), fields)
 
 
-def _checksums(dataset: xr.Dataset) -> dict[str, dict[str, bool]]:
-    """Return the encoding by which all numbers of a dataset have checksums; texts have none in HDF5."""
-    return {str(name): {"fletcher32": True} for name, values in dataset.variables.items() if values.dtype.kind in "if"}
+def _put_labelled(group: Any, labelled: Labelled) -> None:
+    """Write arrays with their axes, attributes and, of numbers, checksums, as xarray reads them; texts have none."""
+    beside = {name: axes for name, (axes, *_) in labelled.coordinates.items() if axes != (name,)}
+    named: set[str] = set()  # by a quantity
+    for name, (axes, given, about) in {**labelled.coordinates, **labelled.variables}.items():
+        values = np.asarray(given)
+        for axis, length in zip(axes, values.shape, strict=True):
+            if axis not in group.dimensions:
+                group.createDimension(axis, length)
+        text, missing = values.dtype.kind == "O", np.nan if values.dtype.kind == "f" else None
+        kind = str if text else values.dtype
+        variable = group.createVariable(name, kind, axes, fletcher32=not text, fill_value=missing)
+        of_it = [other for other, others in beside.items() if name in labelled.variables and set(others) <= set(axes)]
+        named.update(of_it)
+        variable.setncatts(about | ({"coordinates": " ".join(of_it)} if of_it else {}))
+        variable[...] = values
+    others = " ".join(sorted(beside.keys() - named))
+    group.setncatts(dict(labelled.attributes) | ({"coordinates": others} if others else {}))
 
 
 @contextmanager

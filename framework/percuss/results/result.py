@@ -140,6 +140,9 @@ class Result:
     @cached_property
     def histories(self) -> xr.Dataset:
         """Histories on the axis ``time``; energies of a run carry the coordinate ``time_half(time)``."""
+        return self._labelled_histories().dataset()
+
+    def _labelled_histories(self) -> netcdf.Labelled:
         attributes = {
             "format": netcdf.FORMAT,
             "title": self.title,
@@ -147,12 +150,12 @@ class Result:
             "summary": json.dumps(self.summary),
             "provenance": json.dumps(self.provenance),
         }
-        return netcdf.histories_dataset(self.arrays, self.coordinates, self._source(), self.units, attributes)
+        return netcdf.labelled_histories(self.arrays, self.coordinates, self._source(), self.units, attributes)
 
     @cached_property
     def fields(self) -> xr.Dataset:
         """Fields over time, as `field_arrays` has them; empty unless the case sets `record.fields`."""
-        return netcdf.fields_dataset(self.field_arrays, self._source(), self.units)
+        return netcdf.labelled_fields(self.field_arrays, self._source(), self.units).dataset()
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the result as NetCDF-4, or its fields as VTKHDF, to a temporary file beside `path`, then rename it.
@@ -170,7 +173,8 @@ class Result:
         if Path(path).suffix.lower() == netcdf.VTKHDF:
             netcdf.write_vtkhdf(path, self.field_arrays)
             return
-        netcdf.write(path, self.histories, self.fields if self.field_arrays else None)
+        fields = netcdf.labelled_fields(self.field_arrays, self._source(), self.units) if self.field_arrays else None
+        netcdf.write(path, self._labelled_histories(), fields)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Return the figure of ``percuss run --plot``: contact forces, energies, and stress where the case records it.
