@@ -1,18 +1,22 @@
-"""Speed of bodies in two and three dimensions against plain serial kernels, as ratios measured in one run.
+"""Speed of bodies in two and three dimensions against SciPy's product and plain serial kernels, measured in one run.
 
-    python tests/benchmarks/cells.py [--rounds N] [--most N]
+    python tests/benchmarks/cells.py [--rounds N] [--most N] [--write]
 
-A free block of squares, triangles, cubes or tetrahedra with a linear material is marched by percuss and by a loop
-compiled with numba that has slopes and weights stored, and for each cell gathers, computes and adds up forces, in the
-order of the cells; it knows element and material, records nothing and knows neither contact nor load. A run of percuss
-records its energies twice, at its start and its end, which takes as long as some steps and is counted. Both take turns
-on one core. A round gives the ratio of the two CPU times; median, least and most of all rounds are printed, and the
-exponent p with which the time of a step grows, as n^p. Each size has a process of its own; its peak memory is what
-building the model and the march have added, for each element. Cells with one point are measured against the plain
-kernel of the full rule.
+A free block of squares, triangles, cubes or tetrahedra with a linear material is marched by percuss, on one core and on
+two, and by a loop compiled with numba that has slopes and weights stored, and for each cell gathers, computes and adds
+up forces, in the order of the cells; it knows element and material, records nothing and knows neither contact nor load.
+SciPy's product is that of the stiffness of the block alone, without the update of its nodes. A run of percuss records
+its energies twice, at its start and its end, which takes as long as some steps and is counted. All take turns; a round
+gives their CPU times, of two threads the time by the clock. Medians of all rounds are printed, the spread of percuss
+over SciPy, and the exponent p with which the time of a step grows, as n^p. The limit is the time in
+which one core reads the rows and reads and writes the vectors of a step once, at the speed of a large copy.
+
+Each size has a process of its own. Its set-up is the model and the arrays of the march, its certificate is counted in
+steps, and its peak memory is what they and the march have added, for each element. Cells with one point are measured
+against the plain kernel of the full rule.
 
 Last, the share of contact: two blocks of 220 x 220 squares that meet face to face are marched with their contact and
-without, in turns.
+without, in turns. `--write` writes the table of large blocks into its page.
 """
 
 from __future__ import annotations
@@ -20,6 +24,8 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
+import platform
 import statistics
 import subprocess
 import sys
@@ -36,12 +42,20 @@ from percuss.blas import one_blas_thread
 from percuss.certificate import verdict
 from percuss.march.march import March
 from percuss.march.recording import recordable
+from percuss.threads import most
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from scale import peak_memory
 
-SIZES = {100: 20_000, 10**4: 400, 10**6: 200}  # elements of a block: steps of a round
+SIZES = {100: 20_000, 10**4: 400, 10**5: 100, 10**6: 100}  # elements of a block: steps of a round
 SLOW = 2  # hexahedra take so many times fewer steps
+PAGE = Path(__file__).resolve().parents[1] / "README.md"
+COPIED = 200_000_000  # bytes, far more than any cache
+FIRST, LAST = "<!-- steps of solids -->\n", "<!-- end of steps of solids -->"
+HEAD = (
+    "cells", "elements", "plain", "SciPy's product", "percuss", "limit", "two threads", "set-up [us]", "certificate",
+    "bytes",
+)  # fmt: skip
 SAME = 1e-9  # of the largest displacement
 SIDE = 220  # squares along a side of each of the two blocks that meet
 
@@ -222,15 +236,16 @@ def two_blocks(steps: int, *, in_contact: bool) -> percuss.Case:
 # ----------------------------------------------------------------------------------------------------- contestants
 
 
-def march_of(model: Any) -> Callable[[], tuple[float, Any]]:
-    """Return a march of percuss, whose calls return its time [s] and its outcome."""
+def march_of(model: Any, threads: int = 1) -> Callable[[], tuple[float, Any]]:
+    """Return a march of percuss, whose calls return its time [s], of several threads by the clock, and its outcome."""
+    clock = time.process_time if threads == 1 else time.perf_counter
 
     def march() -> tuple[float, Any]:
-        made = March(recordable(model))
+        made = March(recordable(model), threads=threads)
         made.compile()
-        began = time.process_time()
+        began = clock()
         outcome = made.run(None, marginal=False)
-        seconds = time.process_time() - began
+        seconds = clock() - began
         if outcome.status != "done" or not outcome.kernels.compiled:
             raise SystemExit(f"the run is {outcome.status}, compiled: {outcome.kernels.compiled}")
         return seconds, outcome
@@ -258,14 +273,49 @@ def plain_march(model: Any, cells: str, steps: int) -> Callable[[], tuple[float,
     return march
 
 
+def scipy_product(model: Any, steps: int) -> Callable[[], float]:
+    """Return what multiplies the stiffness of a block with a motion, whose calls return the time of a product [s]."""
+    stiffness = model.bodies["block"].stiffness_matrix().tocsr()
+    motion = np.random.default_rng(0).standard_normal(stiffness.shape[0])
+
+    def product() -> float:
+        began = time.process_time()
+        for _ in range(steps):
+            stiffness @ motion
+        return (time.process_time() - began) / steps
+
+    return product
+
+
+def bandwidth() -> float:
+    """Return how many bytes one core reads and writes in a second."""
+    there, here = np.zeros(COPIED // 8), np.ones(COPIED // 8)
+    times = []
+    for _ in range(5):
+        began = time.perf_counter()
+        np.copyto(there, here)
+        times.append(time.perf_counter() - began)
+    return 2.0 * COPIED / min(times)
+
+
+def bytes_of_step(body: Any) -> int:
+    """Return the bytes that a step reads and writes once: rows, displacement, velocity, force and inverse mass."""
+    rows = body.stiffness_rows
+    return int(sum(array.nbytes for array in rows) + 7 * 8 * body.mesh.nodes.size)  # three of them are written too
+
+
 @one_blas_thread()
 def measured(cells: str, elements: int, rounds: int) -> dict[str, Any]:
-    """Return elements, times of each round for an element and step [s], and bytes for each element."""
+    """Return elements, times of each round for an element and step [s], and what a block of this size costs beside."""
     steps = SIZES[elements] // (SLOW if ELEMENTS[cells] == "hex8" else 1)
     march_of(settled(free_block(100, cells, 1)))()  # what is imported and compiled is not memory of a size
-    before = peak_memory()
+    before, began = peak_memory(), time.process_time()
     model = settled(free_block(elements, cells, steps))
-    ours = march_of(model)
+    March(recordable(model))
+    set_up, began = time.process_time() - began, time.process_time()
+    verdict.verdict_alone(model)
+    judged = time.process_time() - began
+    ours, both = march_of(model), march_of(model, threads=min(2, most()))
     count = model.bodies["block"].count
     displacement = ours()[1].final_displacement
     memory = (peak_memory() - before) / count
@@ -274,8 +324,13 @@ def measured(cells: str, elements: int, rounds: int) -> dict[str, Any]:
     expected = plain()[1].ravel()
     if full == cells and not np.abs(displacement - expected).max() <= SAME * np.abs(expected).max():
         raise SystemExit("percuss and the plain kernels do not march alike")
-    times = [(plain()[0] / steps / count, ours()[0] / steps / count) for _ in range(rounds)]
-    return {"elements": count, "times": times, "bytes": memory}
+    product, each = scipy_product(model, max(1, steps // 4)), steps * count
+    both()
+    times = [(plain()[0] / each, product() / count, ours()[0] / each, both()[0] / each) for _ in range(rounds)]
+    limit = bytes_of_step(model.bodies["block"]) / bandwidth() / count
+    step = statistics.median(row[2] for row in times) * count
+    found = {"elements": count, "times": times, "bytes": memory, "limit": limit}
+    return found | {"set_up": set_up / count, "certificate": judged / step}
 
 
 def settled(case: percuss.Case) -> Any:
@@ -310,32 +365,53 @@ def spread(values: Sequence[float]) -> str:
 
 
 def main() -> None:
-    """Print a table of ratios, and the share of contact."""
+    """Print a table of times, and the share of contact."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=10)
     parser.add_argument("--most", type=int, default=10**6, help="largest size")
+    parser.add_argument("--write", action="store_true", help="write the table into its page")
     parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.one:
         cells, elements, rounds = given.one
         print(json.dumps(measured(cells, int(elements), int(rounds))))
         return
-    print(f"{'cells':>16}{'elements':>10}{'plain [ns]':>12}{'percuss [ns]':>14}{'bytes each':>12}  ratio")
+    lines = [HEAD]
     for cells in ELEMENTS:
         sizes, steps = [], []
-        for size in SIZES:
-            if size > given.most:
-                continue
+        for size in (one for one in SIZES if one <= given.most):
             found = in_child(cells, size, given.rounds)
-            plain, ours = (statistics.median(column) * 1e9 for column in zip(*found["times"], strict=True))
-            ratios = [one / other for other, one in found["times"]]
-            row = f"{cells:>16}{found['elements']:10d}{plain:12.1f}{ours:14.1f}{found['bytes']:12.0f}  {spread(ratios)}"
-            print(row, flush=True)
+            plain, scipy, ours, both = (statistics.median(column) * 1e9 for column in zip(*found["times"], strict=True))
+            numbers = (plain, scipy, ours, found["limit"] * 1e9, both)
+            numbers_in_words = (f"{one:.3g}" for one in (*numbers, found["set_up"] * 1e6))
+            lines.append((cells, str(found["elements"]), *numbers_in_words, *in_steps(found)))
+            of_scipy = spread([row[2] / row[1] for row in found["times"]])
+            print("  ".join(f"{cell:>15}" for cell in lines[-1]), f" over SciPy's {of_scipy}", flush=True)
             sizes.append(found["elements"])
             steps.append(ours * found["elements"])
         exponent = np.polyfit(np.log(sizes), np.log(steps), 1)[0] if sizes[1:] else math.nan
         print(f"{cells:>16}: a step grows as n^{exponent:.2f}")
-    print(f"share of the contact of two blocks of {SIDE} x {SIDE} squares: {spread(share_of_contact(given.rounds))}")
+    share = f"share of the contact of two blocks of {SIDE} x {SIDE} squares: {spread(share_of_contact(given.rounds))}"
+    print(share)
+    if given.write:
+        write(lines, share)
+
+
+def in_steps(found: dict[str, Any]) -> tuple[str, str]:
+    """Return the certificate in steps, and the bytes of an element."""
+    return f"{found['certificate']:.0f} steps", f"{found['bytes']:.0f}"
+
+
+def write(lines: list[tuple[str, ...]], share: str) -> None:
+    """Write the table into its page, with the machine."""
+    large = [row for row in lines[1:] if int(row[1]) > min(SIZES) * SLOW]
+    table = [lines[0], ["---"] * len(HEAD), *large]
+    rows = "".join(f"| {' | '.join(row)} |\n" for row in table)
+    versions = f"Python {platform.python_version()}, numba {numba.__version__}, NumPy {np.__version__}"
+    machine = f"{os.cpu_count()} cores {platform.machine()}, {bandwidth() / 1e9:.0f} GB/s by one of them; {versions}"
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(FIRST)
+    new = f"{rows}\nMachine: {machine}. {share[0].upper()}{share[1:]}.\n"
+    PAGE.write_text(f"{before}{FIRST}{new}{LAST}{rest.partition(LAST)[2]}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -231,6 +231,11 @@ def half_across(rule, material, first, section, geometry, displacement, force):
         force[a, 1] *= 0.5
 
 
+def one_corner_less(rule, material, first, section, geometry, displacement, force):
+    plane_forces(rule, material, first, section, geometry, displacement, force)
+    force[0, 0] *= 0.9
+
+
 def mean_volumes(self, body):
     geometry = Quad4.geometry(self, body)
     geometry[..., -1] = geometry[..., -1].mean(axis=1, keepdims=True)
@@ -250,7 +255,8 @@ plant("unbalanced", "balances", "the balance of", BarElement, internal_force=one
 plant("too-slow", "frequency", "it gives the frequency", BarElement, highest_frequency=too_slow)
 plant("wrong-volume", "cells", "do not add up to its volume", QuadraticBarElement, volumes=half_of_the_volume)
 plant("half-across", "solid-forces", "minus the slope of the energy", Quad4, force=half_across)
-plant("gains-energy", "blocks", "the balance of energy is open", Quad4, force=half_across)
+# A linear solid marches by differences of its displacements, in which momentum is balanced whatever its force is.
+plant("gains-momentum", "blocks", "the balance of", Quad4, force=one_corner_less, linear=False)
 patch_test = {"geometry": mean_volumes, "volumes": volumes_of_these}
 plant("mean-volumes", "solid-forces", "it fails the patch test", Quad4, **patch_test)
 plant("turns-wrongly", "finite-rotation", "the forces do not turn", Hex8OnePoint, expected_failures={})

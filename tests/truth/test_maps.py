@@ -208,7 +208,8 @@ def test_the_chosen_step_is_certified_on_every_case(case, integrator, law):
             assert "Krylov" in found["why"] or "other combinations" in found["why"]
             return
     assert found["stable"] == "yes"
-    assert found["margin"] == pytest.approx(SHARE_OF_CRITICAL_STEP, rel=1e-6)
+    lost = 0.01 if criterion.by == "lanczos" else 1e-6
+    assert SHARE_OF_CRITICAL_STEP * (1.0 - lost) < found["margin"] < SHARE_OF_CRITICAL_STEP * (1.0 + 1e-6)
 
 
 def test_a_step_left_open_is_chosen_for_every_point():
