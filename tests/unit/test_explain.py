@@ -149,3 +149,25 @@ def test_a_single_file_is_described(tmp_path, monkeypatch):
     text = component_text(Registry.load(["soft.py"]), "contacts", "soft")
     for words in ("lambda >= 0", "beta_s [1]: stiffness over EA/h", "default 1.0", str(tmp_path / "soft.py")):
         assert words in text
+
+
+@pytest.mark.parametrize(
+    ("case", "courant", "told_of"),
+    [("disk-on-wall", 0.8, True), ("disk-on-wall", "auto", False), ("disk-on-wall", 1.2, False),
+     ("box-impact", 0.4, False), ("hunek", 0.3, False)],
+)  # fmt: skip
+def test_a_fast_cell_that_sets_the_courant_number_is_told(case, courant, told_of):
+    """Where `courant: auto` would take less than .7 of the steps, of bodies whose cells are unlike."""
+    notes = told(places.CASES / f"{case}.yaml", {"time.courant": courant}).data["notes"]
+    found = [note for note in notes if note.startswith("one fast cell sets the Courant number")]
+    assert bool(found) is told_of
+    assert not found or "0.8 is 0.457 of the longest stable step, and `courant: auto` takes 90 % of that" in found[0]
+
+
+def test_a_long_run_tells_of_a_fast_cell_too():
+    """A short one does not search the step up to which its bodies are stable."""
+    for steps, told_of in ((10, False), (3_000, True)):
+        time = {"steps": steps, "courant": 0.8}
+        case = percuss.load(places.CASES / "disk-on-wall.yaml", {"time": time, "record.every": steps, "expect": ()})
+        notes = percuss.run(case).summary["notes"]
+        assert any("0.46 of the longest stable step without contact" in note for note in notes) is told_of
