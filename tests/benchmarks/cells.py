@@ -1,6 +1,6 @@
 """Speed of bodies in two and three dimensions against SciPy's product and plain serial kernels, measured in one run.
 
-    python tests/benchmarks/cells.py [--rounds N] [--most N] [--write]
+    python tests/benchmarks/cells.py [--rounds N] [--most N]
 
 A free block of squares, triangles, cubes or tetrahedra with a linear material is marched by percuss, on one core and on
 two, and by a loop compiled with numba that has slopes and weights stored, and for each cell gathers, computes and adds
@@ -16,7 +16,7 @@ steps, and its peak memory is what they and the march have added, for each eleme
 against the plain kernel of the full rule.
 
 Last, the share of contact: two blocks of 220 x 220 squares that meet face to face are marched with their contact and
-without, in turns. `--write` writes the table of large blocks into its page.
+without, in turns.
 """
 
 from __future__ import annotations
@@ -24,8 +24,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
-import platform
 import statistics
 import subprocess
 import sys
@@ -49,12 +47,10 @@ from scale import peak_memory
 
 SIZES = {100: 20_000, 10**4: 400, 10**5: 100, 10**6: 100}  # elements of a block: steps of a round
 SLOW = 2  # hexahedra take so many times fewer steps
-PAGE = Path(__file__).resolve().parents[1] / "README.md"
 COPIED = 200_000_000  # bytes, far more than any cache
-FIRST, LAST = "<!-- steps of solids -->\n", "<!-- end of steps of solids -->"
 HEAD = (
-    "cells", "elements", "plain", "SciPy's product", "percuss", "limit", "two threads", "set-up [us]", "certificate",
-    "bytes",
+    "cells", "elements", "plain", "SciPy's product", "percuss", "limit", "two threads",
+    "set-up [us]", "certificate [steps]", "bytes",
 )  # fmt: skip
 SAME = 1e-9  # of the largest displacement
 SIDE = 220  # squares along a side of each of the two blocks that meet
@@ -369,14 +365,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=10)
     parser.add_argument("--most", type=int, default=10**6, help="largest size")
-    parser.add_argument("--write", action="store_true", help="write the table into its page")
     parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.one:
         cells, elements, rounds = given.one
         print(json.dumps(measured(cells, int(elements), int(rounds))))
         return
-    lines = [HEAD]
+    print("  ".join(f"{name:>15}" for name in HEAD))
     for cells in ELEMENTS:
         sizes, steps = [], []
         for size in (one for one in SIZES if one <= given.most):
@@ -384,34 +379,19 @@ def main() -> None:
             plain, scipy, ours, both = (statistics.median(column) * 1e9 for column in zip(*found["times"], strict=True))
             numbers = (plain, scipy, ours, found["limit"] * 1e9, both)
             numbers_in_words = (f"{one:.3g}" for one in (*numbers, found["set_up"] * 1e6))
-            lines.append((cells, str(found["elements"]), *numbers_in_words, *in_steps(found)))
+            line = (cells, str(found["elements"]), *numbers_in_words, *in_steps(found))
             of_scipy = spread([row[2] / row[1] for row in found["times"]])
-            print("  ".join(f"{cell:>15}" for cell in lines[-1]), f" over SciPy's {of_scipy}", flush=True)
+            print("  ".join(f"{cell:>15}" for cell in line), f" over SciPy's {of_scipy}", flush=True)
             sizes.append(found["elements"])
             steps.append(ours * found["elements"])
         exponent = np.polyfit(np.log(sizes), np.log(steps), 1)[0] if sizes[1:] else math.nan
         print(f"{cells:>16}: a step grows as n^{exponent:.2f}")
-    share = f"share of the contact of two blocks of {SIDE} x {SIDE} squares: {spread(share_of_contact(given.rounds))}"
-    print(share)
-    if given.write:
-        write(lines, share)
+    print(f"share of the contact of two blocks of {SIDE} x {SIDE} squares: {spread(share_of_contact(given.rounds))}")
 
 
 def in_steps(found: dict[str, Any]) -> tuple[str, str]:
     """Return the certificate in steps, and the bytes of an element."""
-    return f"{found['certificate']:.0f} steps", f"{found['bytes']:.0f}"
-
-
-def write(lines: list[tuple[str, ...]], share: str) -> None:
-    """Write the table into its page, with the machine."""
-    large = [row for row in lines[1:] if int(row[1]) > min(SIZES) * SLOW]
-    table = [lines[0], ["---"] * len(HEAD), *large]
-    rows = "".join(f"| {' | '.join(row)} |\n" for row in table)
-    versions = f"Python {platform.python_version()}, numba {numba.__version__}, NumPy {np.__version__}"
-    machine = f"{os.cpu_count()} cores {platform.machine()}, {bandwidth() / 1e9:.0f} GB/s by one of them; {versions}"
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(FIRST)
-    new = f"{rows}\nMachine: {machine}. {share[0].upper()}{share[1:]}.\n"
-    PAGE.write_text(f"{before}{FIRST}{new}{LAST}{rest.partition(LAST)[2]}", encoding="utf-8")
+    return f"{found['certificate']:.1f}", f"{found['bytes']:.0f}"
 
 
 if __name__ == "__main__":
