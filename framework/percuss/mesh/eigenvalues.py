@@ -24,6 +24,7 @@ RITZ_TOLERANCE = 1e-9  # of the largest residual over the Ritz value, whose own 
 def as_bands(matrix: Any) -> Floats:
     """Return the bands of a symmetric sparse matrix, (k + 1, n)."""
     entries = matrix.tocoo()
+    entries.sum_duplicates()  # which older versions of SciPy leave where a matrix is made of its entries
     below = entries.row - entries.col
     out = np.zeros((int(below.max(initial=0)) + 1, matrix.shape[0]))
     kept = below >= 0
