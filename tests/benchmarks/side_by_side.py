@@ -47,6 +47,7 @@ CASES = {
     "blocks": HERE / "programs" / "blocks.yaml",
     "ball": HERE.parents[1] / "cases" / "ball-on-wall-3d.yaml",
 }
+STEP: dict[str, dict[str, Any]] = {"blocks": {}, "ball": {"time.courant": 0.8}}  # which all programs can take
 TITLES = {"blocks": "Two blocks in the plane", "ball": "A quarter of a ball on a wall"}
 AXIS = {"blocks": 0, "ball": 2}  # direction of the impact
 FIRST, LAST = "<!-- solids side by side -->\n", "<!-- end of solids side by side -->"
@@ -152,7 +153,7 @@ class Row(NamedTuple):
 def model_of(case: str, method: dict[str, Any]) -> Any:
     """Return the model of a case of percuss with a method."""
     changed = {f"method.{key}": value for key, value in method.items()}
-    return verdict.settled(percuss.load(CASES[case], changed)).model
+    return verdict.settled(percuss.load(CASES[case], {**changed, **STEP[case]})).model
 
 
 def problem_of(case: str, model: Any) -> dict[str, Any]:
@@ -221,7 +222,7 @@ def with_percuss(case: str, name: str, repeats: int) -> Row:
     """Return the row of a method of percuss."""
     method = OWN[case][name]
     changed = {f"method.{key}": value for key, value in method.items()}
-    result = percuss.run(percuss.load(CASES[case], {**changed, "record.every": 1}))
+    result = percuss.run(percuss.load(CASES[case], {**changed, **STEP[case], "record.every": 1}))
     model = model_of(case, method)
     march = March(model)
     march.compile()
