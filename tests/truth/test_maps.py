@@ -244,3 +244,16 @@ def test_a_wave_packet_gets_through_as_the_interface_says():
     expected = abs(np.interp(omega, found.frequency, np.abs(found.transmitted)))
     energy = (np.diff(after[n + 1 :]) ** 2).sum() / (np.diff(now[: n + 1]) ** 2).sum()
     assert math.sqrt(energy) == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_map_of_solids_tells_of_a_pair_that_is_refused_where_the_case_has_it_too(tmp_path):
+    """The case as it stands is refused; each row says of its own pair what it is."""
+    file = tmp_path / "map.csv"
+    vary = "--vary", "method.contact=lagrange,penalty"
+    pairing = "--set", "method.pairing=gauss-points", "--set", "method.contact=lagrange"
+    done = percuss_command("stability", places.CASES / "tilted-blocks.yaml", *pairing, *vary, "-o", file)
+    assert done.returncode == 0, done.stderr
+    with file.open(encoding="utf-8") as rows:
+        refused, found = csv.DictReader(rows)
+    assert "expected a law with a compliance" in refused["reason"]
+    assert float(found["courant_critical"]) > 0.0

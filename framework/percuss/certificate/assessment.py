@@ -59,11 +59,16 @@ class Assessment:
         return self.answer in {"stable", "no growth found"}
 
 
+def named(names: Sequence[str], points: Sequence[int]) -> list[str]:
+    """Return the names of contacts at some contact points, each once."""
+    return list(dict.fromkeys(names[p] for p in points))
+
+
 def quoted(names: Sequence[str], points: Sequence[int]) -> str:
     """Return the names of contacts in quotes, of many contacts the first `MOST_NAMED` and the number of the others."""
-    named = list(dict.fromkeys(names[p] for p in points))
-    first = ", ".join(f"'{name}'" for name in named[:MOST_NAMED])
-    more = len(named) - MOST_NAMED
+    found = named(names, points)
+    first = ", ".join(f"'{name}'" for name in found[:MOST_NAMED])
+    more = len(found) - MOST_NAMED
     return f"{first} and {more} more" if more > 0 else first
 
 

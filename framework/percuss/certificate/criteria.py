@@ -73,6 +73,11 @@ class RunCriterion:
         noun = "contacts" if len({self.names[p] for p in tied}) > 1 else "contact"
         return f"with {noun} {quoted(self.names, tied)} tied and no other closed" if tied else without_ties
 
+    def times(self, assessment: Assessment) -> list[float] | None:
+        """Return start and stop of the stretch that an assessment is of; None where the run has one stretch alone."""
+        stretch = self.stretches[assessment.stretch]
+        return [stretch.start, stretch.stop] if len(self.stretches) > 1 else None
+
     @property
     def critical_step(self) -> float:
         """Largest stable step, nan where it is not known."""

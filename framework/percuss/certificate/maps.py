@@ -41,6 +41,7 @@ def stability(
     curves: Mapping[str, Sequence[object]] | None = None,
     by: Sequence[str] = (),
     *,
+    before: Callable[[Model], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Entries]:
     """Return critical Courant numbers over every combination of varied values.
@@ -54,6 +55,8 @@ def stability(
     by
         Criteria: ``linear-laws`` (from the coefficients of the laws) and ``black-box`` (from the measured amplification
         matrix). By default the linear laws where they cover all contacts, else the black box.
+    before
+        Function that is called with the first model, before its critical step is searched.
     progress
         Function that is called with the number of combinations done and the number of all combinations.
 
@@ -89,6 +92,9 @@ def stability(
             reason = error.sentence if isinstance(error, RefusedPair) else str(error)
             rows += [_row(varied, way, None, reason) for way in ways]
         else:
+            if before is not None:
+                before(model)
+                before = None
             doubts = doubts_of(model)
             ways_here = by or ("black-box" if doubts else "linear-laws",)
             rows += [_critical_row(model, varied, way, doubts) for way in ways_here]

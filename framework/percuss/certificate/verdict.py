@@ -13,7 +13,7 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.case.cross_checks import after_the_end
 from percuss.case.quantities import percent
-from percuss.certificate.assessment import MARGINAL_DISTANCE, Answer, Assessment, largest_step, quoted
+from percuss.certificate.assessment import MARGINAL_DISTANCE, Answer, Assessment, largest_step, named, quoted
 from percuss.certificate.black_box import SMALLEST_SHARE_OF_FREE_STEP, BlackBox
 from percuss.certificate.bounds import BOUND, Bounds
 from percuss.certificate.closed_laws import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedLaws, closed_laws, why_unlike
@@ -266,20 +266,18 @@ def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
     assessment = criterion.assess_step(dt)
     by, proven = assessment.by or criterion.by, criterion.proven_step
     known: dict[str, Any] = {"by": by, "dt_critical_why": too_large(model) or NOT_ASKED}
+    known["stretch"] = criterion.times(assessment)
     if not np.isnan(proven):
         known |= {"dt_proven": proven, "dt_proven_why": BOUND}
     if model.steps > LONG_RUN * products_for(MARGIN, model.bodies.mass_of_dofs.size) and criterion.kind is Lanczos:
         known["dt_critical_free"] = criterion.free * math.sqrt(1.0 - MARGIN)
-    if len(criterion.stretches) > 1:
-        stretch = criterion.stretches[assessment.stretch]
-        known["stretch"] = [stretch.start, stretch.stop]
     if assessment.answer == "unknown":
         alone = "; the step is below the bound of the cells, so that the bodies alone are stable"
         below = dt < 2.0 * limit_ratio(model) / model.bodies.omega * (1.0 - MARGINAL_DISTANCE)
         return _unknown(model, laws, f"{assessment.doubt}{alone if below else ''}", **known | {"by": "none"})
     if assessment.answer == "grows":
         critical = criterion.critical_step
-        worst = list(dict.fromkeys(criterion.names[p] for p in assessment.worst))
+        worst = named(criterion.names, assessment.worst)
         closed = f" with closed contacts {quoted(criterion.names, assessment.worst)}" if worst else " without contact"
         why = f"a motion{closed} grows in each step of {dt:.6g}, as its frequency shows"
         cure = cure_of(criterion, critical) if critical > 0 else no_step(model, criterion.free, critical)
@@ -329,9 +327,7 @@ def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, search: Sear
         margin = model.dt / critical if critical > 0 else np.inf
         known |= {"dt_critical": critical, "courant_critical": 0.5 * critical * model.bodies.omega, "margin": margin}
         known["dt_critical_why"] = ""
-    if len(criterion.stretches) > 1:
-        stretch = criterion.stretches[assessment.stretch]
-        known["stretch"] = [stretch.start, stretch.stop]
+    known["stretch"] = criterion.times(assessment)
     if found.stable == "no":
         known["cure"] = cure_of(criterion, critical, searched=searched)
     return dataclasses.replace(found, **known)
@@ -361,7 +357,7 @@ def _about_nonlinear_bodies(model: Model, laws: ClosedLaws) -> Finding:
 def _judged(criterion: RunCriterion, laws: ClosedLaws, assessment: Assessment, critical: float) -> Finding:
     """Return the verdict on the step of a run, and what it follows from."""
     stable, why = _verdict(criterion, assessment, critical)
-    worst = list(dict.fromkeys(criterion.names[p] for p in assessment.worst))
+    worst = named(criterion.names, assessment.worst)
     known = {"stable": stable, "by": criterion.by, "worst": worst, "theta": assessment.theta}
     return _unknown(criterion.model, laws, why, **known)
 
@@ -376,9 +372,8 @@ def _verdict(criterion: RunCriterion, assessment: Assessment, critical: float) -
         why = f"the step {dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow"
         return "no", f"{why} {criterion.nothing_closed()}"
     when = ""
-    if len(criterion.stretches) > 1:
-        stretch = criterion.stretches[assessment.stretch]
-        when = f", with the supports and drives from {stretch.start:.6g} to {stretch.stop:.6g}"
+    if times := criterion.times(assessment):
+        when = f", with the supports and drives from {times[0]:.6g} to {times[1]:.6g}"
     if not assessment.conclusive:
         return "unknown", f"{assessment.doubt}{when}; {criterion.nothing_closed()} the bodies allow {free:.6g}"
     noun = "contacts" if len({criterion.names[p] for p in assessment.worst}) > 1 else "contact"

@@ -229,12 +229,13 @@ def tell(text: str) -> None:
 
 
 def tell_if_long(model: Model) -> None:
-    """Tell beforehand that the search of the critical step of a run takes long, and which command needs none."""
+    """Tell beforehand that the search of the critical step of a run takes long, and where `percuss run` needs none."""
     from percuss.certificate.criteria import seconds_to_search
+    from percuss.certificate.lanczos import why_not_covered
 
     if (seconds := seconds_to_search(model)) > LONG:
-        nodes = f"of {model.bodies.n_nodes} nodes"
-        tell(f"The search of the critical step {nodes} takes about {duration(seconds)}; `percuss run` needs none.")
+        needs = "" if why_not_covered(model) else "; `percuss run` needs none"
+        tell(f"The search of the critical step of {model.bodies.n_nodes} nodes takes about {duration(seconds)}{needs}.")
 
 
 def print_json(data: Entries, file: TextIO | None = None) -> None:

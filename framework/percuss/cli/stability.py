@@ -24,7 +24,6 @@ def stability(
     """Print the critical Courant number over varied parameters."""
     with common.reporting(as_json) as answer:
         from percuss.certificate import maps
-        from percuss.march.model_of_case import model_of
         from percuss.reporting.stability_figure import stability_figure
         from percuss.reporting.terminal import stability_lines
         from percuss.studies.layout import varied
@@ -34,10 +33,10 @@ def stability(
             raise InputError([Problem("--plot", "", f"expected one or two --vary, found {len(axes)}", "")])
         loaded = common.load_to_write(case, set_, plugin, plot, out, {**axes, **families})
         common.print_notes(loaded)
-        if not loaded.of_bars:
-            common.tell_if_long(model_of(loaded))
         with common.progress_bar("combinations") as progress:
-            rows = maps.stability(loaded, axes, families, common.names_in(by), progress=progress)
+            rows = maps.stability(
+                loaded, axes, families, common.names_in(by), before=common.tell_if_long, progress=progress
+            )
         answer.write(out, maps.save, rows, out)
         answer.draw(plot, stability_figure, rows, axes, families, loaded.title, common.methods_in_words(loaded))
         answer.show({"title": loaded.title, "rows": rows}, stability_lines(loaded.title, rows))

@@ -175,8 +175,8 @@ class _SurfaceLimits:
         """Return the limits for a time step `dt`, (P,) [force/length]."""
         from scipy.sparse.linalg import LinearOperator, cg
 
-        # No frequency is above that of the fastest cell.
         solved_to, iterated_to = TO_ALL_DIGITS if self._root.size <= FEW_MOTIONS else ROUGHLY
+        # No frequency is above that of the fastest cell.
         step = dt if dt * self._bodies.omega <= 2.0 * LARGEST_COURANT else min(dt, self._longest_step)
         shape = self._root.size, self._root.size
         reserve = LinearOperator(shape, lambda u: 4.0 / step**2 * u - self._without_contact(u), dtype=float)

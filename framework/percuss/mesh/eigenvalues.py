@@ -83,9 +83,15 @@ def highest_value(product: Callable[[Floats], Floats], size: int, tolerance: flo
     if size <= FEW:
         matrix = np.column_stack([product(unit) for unit in np.eye(size)])
         return float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[-1])
-    search: Any = {"k": 1, "which": "LA", "tol": tolerance, "return_eigenvectors": False}
-    search |= {"v0": np.random.default_rng(0).standard_normal(size), **without_chance(eigsh)}
-    return float(eigsh(LinearOperator((size, size), product, dtype=float), **search)[0])
+    return float(eigsh(LinearOperator((size, size), product, dtype=float), **_search(size, tolerance))[0])
+
+
+def _search(size: int, tolerance: float) -> Any:
+    """Return the arguments by which SciPy's Lanczos iteration finds the largest eigenvalue, from the same start."""
+    from scipy.sparse.linalg import eigsh
+
+    start = np.random.default_rng(0).standard_normal(size)
+    return {"k": 1, "which": "LA", "tol": tolerance, "return_eigenvectors": False, "v0": start, **without_chance(eigsh)}
 
 
 def highest_ritz_value(stiffness: Any, mass: Any) -> float:
@@ -102,8 +108,7 @@ def highest_ritz_value(stiffness: Any, mass: Any) -> float:
     from scipy.sparse.linalg import eigsh
 
     size = mass.shape[0]
-    search: Any = {"k": 1, "which": "LA", "tol": RITZ_TOLERANCE, "return_eigenvectors": False}
-    search |= {"v0": np.random.default_rng(0).standard_normal(size), **without_chance(eigsh)}
+    search = _search(size, RITZ_TOLERANCE)
     if mass.nnz > size:
         return float(eigsh(stiffness, M=mass, **search)[0])
     root = diags_array(1.0 / np.sqrt(mass.diagonal()))
