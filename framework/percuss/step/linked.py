@@ -17,6 +17,7 @@ from numba import TypingError, types
 from numba.extending import intrinsic
 
 from percuss.methods.slots import unbound
+from percuss.record_arrays import Records
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -47,7 +48,7 @@ class LinkedSystem(NamedTuple):
 # -------------------------------------------------------------------------------------------------- blocks of memory
 
 # The values that data may contain, in tuples; a subclass may mean more than its numbers, as a masked array does.
-ARRAYS = frozenset({np.ndarray, np.recarray, np.memmap})
+ARRAYS = frozenset({np.ndarray, np.recarray, np.memmap, Records})
 NUMBERS = (bool, int, float, complex, np.bool, np.number)
 FORMATS = {"b1": "?", "f4": "f", "f8": "d", "c8": "ff", "c16": "dd"} | {
     f"{sign}{size}": letter if sign == "i" else letter.upper()
