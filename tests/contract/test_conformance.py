@@ -27,10 +27,11 @@ def outcome(label):
 
 
 # Of the plug-ins of large families these are checked in every run, the others in the whole check.
-QUICK = ("contacts/penalty", "elements/bar", "materials/elastic", "masses/lumped")
-OF_MANY = ("contacts/", "integrators/", "elements/", "materials/", "masses/", "pairings/")
-# These checks of a law or an integrator take long: they compile the loop anew, or march in plain Python.
-LASTING = ("no-hidden-state", "compiled-and-plain", "pushes-apart", "starts", "balances", "units")
+QUICK = ("contacts/penalty", "elements/bar", "materials/elastic", "masses/lumped", "loads/gravity")
+OF_MANY = ("contacts/", "integrators/", "elements/", "materials/", "masses/", "pairings/", "loads/")
+# These checks take long: they compile the loop anew, or march in plain Python.
+LASTING = ("no-hidden-state", "compiled-and-plain", "pushes-apart", "starts", "balances", "units", "options-bounded")
+LASTING += ("runs-in-a-case", "blocks")
 
 
 def is_deep(label):

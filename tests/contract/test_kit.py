@@ -90,6 +90,7 @@ def test_nothing_is_asked_above_the_limit_of_a_scheme(name):
     check_of(planted_like(ViscousCentralDifference, **much), name)()
 
 
+@pytest.mark.deep
 def test_of_pytest_each_check_is_a_test(tmp_path):
     (tmp_path / "test_mine.py").write_text(
         "from planted import planted_smooth_claimed\n"

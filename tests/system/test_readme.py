@@ -83,11 +83,8 @@ def test_exactly_two_commands_set_up() -> None:
     assert "command_of 2" in (ROOT / ".ci" / "run").read_text()
 
 
-# Commands that take long, many of them with a kernel that nothing else compiles: deep ones, and the longest of all.
-LASTING = (
-    *("percuss verify --plugin", "percuss stability", "--vary", "element=", "perfectly_plastic.py", "wedge.py"),
-    *("cases/box-impact.yaml", "cases/ball-on-wall-3d.yaml --plot", "--exact-only --plot"),
-)
+# What takes long even on the first page: deep checks; and the longest of all.
+LASTING = ("percuss verify --plugin", "percuss stability", "--vary", "element=")
 LONGEST_OF_ALL = ("percuss verify cases", "percuss study", "percuss report", "percuss recommend", ".sqlite")
 
 
@@ -95,7 +92,7 @@ def marks_of(command: str) -> tuple[pytest.MarkDecorator, ...]:
     """Return when a command is executed."""
     if any(words in command for words in LONGEST_OF_ALL):
         return (pytest.mark.nightly,)
-    return (pytest.mark.deep,) if any(words in command for words in LASTING) else ()
+    return (pytest.mark.deep,) if command not in README or any(words in command for words in LASTING) else ()
 
 
 @pytest.mark.slow

@@ -205,7 +205,9 @@ OF_CORE = [pair for pair in PAIRS if pair[1]["name"] in CORE_LAWS]
     ("element", "pair"),
     [
         *(pytest.param("quadratic-bar", pair, marks=() if pair in OF_CORE else pytest.mark.deep) for pair in PAIRS),
-        *((SPECTRAL[2], pair) for pair in OF_CORE),  # a law sees the ends of a body, and no element
+        *(
+            pytest.param(SPECTRAL[2], pair, marks=pytest.mark.deep) for pair in OF_CORE
+        ),  # a law sees the ends of a body, and no element
     ],
     ids=lambda value: pair_id(value) if isinstance(value, tuple) else element_id(value),
 )
@@ -285,7 +287,9 @@ def test_materials_remember_at_every_quadrature_point(element):
 # -------------------------------------------------------------------------------------------------- refusals
 
 
-@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[3]], ids=element_id)
+@pytest.mark.parametrize(
+    "element", ["quadratic-bar", pytest.param(SPECTRAL[3], marks=pytest.mark.deep)], ids=element_id
+)
 def test_an_absorbing_end_has_the_impedance_of_the_bar(element):
     # a bar that moves and is brought to rest: all of its energy leaves at the speed of waves, within the first transit
     case = one_bar(element, 40, velocity=0.2)

@@ -123,7 +123,9 @@ def test_the_accounts_are_those_of_the_histories(integrator, case):
     assert np.abs(mine - work).max() <= 1e-11 * scale
 
 
-@pytest.mark.parametrize("integrator", LEAPFROG)
+@pytest.mark.parametrize(
+    "integrator", [pytest.param(one, marks=pytest.mark.deep if one.startswith("viscous") else ()) for one in LEAPFROG]
+)
 @given(case=rows())
 def test_lagrange_multipliers_are_complementary_to_the_gaps(integrator, case):
     result = finished(with_pair(case, (integrator, {"name": "lagrange"})), certify=verdict.unasked)

@@ -175,7 +175,14 @@ def test_the_scheme_of_the_page_is_of_fourth_order_up_to_the_root_of_twelve(regi
 # --------------------------------------------------------------------------------------------------------- impacts
 
 
-@pytest.mark.parametrize("name", [name for name in OPTIONS if name != "noh-bathe"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.deep if name in {"chung-lee", "hulbert-chung"} else ())
+        for name in OPTIONS
+        if name != "noh-bathe"
+    ],
+)
 def test_lagrange_is_refused_where_its_promise_would_be_broken(name, monkeypatch):
     """Each refusal is for cause: without it the bodies overlap, or the reported force pulls."""
     case = hunek(5, courant=0.8, integrator=name, contact={"name": "lagrange"}, end=0.5)

@@ -123,7 +123,7 @@ def test_a_law_whose_data_compiled_code_cannot_read_runs_in_python_and_says_why(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("says_so", [True, False], ids=["says so", "does not"])
+@pytest.mark.parametrize("says_so", [pytest.param(True, marks=pytest.mark.deep), False], ids=["says so", "does not"])
 def test_a_law_that_allocates_arrays_is_compiled(tmp_path, says_so):
     """One that does not say so is compiled once more, and counts references from then on."""
     text = LAW[: LAW.index("for p in range")] + "multiplier[:] = bound.stiffness * np.maximum(-trial.gap, 0.0)\n"
@@ -408,6 +408,7 @@ ALL = [
     *({"method.integrator": name} for name in REGISTRY.names("integrators")),
     *({"method.integrator": scheme} | bodies for scheme in ("central-difference", "noh-bathe") for bodies in BODIES),
 ]
+OF_BODIES = len(ALL) - 2 * len(BODIES)  # from here on each compiles a loop of its own
 
 
 def words(changes):
@@ -415,7 +416,11 @@ def words(changes):
 
 
 @pytest.mark.skipif(jit_disabled(), reason="compilation is switched off")
-@pytest.mark.parametrize("changes", ALL, ids=words)
+@pytest.mark.parametrize(
+    "changes",
+    [*ALL[:OF_BODIES], *(pytest.param(one, marks=pytest.mark.deep) for one in ALL[OF_BODIES:])],
+    ids=words,
+)
 def test_every_registered_method_is_compiled(changes):
     """Plain Python gives the same numbers, a hundred times slower: nothing else would show that a kernel is none."""
     base = hunek(4, integrator="central-difference", contact="penalty", end=0.05)

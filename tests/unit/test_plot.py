@@ -95,7 +95,7 @@ def collections(axes, kind):
 # -- files -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("suffix", MAGIC)
+@pytest.mark.parametrize("suffix", [".png", *(pytest.param(one, marks=pytest.mark.deep) for one in (".svg", ".pdf"))])
 def test_each_suffix_gives_its_kind_of_file_and_the_same_result_the_same_bytes(good, tmp_path, suffix):
     path = tmp_path / f"picture{suffix}"
     good.plot(path)
