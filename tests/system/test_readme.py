@@ -146,7 +146,15 @@ def test_a_snippet_runs(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch
         exec(compile(text, "snippet", "exec"), {"__name__": "__main__"})
 
 
-@pytest.mark.parametrize("text", [text for text in YAML if beginning(text).startswith("percuss")], ids=beginning)
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(text, marks=() if text in README else pytest.mark.deep)
+        for text in YAML
+        if beginning(text).startswith("percuss")
+    ],
+    ids=beginning,
+)
 def test_what_is_shown_is_a_case_or_a_study_in_an_editor_that_reads_yaml_1_1_too(text: str, folder: Path) -> None:
     data = yaml.safe_load(text)
     named = [file for file in folder.glob("*.py") if file.stem in text]

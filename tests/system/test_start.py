@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 from command_line import percuss_command
 from places import CASES
 
@@ -60,6 +62,7 @@ def test_a_command_imports_only_what_it_uses(tmp_path):
         assert set(names) <= commands[command], command
 
 
+@pytest.mark.deep
 def test_python_without_docstrings_runs_cases():
     """As packagers and containers do by PYTHONOPTIMIZE=2."""
     command = [sys.executable, "-OO", "-m", "percuss", "run", CASES / "hunek.yaml", "--set", "time.end=0.001"]

@@ -263,6 +263,7 @@ def ended(pids, within=20.0):
     return True
 
 
+@pytest.mark.deep
 def test_a_run_that_ends_its_worker_once_is_made_again_and_one_that_always_does_is_lost(tmp_path):
     fate = """if dt < 0.01 and (0.9 < self.beta_s < 1.1 or self.beta_s < 0.15 and not os.path.exists("died")):
             open("died", "w").close()
@@ -370,6 +371,7 @@ def test_a_measure_may_be_a_plug_in(tmp_path):
         made(2, {**study, "measure": ["doubld"]})
 
 
+@pytest.mark.deep
 def test_a_script_without_a_guard_may_run_a_study(tmp_path):
     file = write(tmp_path, vary={"method.contact.beta_s": "0.1:1:20"})
     script = tmp_path / "script.py"

@@ -94,6 +94,7 @@ def test_the_bits_do_not_depend_on_the_threads(names, tmp_path):
             assert ", compiled, 3 threads, marched in " in line
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     "before",
     [

@@ -47,9 +47,13 @@ def test_a_run_with_a_large_error_names_the_search_for_better_methods(coarse: Pa
     ("changes", "words"),
     [
         (("time.courant=1.2",), "refused to run it: the certificate says unstable. To be stable, lower the step"),
-        (RAMBERG_OSGOOD, "No exact solution is known"),
+        pytest.param(RAMBERG_OSGOOD, "No exact solution is known", marks=pytest.mark.deep),
         (("refine=40", "method.contact=lagrange"), r"off by \S+ % \(exact solution known\)\.\n"),
-        (("refine=4", *RAMBERG_OSGOOD), r"`--reference refine=16`, or try `percuss recommend .*`"),
+        pytest.param(
+            ("refine=4", *RAMBERG_OSGOOD),
+            r"`--reference refine=16`, or try `percuss recommend .*`",
+            marks=pytest.mark.deep,
+        ),
         (("contacts={}",), "(?s)materials kept the energy put in.*is exact up to round-off"),
         (("time.courant=1.2", "time.on_unstable=warn"), r"do not trust this run\. To be stable, [^\n]*\n$"),
     ],

@@ -22,7 +22,13 @@ BENCHMARKS = {
 }
 
 
-LONG = {"ball-on-wall", "ball-on-wall-3d", "disk-on-wall", "two-spheres"}  # coarser ones are quick: test_disk.py
+LONG = {
+    "fifty-impacts",
+    "ball-on-wall",
+    "ball-on-wall-3d",
+    "disk-on-wall",
+    "two-spheres",
+}  # coarser ones are quick: test_disk.py
 
 
 def test_the_benchmarks_are_there() -> None:

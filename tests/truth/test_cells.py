@@ -145,7 +145,9 @@ def test_the_error_of_a_frequency_is_of_twice_the_order(element):
 VISCOUS = {"name": "viscous-central-difference", "viscosity": 0.3}
 
 
-@pytest.mark.parametrize("integrator", ["central-difference", "velocity-verlet", VISCOUS], ids=str)
+@pytest.mark.parametrize(
+    "integrator", ["central-difference", "velocity-verlet", pytest.param(VISCOUS, marks=pytest.mark.deep)], ids=str
+)
 @pytest.mark.parametrize(
     "element",
     [ELEMENTS[0], *(pytest.param(one, marks=pytest.mark.deep) for one in ELEMENTS[1:])],
@@ -224,7 +226,9 @@ def test_impacts_keep_momentum_and_close_the_ledger(element, pair):
 
 
 @pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector"])
-@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[2]], ids=element_id)
+@pytest.mark.parametrize(
+    "element", ["quadratic-bar", pytest.param(SPECTRAL[2], marks=pytest.mark.deep)], ids=element_id
+)
 @pytest.mark.parametrize(
     "law", [{"name": "penalty", "beta_s": 2.0}, {"name": "bipenalty", "beta_s": 2.0, "ratio": 2.0}]
 )

@@ -116,6 +116,7 @@ def test_no_run_meets_a_bound_that_cannot_be_met(small):
     assert list(recommendation_verdict(answer))[-1].startswith("No run meets the bounds; the nearest is ")
 
 
+@pytest.mark.deep
 def test_without_an_exact_solution_the_error_is_the_measured_difference_from_a_finer_run(small):
     """Of a bar that yields: a run of its own with the same finer run has the same error, to the last bit."""
     text = SMALL.replace("young: 100, density: 0.01}", "young: 100, density: 0.01, yield_stress: 0.3, tangent: 0.3}")

@@ -81,7 +81,7 @@ def cross(place, force):
     return float((place[..., 0] * force[..., 1] - place[..., 1] * force[..., 0]).sum())
 
 
-@pytest.mark.parametrize("integrator", [WU, "velocity-verlet"])
+@pytest.mark.parametrize("integrator", [pytest.param(WU, marks=pytest.mark.deep), "velocity-verlet"])
 def test_angular_momentum_is_balanced_by_the_moments_of_impulses(integrator):
     """A turned block meets another one that stands, and both have loads: of each impulse the moment is counted."""
     bodies = {

@@ -122,8 +122,9 @@ def test_a_law_whose_data_compiled_code_cannot_read_runs_in_python_and_says_why(
     assert np.abs(result.arrays["contact_force"] - truth.arrays["contact_force"]).max() < 1e-12 * peak
 
 
+@pytest.mark.deep
 @pytest.mark.slow
-@pytest.mark.parametrize("says_so", [pytest.param(True, marks=pytest.mark.deep), False], ids=["says so", "does not"])
+@pytest.mark.parametrize("says_so", [True, False], ids=["says so", "does not"])
 def test_a_law_that_allocates_arrays_is_compiled(tmp_path, says_so):
     """One that does not say so is compiled once more, and counts references from then on."""
     text = LAW[: LAW.index("for p in range")] + "multiplier[:] = bound.stiffness * np.maximum(-trial.gap, 0.0)\n"
@@ -325,6 +326,7 @@ def test_a_second_process_compiles_nothing_until_a_file_of_the_method_is_edited(
     assert len(files - stored) == 2  # of the law alone, an index and a file of machine code
 
 
+@pytest.mark.deep
 @pytest.mark.slow
 def test_an_edited_kernel_of_percuss_is_seen_by_the_next_process(tmp_path):
     for package in (percuss, percuss_methods):
