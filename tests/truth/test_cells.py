@@ -181,6 +181,7 @@ def impact(element, law, integrator="central-difference", n=6, **more):
     return case
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     "law",
     [law if law["name"] in CORE_LAWS else pytest.param(law, marks=pytest.mark.deep) for law in FIRST],

@@ -268,6 +268,7 @@ class Brittle(SolidMaterial):
         return 0.5 * (gradient[0] ** 2 + gradient[3] ** 2) + 0.25 * (gradient[1] + gradient[2]) ** 2
 
 
+@pytest.mark.deep
 def test_a_material_without_a_number_in_a_run_is_named():
     body = block(0.0, 0.5, [10, 2]) | {"material": "brittle"}
     time = {"courant": 0.5, "end": 1.0}

@@ -114,6 +114,7 @@ def test_another_suffix_is_refused_before_anything_is_written(good, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.deep
 def test_settings_of_matplotlib_stay_as_they_were_and_do_not_matter(good):
     import matplotlib as mpl
 
@@ -185,6 +186,7 @@ def test_bars_in_the_plane_are_laid_along_one_axis_with_their_contacts(direction
     assert np.allclose(run_figure.contact_positions([("short", [0, 0])], strips), 0)
 
 
+@pytest.mark.deep
 def test_title_and_marks_tell_methods_steps_and_what_went_wrong(good, unstable):
     told = words(run_figure.figure_of(good))
     dt, steps = f"Δt = {good.summary['dt']:.4g}", f"{good.summary['steps']} steps"
