@@ -31,7 +31,7 @@ def written(tmp_path_factory):
 
 
 # These compile a loop or kernels of cells of their own.
-LASTING = ("integrator", "material", "solid-material", "pairing", "element", "solid-element")
+LASTING = ("shape", "integrator", "material", "solid-material", "pairing", "element", "solid-element")
 
 
 @pytest.mark.slow

@@ -193,6 +193,7 @@ def test_the_integrator_shown_does_what_it_says(folder: Path) -> None:
     assert stiff.summary["energy_growth"]["kept"]
 
 
+@pytest.mark.deep
 def test_the_law_that_remembers_is_crushed_at_its_strength(folder: Path) -> None:
     result = run_of(folder, "crushing.py", "crushing")
     arrays, crushed = result.arrays, result.arrays["contact_state"][:, 0, 0]

@@ -135,7 +135,8 @@ def test_a_killed_run_goes_on_bit_for_bit(name):
 
 
 @pytest.mark.skipif(most() < 2, reason="one core")
-@pytest.mark.parametrize(("before", "after"), [(1, 2), pytest.param(2, 1, marks=pytest.mark.deep)])
+@pytest.mark.deep
+@pytest.mark.parametrize(("before", "after"), [(1, 2), (2, 1)])
 def test_a_killed_run_goes_on_with_other_threads(monkeypatch, before, after):
     monkeypatch.setattr(arrays, "FEW_NUMBERS", 0)
     assert killed(SOLIDS["quad4"], 3, threads=before)

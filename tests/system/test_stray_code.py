@@ -5,6 +5,7 @@ import sys
 
 import numba
 import numpy as np
+import pytest
 import yaml
 
 import percuss
@@ -37,6 +38,7 @@ STUDY = {
 COMMANDS = ("check case.yaml", "study study.yaml --workers 2")
 
 
+@pytest.mark.deep
 def test_commands_import_nothing_from_a_folder_full_of_shadows(tmp_path):
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(TWO_BARS), encoding="utf-8")
     (tmp_path / "study.yaml").write_text(yaml.safe_dump(STUDY), encoding="utf-8")

@@ -112,6 +112,7 @@ def test_a_verdict_names_its_contact_and_leaves_out_one_that_barely_presses(tmp_
     assert error_words(longer).startswith("the contact force of 'late' is off by")
 
 
+@pytest.mark.deep
 def test_round_off_is_not_ranked(coarse: Path) -> None:
     """Exact laws overlap by round-off alone, which of them by less is chance; at the critical step all are exact."""
     uncovered = ("--set=bodies.left.material.name=ramberg-osgood", "--set=bodies.left.material.yield_stress=1")

@@ -79,7 +79,7 @@ def test_the_promise_is_that_of_the_docstrings():
         assert not [number for number in numbers if number not in text], name
 
 
-@pytest.mark.parametrize("courant", [0.5, 0.9, 0.95, 0.99])
+@pytest.mark.parametrize("courant", [0.5, 0.99, *(pytest.param(one, marks=pytest.mark.deep) for one in (0.9, 0.95))])
 @pytest.mark.parametrize("pair", PAIRS, ids="+".join)
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_the_certificate_says_yes_to_auto(path, pair, courant):

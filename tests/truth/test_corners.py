@@ -31,7 +31,7 @@ def times_of_touch(case):
 
 
 @pytest.mark.parametrize("refine", [1, 2])
-@pytest.mark.parametrize("tilt", [1, 5, 10, 25, 30])
+@pytest.mark.parametrize("tilt", [1, 10, 30, *(pytest.param(tilt, marks=pytest.mark.deep) for tilt in (5, 25))])
 @pytest.mark.parametrize(
     ("pairing", "between"), [("mortar", CORNER_FIRST), ("mortar", FACE_FIRST), ("node-to-segment", CORNER_FIRST)]
 )

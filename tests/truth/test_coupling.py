@@ -113,7 +113,7 @@ def marched(case, *, compiled=False):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("compiled", [True, False], ids=["compiled", "plain"])
+@pytest.mark.parametrize("compiled", [pytest.param(True, marks=pytest.mark.deep), False], ids=["compiled", "plain"])
 def test_two_contacts_at_one_end_press_as_a_dense_solution_has_it(compiled):
     """Each contact by itself would press twice as hard: of the two together the bar feels double."""
     case = {**SHARED, "method": {"integrator": CD, "contact": "newton-impact"}}

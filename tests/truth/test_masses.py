@@ -379,7 +379,7 @@ def test_the_critical_step_of_coupled_masses_is_that_of_dense_matrices(consisten
 
 
 @pytest.mark.parametrize("law", [*LAWS_WITHOUT_MASS, {"name": "tied"}])
-@pytest.mark.parametrize("to", ["body", "neighbour"])
+@pytest.mark.parametrize("to", ["body", pytest.param("neighbour", marks=pytest.mark.deep)])
 def test_the_critical_step_without_mass_at_ends_is_that_of_dense_matrices(to, law):
     case = of_unlike_bars({"name": "redistributed", "moved_to": to}, law)
     certificate = ran(case).summary["certificate"]

@@ -158,6 +158,7 @@ def test_the_order_is_the_published_one(name, options):
     assert math.log2(one / other) == pytest.approx(1 if first else 2, abs=0.06)
 
 
+@pytest.mark.deep
 def test_the_scheme_of_the_page_is_of_fourth_order_up_to_the_root_of_twelve(registry):
     """The trace of its step is 2 - x + x^2/12 - ..., which leaves [-2, 2] at x = (omega dt)^2 = 12."""
     integrator = registry.get("integrators", "force-gradient")()

@@ -157,6 +157,7 @@ def struck_wall(material, velocity, elements, direction=(1,)):
     return percuss.run(percuss.load(turned(case, direction)))
 
 
+@pytest.mark.deep
 def test_a_plastic_bar_presses_a_wall_with_the_force_of_its_two_waves():
     """The elastic wave carries the yield stress, and the slower plastic wave the rest of the change of velocity.
 

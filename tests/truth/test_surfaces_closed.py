@@ -87,6 +87,7 @@ def test_theta_of_a_stiffness_from_the_step_is_its_scale(pairing):
         assert found["stable"] == "yes"
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("count", "answers"), [(1, ("yes", "yes", "yes", "no")), (3, ("yes", "unknown", "unknown", "no"))]
 )

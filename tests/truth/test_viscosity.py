@@ -70,9 +70,8 @@ def test_the_certificate_has_that_limit(viscosity):
     assert judged["courant_critical"] == pytest.approx(1.0 / math.sqrt(1.0 + 2.0 * viscosity), rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    "beta_s", [pytest.param(0.1, marks=pytest.mark.deep), 0.5, pytest.param(4.0, marks=pytest.mark.deep)]
-)
+@pytest.mark.deep
+@pytest.mark.parametrize("beta_s", [0.1, 0.5, 4.0])
 def test_the_limit_with_a_closed_penalty(beta_s):
     """Viscosity acts in the bodies alone: 4/dt^2 M - (1 + 2 viscosity) K - K_p is positive definite below the limit.
 
