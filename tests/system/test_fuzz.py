@@ -59,7 +59,7 @@ FILES = {
 def inputs(share):
     """Take so many inputs of each 80."""
     unchanged = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large]
-    return settings(max_examples=share * settings.default.max_examples // 8, suppress_health_check=unchanged)
+    return settings(max_examples=max(1, share * settings.default.max_examples // 8), suppress_health_check=unchanged)
 
 
 @st.composite

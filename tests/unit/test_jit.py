@@ -404,13 +404,14 @@ BODIES = [
     *({"bodies.short.element": name} for name in REGISTRY.names("elements")),
     {"bodies.short.material": {"name": "bilinear-plastic", "young": 100.0, "density": 0.01, "yield_stress": 0.02}},
 ]
-ALL = [
+QUICK = [
     *({"method.contact": name} for name in REGISTRY.names("contacts")),
     *({"method.mass": name} for name in REGISTRY.names("masses")),
+]
+DEEP = [  # each compiles a loop of its own
     *({"method.integrator": name} for name in REGISTRY.names("integrators")),
     *({"method.integrator": scheme} | bodies for scheme in ("central-difference", "noh-bathe") for bodies in BODIES),
 ]
-OF_BODIES = len(ALL) - 2 * len(BODIES)  # from here on each compiles a loop of its own
 
 
 def words(changes):
@@ -418,11 +419,7 @@ def words(changes):
 
 
 @pytest.mark.skipif(jit_disabled(), reason="compilation is switched off")
-@pytest.mark.parametrize(
-    "changes",
-    [*ALL[:OF_BODIES], *(pytest.param(one, marks=pytest.mark.deep) for one in ALL[OF_BODIES:])],
-    ids=words,
-)
+@pytest.mark.parametrize("changes", [*QUICK, *(pytest.param(one, marks=pytest.mark.deep) for one in DEEP)], ids=words)
 def test_every_registered_method_is_compiled(changes):
     """Plain Python gives the same numbers, a hundred times slower: nothing else would show that a kernel is none."""
     base = hunek(4, integrator="central-difference", contact="penalty", end=0.05)
