@@ -58,6 +58,7 @@ def green_tangent(strain):
     return 0.5 * YOUNG * (3.0 * (1.0 + strain) ** 2 - 1.0)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("body", "fastest", "stress", "tangent"),
     [
