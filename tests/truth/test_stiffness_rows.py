@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import block_diag, diags_array
+from scipy.sparse.linalg import splu
 
 import percuss
-from blocks import alone, block
+from blocks import SEAM, alone, block, loaded
 from percuss.jit import compiled_function
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
@@ -87,3 +89,20 @@ def test_each_linear_solid_marches_by_rows_and_no_other_body():
     case = alone(block([0.0, 0.0], 0.1, [4, 3]))
     march = March(model_of(case))
     assert [type(block.element).__name__ for block, *_ in march.arrays.blocks] == ["StiffnessRows"]
+
+
+def test_the_stiffest_contact_of_a_large_solid_is_that_of_all_its_nodes(monkeypatch):
+    """Only nodes near the surfaces are looked at; the limit is at most 1 % below that of a factor of the whole."""
+    bodies = {"left": block([0.0, 0.0], 0.0, [60, 60]), "right": block([1.0, 0.0], 0.0, [60, 60], 0.3)}
+    method = {"integrator": "central-difference", "contact": "penalty"}
+    model = model_of(loaded(bodies, SEAM, method, {"courant": 0.7, "steps": 1}))
+    points, stiffness = model.contact_points, block_diag([body.stiffness_matrix() for body in model.bodies.values()])
+    reserve = diags_array(4.0 / model.dt**2 * model.bodies.mass_of_dofs) - stiffness
+    rows = points.matrix(model.bodies.n_nodes) @ diags_array(np.sqrt(points.stiffness))
+    compliance = rows.T @ splu(reserve.tocsc()).solve(rows.toarray())
+    exact = points.stiffness / np.linalg.eigvalsh(compliance)[-1]
+    found = model.stiffness_limits(model.dt)
+    assert (0.99 * exact < found).all()
+    assert (found <= exact).all()
+    monkeypatch.setattr("percuss.contact.limits._products", lambda _: 1000)
+    assert model_of(model.case).stiffness_limits(model.dt) == pytest.approx(found, rel=1e-12)

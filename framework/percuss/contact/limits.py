@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.mesh.eigenvalues import as_bands, highest_value
+from percuss.mesh.stiffness_rows import compiled_forces
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -144,7 +146,8 @@ class _SurfaceLimits:
     The limits are in proportion to the stiffness of the points, ``M w/h``, so that they hold for all sets of points.
 
     The eigenvalue is that of an iteration, in which conjugate gradients solve for B^-1. They need few products, as the
-    numbers of ``M^-1 B`` lie between those of B at the highest frequency and at rest.
+    numbers of ``M^-1 B`` lie between those of B at the highest frequency and at rest. Each product reaches the next
+    neighbours of the contact points, so that of large bodies only what lies near their surfaces is looked at.
 
     Parameters
     ----------
@@ -155,38 +158,76 @@ class _SurfaceLimits:
     """
 
     def __init__(self, bodies: Bodies, points: PointArrays, moved: Integers) -> None:
-        from scipy.sparse import csr_array, diags_array
-
-        self._bodies, self._root = bodies, 1.0 / np.sqrt(bodies.mass_of_dofs)
-        self._scale = points.stiffness
-        moves = np.isin(np.arange(self._root.size) // bodies.dim, moved)
-        rows = diags_array(self._root * moves) @ points.matrix(bodies.n_nodes) @ diags_array(np.sqrt(self._scale))
-        self._rows = csr_array(rows)  # M^-1/2 N D^1/2
-
-    def _without_contact(self, motion: Floats) -> Floats:
-        """Return ``M^-1/2 K M^-1/2`` times a motion."""
-        return self._root * self._bodies.stiffness_times(self._root * motion)
+        self._bodies, self._points, self._moved = bodies, points, moved
 
     @cached_property
     def _longest_step(self) -> float:
-        return float(LARGEST_COURANT * 2.0 / np.sqrt(highest_value(self._without_contact, self._root.size)))
+        root = 1.0 / np.sqrt(self._bodies.mass_of_dofs)
+        highest = highest_value(lambda u: root * self._bodies.stiffness_times(root * u), root.size)
+        return float(LARGEST_COURANT * 2.0 / np.sqrt(highest))
 
     def at(self, dt: float) -> Floats:
         """Return the limits for a time step `dt`, (P,) [force/length]."""
+        from scipy.sparse import csr_array, diags_array
         from scipy.sparse.linalg import LinearOperator, cg
 
-        solved_to, iterated_to = TO_ALL_DIGITS if self._root.size <= FEW_MOTIONS else ROUGHLY
+        bodies, points = self._bodies, self._points
+        solved_to, iterated_to = TO_ALL_DIGITS if bodies.nodes.size <= FEW_MOTIONS else ROUGHLY
         # No frequency is above that of the fastest cell.
-        step = dt if dt * self._bodies.omega <= 2.0 * LARGEST_COURANT else min(dt, self._longest_step)
-        shape = self._root.size, self._root.size
-        reserve = LinearOperator(shape, lambda u: 4.0 / step**2 * u - self._without_contact(u), dtype=float)
+        fits = dt * bodies.omega <= 2.0 * LARGEST_COURANT
+        step = dt if fits else min(dt, self._longest_step)
+        times: Callable[[Floats], Floats] = bodies.stiffness_times
+        near = np.arange(bodies.n_nodes)
+        if bodies.nodes.size > FEW_MOTIONS and not any(body.is_bar for body in bodies.values()):
+            near, times = _near(bodies, self._moved, _products(0.5 * dt * bodies.omega if fits else LARGEST_COURANT))
+        dofs = (near[:, None] * bodies.dim + np.arange(bodies.dim)).ravel()
+        root, moves = 1.0 / np.sqrt(bodies.mass_of_dofs[dofs]), np.repeat(np.isin(near, self._moved), bodies.dim)
+        of_points = points.matrix(bodies.n_nodes)[dofs] @ diags_array(np.sqrt(points.stiffness))
+        rows = csr_array(diags_array(root * moves) @ of_points)  # M^-1/2 N D^1/2
+        reserve = LinearOperator(2 * (dofs.size,), lambda u: 4.0 / step**2 * u - root * times(root * u), dtype=float)
 
         def compliance(force: Floats) -> Floats:
-            moved, _ = cg(reserve, self._rows @ force, rtol=solved_to)
-            answer: Floats = self._rows.T @ moved
+            moved, _ = cg(reserve, rows @ force, rtol=solved_to)
+            answer: Floats = rows.T @ moved
             return answer
 
         # The residual bounds what is missing to the eigenvalue.
-        largest = highest_value(compliance, self._scale.size, iterated_to) * (1.0 + iterated_to)
-        limits: Floats = self._scale / largest
+        largest = highest_value(compliance, len(points), iterated_to) * (1.0 + iterated_to)
+        limits: Floats = points.stiffness / largest
         return limits
+
+
+def _products(share: float) -> int:
+    """Return the number of products by which conjugate gradients solve for B^-1 roughly.
+
+    `share` is the time step over the longest one for which B is positive definite.
+    """
+    root = math.sqrt(1.0 - share**2)  # 1 / root^2 is the condition number of M^-1 B
+    return math.ceil(0.5 * math.log(2.0 / root / ROUGHLY[0]) / math.log((1.0 + root) / share))
+
+
+def _near(bodies: Bodies, nodes: Integers, steps: int) -> tuple[Integers, Callable[[Floats], Floats]]:
+    """Return the nodes of solids that are at most so many neighbours away from `nodes`, and K u of these alone.
+
+    Where they are most of all nodes, all are taken.
+    """
+    near = []
+    for body in bodies.values():
+        own = nodes[(nodes >= body.start) & (nodes < body.stop)] - body.start
+        near.append(body.stiffness_rows.near(own, steps))
+    found = np.concatenate([body.start + one for body, one in zip(bodies.values(), near, strict=True)])
+    if 2 * found.size > bodies.n_nodes:
+        return np.arange(bodies.n_nodes), bodies.stiffness_times
+    parts = [body.stiffness_rows.among(one) for body, one in zip(bodies.values(), near, strict=True)]
+    forces, rest = compiled_forces(bodies.dim), np.zeros(bodies.dim)
+    ends = np.cumsum([one.size * bodies.dim for one in near])[:-1]
+
+    def times(motion: Floats) -> Floats:
+        held = []
+        for rows, of_body in zip(parts, np.split(motion, ends), strict=True):
+            with_rest = np.append(of_body, rest)
+            held.append(np.zeros_like(with_rest))
+            forces(rows, with_rest, held[-1])
+        return -np.concatenate([force[: -rest.size] for force in held])
+
+    return found, times

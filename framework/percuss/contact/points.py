@@ -17,6 +17,7 @@ import numpy as np
 
 from percuss.jsonable import Entries
 from percuss.mesh.loads import directions_at_nodes
+from percuss.mesh.stiffness_rows import in_order
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactState, LeapFrog, LinearLaw
 from percuss.record_arrays import Records, empty_records
@@ -197,13 +198,6 @@ class Rows(NamedTuple):
             start, self.node[entry], self.beside[entry], self.normal[entry], self.response[entry],
             self.delassus[points], other_start, number[self.other[other]], self.coupling[other],
         )  # fmt: skip
-
-
-def in_order(start: Integers, order: Integers) -> tuple[Integers, Integers]:
-    """Return where the entries of each point start, and which these are, with the points in another order."""
-    count = np.diff(start)[order]
-    new = np.concatenate([[0], np.cumsum(count)])
-    return new, np.arange(new[-1]) + np.repeat(start[order] - new[:-1], count)
 
 
 def rows_of(points: PointArrays, bodies: Bodies, constraints: Iterable[Constraint], dt: float) -> Rows:

@@ -29,6 +29,24 @@ class StiffnessRows(NamedTuple):
     pairs: Floats  # (pairs, dim, dim) minus the stiffness between the node and its neighbour [force/length]
     outward: Floats  # (nodes, dim) stiffness against a motion of all nodes away from the axis; (0, dim) of other bodies
 
+    def near(self, nodes: Integers, steps: int) -> Integers:
+        """Return the nodes that are at most so many neighbours away from some nodes, in rising order."""
+        is_near, last = np.zeros(len(self.edges) - 1, dtype=bool), nodes
+        is_near[nodes] = True
+        for _ in range(steps):
+            neighbours = self.node[in_order(self.edges, last)[1]]
+            last = np.unique(neighbours[~is_near[neighbours]])
+            is_near[last] = True
+        return np.flatnonzero(is_near)
+
+    def among(self, nodes: Integers) -> StiffnessRows:
+        """Return the rows of some nodes in rising order; all others are one more node, the last one, without a row."""
+        edges, entry = in_order(self.edges, nodes)
+        number: Integers = np.full(len(self.edges) - 1, len(nodes), dtype=np.uint32)
+        number[nodes] = np.arange(len(nodes))
+        outward = self.outward[nodes] if self.outward.size else self.outward
+        return StiffnessRows(np.append(edges, edges[-1]), number[self.node[entry]], self.pairs[entry], outward)
+
     def matrix(self) -> Any:
         """Return the stiffness as a sparse array, (nodes * dim, nodes * dim) [force/length]."""
         from scipy.sparse import bsr_array, csr_array
@@ -42,6 +60,13 @@ class StiffnessRows(NamedTuple):
         own = 0.5 * (own + own.swapaxes(1, 2))  # it is symmetric but for round-off
         between = bsr_array((-self.pairs, self.node.astype(np.int32), self.edges), shape=size)
         return between + bsr_array((own, numbers[:-1], numbers), shape=size)
+
+
+def in_order(start: Integers, order: Integers) -> tuple[Integers, Integers]:
+    """Return where the entries of each point start, and which these are, with the points in another order."""
+    count = np.diff(start)[order]
+    new = np.concatenate([[0], np.cumsum(count)])
+    return new, np.arange(new[-1]) + np.repeat(start[order] - new[:-1], count)
 
 
 def stiffness_rows(cells: Integers, kind: Integers, matrices: Floats, count: int, *, about_axis: bool) -> StiffnessRows:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from percuss.contact.points import Points, in_order
+from percuss.contact.points import Points
+from percuss.mesh.stiffness_rows import in_order
 from percuss.record_arrays import Records
 from percuss.step.actions import BEFORE_ACCOUNT, RECORD, SNAPSHOT, Action
 from percuss.step.part import Part, Setting
