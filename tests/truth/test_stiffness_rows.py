@@ -10,7 +10,7 @@ from blocks import SEAM, alone, block, loaded
 from percuss.jit import compiled_function
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
-from percuss.mesh.cell_stiffness import stiffness_of_cells
+from percuss.mesh.cell_stiffness import cell_stiffness, stiffness_of_cells
 from percuss.mesh.stiffness_rows import compiled_forces, energy_of_rows
 
 KINDS = [
@@ -106,3 +106,16 @@ def test_the_stiffest_contact_of_a_large_solid_is_that_of_all_its_nodes(monkeypa
     assert (found <= exact).all()
     monkeypatch.setattr("percuss.contact.limits._products", lambda _: 1000)
     assert model_of(model.case).stiffness_limits(model.dt) == pytest.approx(found, rel=1e-12)
+
+
+@pytest.mark.parametrize(("element", "count", "more"), KINDS + ABOUT_AXIS)
+def test_cells_that_are_asked_some_at_a_time_have_the_same_bits(element, count, more, monkeypatch):
+    body = body_of(element, count, more)
+    monkeypatch.setattr("percuss.mesh.cell_stiffness.ALIKE", body.count + 1)
+    cells = body.element_nodes(np.arange(body.count))
+    monkeypatch.setattr("percuss.mesh.cell_stiffness.AT_A_TIME", 7 * (cells.shape[1] * len(count)) ** 2)
+    in_parts = body_of(element, count, more)
+    assert len(list(cell_stiffness(body.spec.element, body.spec.material, body.view))) == -(-body.count // 7)
+    for ours, theirs in zip(in_parts.stiffness_rows, body.stiffness_rows, strict=True):
+        assert np.array_equal(ours, theirs)
+    assert np.array_equal(in_parts.frequency, body.frequency)

@@ -16,6 +16,7 @@ from percuss.mesh.body import Body
 from percuss.mesh.cell_stiffness import frequencies_of_cells
 from percuss.mesh.cells import volumes_of
 from percuss.mesh.masses import ends_at_contacts, masses_of
+from percuss.mesh.stiffness_rows import Assembly
 from percuss.methods.interfaces import BodyMesh
 from percuss.methods.plugin_calls import answer, read_only
 
@@ -149,8 +150,11 @@ def bodies_of(case: Case) -> Bodies:
         if velocity.ndim == 0:  # along the body; a body along no line has none by default
             velocity = velocity * (mesh.direction if mesh.line is not None else np.zeros(mesh.nodes.shape[1]))
         masses = masses_of(case, spec, view, in_contact.get(name, ()))
+        assembly = None
         if mesh.line is None:
-            stiffness, frequency = np.zeros(0), frequencies_of_cells(spec.element, spec.material, view)
+            if spec.element.linear and spec.material.linear and spec.material.state == 0:
+                assembly = Assembly(view)
+            stiffness, frequency = np.zeros(0), frequencies_of_cells(spec.element, spec.material, view, assembly)
         else:
             speed = math.sqrt(spec.material.modulus / spec.material.rho)
             stiffness = answer(spec.element, "axial_stiffness", view, spec.material.modulus)
@@ -168,6 +172,7 @@ def bodies_of(case: Case) -> Bodies:
             velocity=velocity,
             may_lack_mass=masses.may_be_zero,
             inverse=masses.inverse,
+            rows=assembly.rows if assembly else None,
         )
         bodies.append(body)
     size_limits.check_bodies(case, bodies)

@@ -41,6 +41,7 @@ class Body:
     may_lack_mass: Any  # (n + 1,), whether a node is an end in contact at which nothing else acts
     inverse: Any  # M^-1, sparse, where the mass couples nodes; None where it is diagonal
     stiffness: Floats  # (n,) EA/h of a bar, (0,) of other bodies
+    rows: StiffnessRows | None  # of a body that marches by them
 
     # ---------------------------------------------------------------------------------------- nodes and elements
 
@@ -205,12 +206,12 @@ class Body:
     @property
     def marches_by_rows(self) -> bool:
         """Whether its internal forces are those of `stiffness_rows`: of a linear body that is no bar."""
-        return self.of_small_strains and self.spec.material.state == 0
+        return self.rows is not None
 
     @cached_property
     def stiffness_rows(self) -> StiffnessRows:
         """The stiffness about rest of a body that is no bar, as rows of differences."""
-        return rows_of_solid(self.spec.element, self.spec.material, self.view)
+        return self.rows if self.rows is not None else rows_of_solid(self.spec.element, self.spec.material, self.view)
 
     def stiffness_matrix(self) -> Any:
         """Return the stiffness about rest as a sparse array, (nodes * dim, nodes * dim) [force/length].

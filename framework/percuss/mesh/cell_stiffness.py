@@ -8,51 +8,73 @@ import numpy as np
 
 from percuss.mesh.cells import PROBING_STRAIN, cells_of, element_masses, lumping_of
 from percuss.mesh.element_probe import ElementProbe
-from percuss.mesh.stiffness_rows import StiffnessRows, stiffness_rows
+from percuss.mesh.stiffness_rows import Assembly
+from percuss.methods.interfaces import BodyMesh
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import BodyMesh, Element, Floats, Integers, Material
+    from collections.abc import Iterator
+
+    from percuss.mesh.stiffness_rows import StiffnessRows
+    from percuss.methods.interfaces import Element, Floats, Integers, Material
+
+ALIKE = 8  # cells of a kind, on average, from which on each kind is asked once for the whole body
+AT_A_TIME = 4_000_000  # numbers in the matrices of the cells that are asked at a time, where most are unlike
 
 
 class CellStiffness(NamedTuple):
-    """The stiffness of the cells of a body about rest; cells of the same shape and size are asked once.
+    """The stiffness of cells about rest; cells of the same shape and size are asked once.
 
     Attributes
     ----------
+    cells
+        The cells of the body that these are.
     matrices : (kinds, nodes * m, nodes * m) array
         Stiffness of a cell of each kind in m directions: those of space, of a bar its own [force/length].
     kind : (elements,) array
         Kind of each cell.
     first : (kinds,) array
-        The first cell of each kind.
+        The first cell of each kind in the body.
     """
 
+    cells: slice
     matrices: Floats
     kind: Integers
     first: Integers
 
 
-def cell_stiffness(element: Element, material: Material, body: BodyMesh) -> CellStiffness:
-    """Return the stiffness of the cells of a body about rest, of a bar along it with a linear material.
+def cell_stiffness(element: Element, material: Material, body: BodyMesh) -> Iterator[CellStiffness]:
+    """Yield the stiffness of the cells of a body about rest, of a bar along it with a linear material.
+
+    Cells of a solid that are mostly unlike are asked some at a time: together their matrices take more memory than all
+    that a march needs.
 
     Raises
     ------
     PluginError
         If a force is not finite.
     """
-    modulus = None if body.mesh.line is None else material.modulus
-    first, kind = body.kinds
-    probed, numbers = (body, first) if body.mesh.line is not None else (body.of_each_kind, np.arange(len(first)))
-    size = PROBING_STRAIN * float(np.ptp(body.mesh.nodes[cells_of(probed.mesh)], axis=1).max())
-    probe = ElementProbe(element, material, probed, modulus)
-    return CellStiffness(probe.stiffness(numbers, size, first), kind, first)
+    (first, kind), ((name, cells),) = body.kinds, body.mesh.cells.items()
+    size = PROBING_STRAIN * float(np.ptp(body.mesh.nodes[cells[first]], axis=1).max())
+    if body.mesh.line is not None:
+        probe = ElementProbe(element, material, body, material.modulus)
+        yield CellStiffness(slice(0, len(kind)), probe.stiffness(first, size, first), kind, first)
+        return
+    some = AT_A_TIME // (cells.shape[1] * body.mesh.nodes.shape[1]) ** 2
+    step = some if ALIKE * len(first) > len(kind) else len(kind)
+    for start in range(0, len(kind), step):
+        these = slice(start, start + step)
+        kinds, own = np.unique(kind[these], return_inverse=True)
+        probed = BodyMesh(body.mesh._replace(cells={name: cells[first[kinds]]}), body.section, body.plane)
+        matrices = ElementProbe(element, material, probed).stiffness(np.arange(kinds.size), size, first[kinds])
+        yield CellStiffness(these, matrices, own, first[kinds])
 
 
 def rows_of_solid(element: Element, material: Material, body: BodyMesh) -> StiffnessRows:
     """Return the stiffness of a body that is no bar, about rest, as rows of differences."""
-    found, cells = cell_stiffness(element, material, body), cells_of(body.mesh)
-    about_axis = body.plane == "axisymmetric"
-    return stiffness_rows(cells, found.kind, found.matrices, len(body.mesh.nodes), about_axis=about_axis)
+    assembly = Assembly(body)
+    for part in cell_stiffness(element, material, body):
+        assembly.add(part.cells.start, part.kind, part.matrices)
+    return assembly.rows
 
 
 def stiffness_of_cells(element: Element, material: Material, body: BodyMesh) -> Any:
@@ -69,10 +91,11 @@ def stiffness_of_cells(element: Element, material: Material, body: BodyMesh) -> 
 
 def entries_of_cells(element: Element, material: Material, body: BodyMesh) -> tuple[Floats, Integers, Integers]:
     """Return the entries of the stiffness of a body, those at one place to be added up, with their rows and columns."""
-    cells, found = cells_of(body.mesh), cell_stiffness(element, material, body)
-    ways = found.matrices.shape[1] // cells.shape[1]  # of the motion of a node
+    cells = cells_of(body.mesh)
+    matrices = np.concatenate([part.matrices[part.kind] for part in cell_stiffness(element, material, body)])
+    ways = matrices.shape[1] // cells.shape[1]  # of the motion of a node
     dofs = (cells[:, :, None] * ways + np.arange(ways)).reshape(len(cells), -1)
-    return entries_of(found.matrices[found.kind], dofs)
+    return entries_of(matrices, dofs)
 
 
 def entries_of(matrices: Floats, dofs: Integers) -> tuple[Floats, Integers, Integers]:
@@ -82,18 +105,24 @@ def entries_of(matrices: Floats, dofs: Integers) -> tuple[Floats, Integers, Inte
     return matrices.ravel(), row, column
 
 
-def frequencies_of_cells(element: Element, material: Material, body: BodyMesh) -> Floats:
+def frequencies_of_cells(
+    element: Element, material: Material, body: BodyMesh, assembly: Assembly | None = None
+) -> Floats:
     """Return the highest angular frequency of each cell by itself with its share of the lumped mass, (elements,).
 
     No frequency of the body is above the largest of them, by the theorem of Irons. All are nan where a node of a cell
-    has no mass, as in a cell that is turned inside out.
+    has no mass, as in a cell that is turned inside out. The stiffness of the cells is added to `assembly`, if there
+    is one: each cell is asked once.
     """
     masses = element_masses(element, body, material.rho)[:, None] * lumping_of(element, body).shares
+    frequencies = np.full(len(masses), np.nan)
     if not (masses > 0.0).all():
-        return np.full(len(masses), np.nan)
-    found = cell_stiffness(element, material, body)
-    ways = found.matrices.shape[1] // masses.shape[1]  # of the motion of a node: one along a line
-    root = np.repeat(np.sqrt(masses[found.first]), ways, axis=1)
-    scaled = found.matrices / root[:, :, None] / root[:, None, :]
-    frequencies: Floats = np.sqrt(np.linalg.eigvalsh(scaled)[:, -1])[found.kind]
+        return frequencies
+    for part in cell_stiffness(element, material, body):
+        ways = part.matrices.shape[1] // masses.shape[1]  # of the motion of a node: one along a line
+        root = np.repeat(np.sqrt(masses[part.first]), ways, axis=1)
+        scaled = part.matrices / root[:, :, None] / root[:, None, :]
+        frequencies[part.cells] = np.sqrt(np.linalg.eigvalsh(scaled)[:, -1])[part.kind]
+        if assembly is not None:
+            assembly.add(part.cells.start, part.kind, part.matrices)
     return frequencies

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.jit import Kernel, called, compiled_function, each, fused
+from percuss.mesh.cells import cells_of
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import Floats, Integers
+    from percuss.methods.interfaces import BodyMesh, Floats, Integers
 
 
 class StiffnessRows(NamedTuple):
@@ -69,28 +70,30 @@ def in_order(start: Integers, order: Integers) -> tuple[Integers, Integers]:
     return new, np.arange(new[-1]) + np.repeat(start[order] - new[:-1], count)
 
 
-def stiffness_rows(cells: Integers, kind: Integers, matrices: Floats, count: int, *, about_axis: bool) -> StiffnessRows:
-    """Return the rows of differences of a body.
+class Assembly:
+    """The rows of a solid, to which the stiffness of its cells is added, some cells at a time in their order.
 
-    Parameters
+    Attributes
     ----------
-    cells : (elements, nodes of a cell) array
-        Nodes of each cell.
-    kind, matrices
-        Kind of each cell, and the stiffness of each kind, as `percuss.mesh.cell_stiffness.CellStiffness` has them.
-    count
-        Number of nodes.
-    about_axis
-        Whether it is a body of revolution, about the axis x = 0.
+    rows
+        The rows of differences, complete once all cells are added.
     """
-    cells, dim = cells.astype(np.uint32), matrices.shape[1] // cells.shape[1]
-    first = np.concatenate([[0], np.cumsum(np.bincount(cells.ravel(), minlength=count))])
-    at, edges, work = np.empty(cells.size, dtype=np.int64), np.zeros(count + 1, dtype=np.int64), first[:-1].copy()
-    compiled_function(find_neighbours)(cells, first, at, edges, work)
-    node, pairs = np.empty(edges[-1], dtype=np.uint32), np.zeros((edges[-1], dim, dim))
-    outward = np.zeros((count if about_axis else 0, dim))
-    compiled_function(add_pairs)(cells, kind, matrices, first, at, edges, node, pairs, outward, work)
-    return StiffnessRows(edges, node, pairs, outward)
+
+    def __init__(self, body: BodyMesh) -> None:
+        cells: Integers = cells_of(body.mesh).astype(np.uint32)
+        count, dim = body.mesh.nodes.shape
+        first = np.concatenate([[0], np.cumsum(np.bincount(cells.ravel(), minlength=count))])
+        at, edges, work = np.empty(cells.size, dtype=np.int64), np.zeros(count + 1, dtype=np.int64), first[:-1].copy()
+        compiled_function(find_neighbours)(cells, first, at, edges, work)
+        node, outward = np.empty(edges[-1], dtype=np.uint32), np.zeros((count * (body.plane == "axisymmetric"), dim))
+        compiled_function(sort_neighbours)(cells, first, at, edges, node, work)
+        self.rows = StiffnessRows(edges, node, np.zeros((edges[-1], dim, dim)), outward)
+        self._cells, self._first, self._at, self._work = cells, first, at, work
+
+    def add(self, start: int, kind: Integers, matrices: Floats) -> None:
+        """Add the stiffness of the cells from `start` on: the kind of each, and the stiffness of each kind."""
+        add = compiled_function(add_pairs)
+        add(start, kind, matrices, self._cells, self._first, self._at, self._work, *self.rows)
 
 
 # --------------------------------------------------------------------------------------------------- assembly
@@ -119,15 +122,11 @@ def find_neighbours(cells: Integers, first: Integers, at: Integers, edges: Integ
                     edges[i + 1] += 1
 
 
-def add_pairs(
-    cells: Integers, kind: Integers, matrices: Floats, first: Integers, at: Integers, edges: Integers, node: Integers,
-    pairs: Floats, outward: Floats, place: Integers,
-) -> None:  # fmt: skip
-    """Set the neighbours of each node, and the sums of what its cells say of each pair, in the order of the cells.
-
-    The last place of a node among the neighbours is kept in `place`.
-    """
-    nodes, dim = cells.shape[1], pairs.shape[1]
+def sort_neighbours(
+    cells: Integers, first: Integers, at: Integers, edges: Integers, node: Integers, place: Integers
+) -> None:
+    """Set the neighbours of each node in rising order; the last place of a node among them is kept in `place`."""
+    nodes = cells.shape[1]
     for i in range(len(place)):
         place[i] = -1
     for i in range(len(place)):
@@ -138,11 +137,6 @@ def add_pairs(
                 if j != i and not edges[i] <= place[j] < found:
                     sort_in(j, node, edges[i], found, place)
                     found += 1
-        for p in range(first[i], first[i + 1]):
-            e, a = at[p], 0
-            while cells[e, a] != i:
-                a += 1
-            add_rows(matrices[kind[e], a * dim : (a + 1) * dim], cells[e], i, pairs, outward, place)
 
 
 def sort_in(j: int, node: Integers, first: int, count: int, place: Integers) -> None:
@@ -154,6 +148,25 @@ def sort_in(j: int, node: Integers, first: int, count: int, place: Integers) -> 
         q -= 1
     node[q] = j
     place[j] = q
+
+
+def add_pairs(
+    start: int, kind: Integers, matrices: Floats, cells: Integers, first: Integers, at: Integers, place: Integers,
+    edges: Integers, node: Integers, pairs: Floats, outward: Floats,
+) -> None:  # fmt: skip
+    """Add what the cells from `start` on say of each pair of nodes, in the order of the cells."""
+    dim, stop = pairs.shape[1], start + len(kind)
+    for i in range(len(place)):
+        if first[i] == first[i + 1] or at[first[i]] >= stop or at[first[i + 1] - 1] < start:
+            continue
+        for q in range(edges[i], edges[i + 1]):
+            place[node[q]] = q
+        for p in range(first[i], first[i + 1]):
+            e, a = at[p], 0
+            if start <= e < stop:
+                while cells[e, a] != i:
+                    a += 1
+                add_rows(matrices[kind[e - start], a * dim : (a + 1) * dim], cells[e], i, pairs, outward, place)
 
 
 def add_rows(rows: Floats, cell: Integers, i: int, pairs: Floats, outward: Floats, place: Integers) -> None:
