@@ -13,7 +13,7 @@ import numpy as np
 
 from percuss.case.type_words import found
 from percuss.mesh.cells import pieces_of
-from percuss.mesh.surfaces import boundary_of, whole_surface
+from percuss.mesh.surfaces import boundary_of
 from percuss.methods.blame import plain_function
 from percuss.methods.plugin_calls import answer
 
@@ -119,7 +119,7 @@ def _prism(body: Body, axis: Floats, held: set[tuple[int, int]]) -> Prism:
     place = body.mesh.nodes @ axis
     start, length = float(place.min()), float(np.ptp(place))
     volume = float(body.volumes_of_cells.sum())
-    surface = whole_surface(body.view)
+    surface = body.boundary
     looks = _looks(surface, axis)
     apart = surface.positions[surface.facets] @ axis - start - np.where(looks > 0.0, length, 0.0)[:, None]
     area = float(surface.areas[looks == -1.0].sum())
@@ -151,9 +151,9 @@ def _modulus(body: Body, surface: Surface, sides: Integers, axis: Floats, held: 
     if np.abs(across @ stress @ across).max() <= ROUND_OFF * modulus:
         return modulus  # it does not contract
     for facet, normal in zip(surface.nodes[surface.facets[sides]], np.abs(surface.normals[sides]), strict=True):
-        rolls = {(body.start + int(node), int(normal.argmax())) for node in facet} <= held
+        rolls = {(int(node), int(normal.argmax())) for node in facet} <= held
         if not rolls or normal.max() < 1.0 - ROUND_OFF:
-            place = found(np.round(body.mesh.nodes[facet].mean(axis=0), 9).tolist())
+            place = found(np.round(body.mesh.nodes[facet - body.start].mean(axis=0), 9).tolist())
             raise NotARowOfPrisms(f"body '{body.name}' contracts, and no rollers hold its side at {place}")
     return modulus
 

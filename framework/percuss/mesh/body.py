@@ -13,13 +13,14 @@ from percuss.mesh.cell_stiffness import entries_of, entries_of_cells, rows_of_so
 from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of
 from percuss.mesh.eigenvalues import as_bands, highest_of_bands
 from percuss.mesh.stiffness_rows import compiled_forces
-from percuss.mesh.surfaces import BodySurface, surface_of
+from percuss.mesh.surfaces import BodySurface, surface_of, whole_surface
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, LoadedEnd, Mesh, SolidMaterial
 from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
     from percuss.case.specs import BodySpec
     from percuss.mesh.stiffness_rows import StiffnessRows
+    from percuss.methods.interfaces import Surface
 
 
 TWO_NODES = np.array([[1.0, -1.0], [-1.0, 1.0]])  # stiffness of a two-node bar, over EA/h
@@ -122,6 +123,11 @@ class Body:
     @cached_property
     def _surfaces(self) -> dict[str, BodySurface]:
         return {}
+
+    @cached_property
+    def boundary(self) -> Surface:
+        """Its whole boundary, whatever its regions are, of a body that is no bar."""
+        return whole_surface(self.view, self.start)
 
     def places(self, region: str) -> list[tuple[int, float]]:
         """Return the nodes of the model in a region of the boundary, each with its share in the area."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.mesh.cells import PROBING_STRAIN, cells_of, element_masses, lumping_of
+from percuss.mesh.cells import PROBING_STRAIN, cells_of, element_masses, extents_of, lumping_of
 from percuss.mesh.element_probe import ElementProbe
 from percuss.mesh.stiffness_rows import Assembly
 from percuss.methods.interfaces import BodyMesh
@@ -54,7 +54,7 @@ def cell_stiffness(element: Element, material: Material, body: BodyMesh) -> Iter
         If a force is not finite.
     """
     (first, kind), ((name, cells),) = body.kinds, body.mesh.cells.items()
-    size = PROBING_STRAIN * float(np.ptp(body.mesh.nodes[cells[first]], axis=1).max())
+    size = PROBING_STRAIN * float(extents_of(body.mesh.nodes, cells[first]).max())
     if body.mesh.line is not None:
         probe = ElementProbe(element, material, body, material.modulus)
         yield CellStiffness(slice(0, len(kind)), probe.stiffness(first, size, first), kind, first)

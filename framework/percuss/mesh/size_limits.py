@@ -13,7 +13,7 @@ import numpy as np
 
 from percuss.case.options import LARGEST_NUMBER, SMALLEST_NUMBER, UNITS
 from percuss.errors import InputError, TooLargeError, refuse_if_any
-from percuss.mesh.cells import cells_of, has_cells, mesh_of_element
+from percuss.mesh.cells import cells_of, extents_of, has_cells, mesh_of_element
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import OptionError
 from percuss.methods.plugin_calls import answer
@@ -105,7 +105,7 @@ def _mesh_of_shape(case: Case, spec: BodySpec, start: Floats) -> Mesh:
     if spec.shape.cell not in mesh.cells:
         kinds = ", ".join(mesh.cells)
         raise breach(spec.shape, "mesh", f"mesh returned {kinds} cells, and `cell` says {spec.shape.cell}")
-    extents = np.ptp(mesh.nodes[cells_of(mesh)], axis=1) if mesh.line is None else np.ones(1)
+    extents = extents_of(mesh.nodes, cells_of(mesh)) if mesh.line is None else np.ones(1)
     if (outside := ~within_limits(extents)).any():
         message = f"expected cells of a size between {BOUNDS}, found {extents[outside][0]:.6g}"
         raise InputError([case.problem(("bodies", spec.name, spec.shape.name), message, UNITS, any_inside=True)])

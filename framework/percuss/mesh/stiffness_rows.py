@@ -83,7 +83,8 @@ class Assembly:
         cells: Integers = cells_of(body.mesh).astype(np.uint32)
         count, dim = body.mesh.nodes.shape
         first = np.concatenate([[0], np.cumsum(np.bincount(cells.ravel(), minlength=count))])
-        at, edges, work = np.empty(cells.size, dtype=np.int64), np.zeros(count + 1, dtype=np.int64), first[:-1].copy()
+        at: Integers = np.empty(cells.size, dtype=np.uint32)
+        edges, work = np.zeros(count + 1, dtype=np.int64), first[:-1].copy()
         compiled_function(find_neighbours)(cells, first, at, edges, work)
         node, outward = np.empty(edges[-1], dtype=np.uint32), np.zeros((count * (body.plane == "axisymmetric"), dim))
         compiled_function(sort_neighbours)(cells, first, at, edges, node, work)

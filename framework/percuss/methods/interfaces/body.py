@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from percuss.methods.interfaces.base import Component, Floats, Integers
 
+AT_A_TIME = 20_000  # cells whose coordinates are looked at together, which stay in the cache
 SAME_SHAPE = 11  # decimal digits of the coordinates of a cell, over its length, by which cells are told apart
 
 
@@ -318,17 +319,26 @@ class BodyMesh:
     def kinds(self) -> tuple[Integers, Integers]:
         """The first cell of each kind, (kinds,), and the kind of each cell, (cells,), by shape and size."""
         nodes, cells = self.mesh.nodes, next(iter(self.mesh.cells.values()))
-        relative = nodes[cells] - nodes[cells[:, :1]]
-        size = np.abs(relative).max()
-        if self.plane == "axisymmetric":  # where the distance from the axis tells cells apart, too
-            relative[..., 0] = nodes[cells, 0]
-        rounded = np.rint(relative.reshape(len(cells), -1) * (10.0**SAME_SHAPE / size)).astype(np.int64)
-        weights = np.random.default_rng(0).integers(1 << 63, size=rounded.shape[1], dtype=np.uint64)
-        mixed = rounded.view(np.uint64) @ weights  # one number of a kind
+        parts = [slice(start, start + AT_A_TIME) for start in range(0, len(cells), AT_A_TIME)]
+        size = max(float(np.abs(nodes[cells[some]] - nodes[cells[some, :1]]).max()) for some in parts)
+        weights = np.random.default_rng(0).integers(1 << 63, size=cells.shape[1] * nodes.shape[1], dtype=np.uint64)
+        # one number of a kind
+        mixed = np.concatenate([self._rounded(some, size).view(np.uint64) @ weights for some in parts])
         _, first, kind = np.unique(mixed, return_index=True, return_inverse=True)
-        if not np.array_equal(rounded[first][kind], rounded):  # two kinds were mixed to one number
-            _, first, kind = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+        of_kinds = self._rounded(first, size)
+        if not all(np.array_equal(of_kinds[kind[some]], self._rounded(some, size)) for some in parts):
+            # two kinds were mixed to one number
+            _, first, kind = np.unique(self._rounded(slice(None), size), axis=0, return_index=True, return_inverse=True)
         return first, kind.ravel()
+
+    def _rounded(self, some: Any, size: float) -> Integers:
+        """Return the places of the nodes of some cells relative to their first node, as whole numbers."""
+        own, nodes = next(iter(self.mesh.cells.values()))[some], self.mesh.nodes
+        relative = nodes[own] - nodes[own[:, :1]]
+        if self.plane == "axisymmetric":  # where the distance from the axis tells cells apart, too
+            relative[..., 0] = nodes[own, 0]
+        rounded: Integers = np.rint(relative.reshape(len(own), -1) * (10.0**SAME_SHAPE / size)).astype(np.int64)
+        return rounded
 
     @cached_property
     def of_each_kind(self) -> BodyMesh:
