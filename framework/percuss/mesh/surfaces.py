@@ -47,18 +47,9 @@ def boundary_of(kind: str, cells: Integers) -> Integers:
     told = np.empty((len(of_cell), len(cells)), dtype=np.uint64)
     for k, corners in enumerate(of_cell.tolist()):
         told[k] = sum(random[cells[:, corner]] for corner in corners)
-    rising = np.sort(told, axis=None)
-    differs = np.concatenate([[True], rising[1:] != rising[:-1], [True]])
-    once = rising[differs[1:] & differs[:-1]]
-    del rising, differs
-    # Most facets are in two cells, and the last digits of their sums are those of no facet in one.
-    digits, is_last = np.uint64((1 << 24) - 1), np.zeros(1 << 24, dtype=bool)
-    is_last[once & digits] = True
-    found = []
-    for corners, sums in zip(of_cell, told, strict=True):
-        (some,) = np.nonzero(is_last[sums & digits])
-        found.append(cells[some[np.isin(sums[some], once)]][:, corners])
-    facets: Integers = np.concatenate(found)
+    _, first, count = np.unique(told, return_index=True, return_counts=True)
+    of, cell = np.divmod(first[count == 1], len(cells))
+    facets: Integers = cells[cell[:, None], of_cell[of]]
     return facets[np.lexsort(np.sort(facets, axis=1).T[::-1])]
 
 
