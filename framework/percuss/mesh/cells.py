@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.jit import Filled, compiled_function
+from percuss.jit import Filled
 from percuss.mesh import cell_kernels
 from percuss.mesh.cell_kernels import Cells
 from percuss.mesh.materials import MaterialPoints, material_slots, solid_slots
@@ -99,30 +99,13 @@ def extents_of(nodes: Floats, cells: Integers) -> Floats:
 
 def pieces_of(mesh: Mesh) -> Integers:
     """Return the piece of each cell, (cells,), numbered from 0; pieces have no common node."""
-    cells, low = cells_of(mesh), np.arange(len(mesh.nodes))
-    compiled_function(join_nodes)(cells, low)
-    lowest, is_one = low[cells[:, 0]], np.zeros(len(low), dtype=bool)
-    is_one[lowest] = True
-    pieces: Integers = np.cumsum(is_one)[lowest] - 1
-    return pieces
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
 
-
-def join_nodes(cells: Integers, low: Integers) -> None:
-    """Set a node of its piece for each node, the same one for all of them: the lowest."""
-    for e in range(len(cells)):
-        i = cells[e, 0]
-        for a in range(1, cells.shape[1]):
-            j = cells[e, a]
-            while low[i] != i:
-                low[i] = low[low[i]]
-                i = low[i]
-            while low[j] != j:
-                low[j] = low[low[j]]
-                j = low[j]
-            i, j = min(i, j), max(i, j)
-            low[j] = i
-    for i in range(len(low)):
-        low[i] = low[low[i]]
+    cells, size = cells_of(mesh), len(mesh.nodes)
+    ends = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
+    piece = connected_components(csr_array((np.ones(ends[0].size), ends), shape=(size, size)), directed=False)[1]
+    return np.unique(piece[cells[:, 0]], return_inverse=True)[1].ravel()
 
 
 def of_kinds(element: Element, question: str, body: BodyMesh) -> Floats:
