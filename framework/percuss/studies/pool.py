@@ -13,11 +13,12 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from concurrent.futures import CancelledError, Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
+from queue import Empty, SimpleQueue
 from types import ModuleType
 
 from percuss.blas import ONE_THREAD
@@ -30,6 +31,7 @@ from percuss.studies.tasks import Task
 LATE = 75  # exit code of a worker whose run has taken too long
 MOST_RUNS = 1000  # of one process, which keeps the machine code of every kernel that it has met
 SILENCE = 600.0  # seconds without an answer after which a run is named
+BATCH_SECONDS = 0.4  # between two batches of rows that are stored
 CONNECT_SECONDS = 5.0  # until a scheduler counts as absent
 LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
 # Python's option -P: it would put the current folder first on the path of a worker.
@@ -110,7 +112,7 @@ def cluster(address: str) -> Iterator[Workers]:
 def made(
     workers: Workers, longest: float | None, bench: Bench, tasks: Sequence[Task], stop: threading.Event
 ) -> Generator[list[Record]]:
-    """Hand runs to workers, and yield the records of those that have ended meanwhile.
+    """Hand runs to workers, and yield the records of those that end in each `BATCH_SECONDS`.
 
     Parameters
     ----------
@@ -131,26 +133,38 @@ def made(
         If no worker can be started.
     """
     submit = workers(pickle.dumps(bench))
-    waiting = {submit(task): task for task in tasks}
+    waiting, ended = dict[Future[Record], Task](), SimpleQueue[Future[Record]]()
     deaths, since = Counter[str](), dict[Future[Record], float]()
+
+    def start(task: Task) -> None:
+        waiting[future := submit(task)] = task
+        future.add_done_callback(ended.put)
+
+    for task in tasks:
+        start(task)
+    records, last = list[Record](), time.monotonic()
     while waiting and not stop.is_set():
-        records = []
-        for future in wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED).done:
+        with suppress(Empty):
+            future = ended.get(timeout=0.2)
             task, error = waiting.pop(future), future.exception()
             exit_code = getattr(error, "exitcode", None)  # of a process that has ended
             deaths[task.key] += exit_code not in (None, LATE)
             if deaths[task.key] == 1 and error is not None:  # somebody else may have killed it
-                waiting[submit(task)] = task
+                start(task)
             elif error is None:
                 records.append(future.result())
             elif exit_code is None and type(error).__name__ != "KilledWorker":
+                yield records
                 raise error
             elif exit_code == LATE:
                 records.append(Record(task.key, "failed", f"no result after {longest:g} s (--longest)", WORKER))
             else:
                 records.append(Record(task.key, LOST, _death(exit_code, error), WORKER))
-        yield records
-        _name_silent(waiting, since)
+        if time.monotonic() - last > BATCH_SECONDS:
+            yield records
+            records, last = [], time.monotonic()
+            _name_silent(waiting, since)
+    yield records
 
 
 def _death(exit_code: int | None, error: BaseException) -> str:

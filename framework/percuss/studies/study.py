@@ -31,7 +31,6 @@ from percuss.studies.tasks import NAMES, Task, tasks
 
 OWN = "percuss"  # distribution of the methods that come with it
 AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again on request
-SECONDS = 0.4  # between two batches of rows that are stored
 Progress = Callable[[int, int], None]
 Makers = Callable[[Bench, Sequence[Task], threading.Event], Generator[list[Record]]]
 
@@ -221,7 +220,7 @@ class Session:
 
 
 def _made_here(bench: Bench, tasks: Sequence[Task], stop: threading.Event) -> Generator[list[Record]]:
-    """Make runs in this process, and yield the records of each `SECONDS`, until none is left or `stop` is set."""
+    """Make runs in this process, and yield the records of each `BATCH_SECONDS`, until none is left or `stop` is set."""
     records: list[Record] = []
     since = time.monotonic()
     for task in tasks:
@@ -229,7 +228,7 @@ def _made_here(bench: Bench, tasks: Sequence[Task], stop: threading.Event) -> Ge
         if stop.is_set():
             records = [record for record in records if record.status != LOST]  # one was interrupted
             break
-        if time.monotonic() - since > SECONDS:
+        if time.monotonic() - since > pool.BATCH_SECONDS:
             yield records
             records, since = [], time.monotonic()
     yield records
