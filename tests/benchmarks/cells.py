@@ -1,6 +1,6 @@
 """Speed of bodies in two and three dimensions against SciPy's product and plain serial kernels, measured in one run.
 
-    python tests/benchmarks/cells.py [--rounds N] [--most N]
+    python tests/benchmarks/cells.py [--rounds N] [--most N] [--write]
 
 A free block of squares, triangles, cubes or tetrahedra with a linear material is marched by percuss, on one core and on
 two, and by a loop compiled with numba that has slopes and weights stored, and for each cell gathers, computes and adds
@@ -43,6 +43,7 @@ from percuss.march.recording import recordable
 from percuss.threads import most
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+import page_of_tests
 from scale import peak_memory
 
 SIZES = {100: 20_000, 10**4: 400, 10**5: 100, 10**6: 100}  # elements of a block: steps of a round
@@ -50,7 +51,7 @@ SLOW = 2  # hexahedra take so many times fewer steps
 COPIED = 200_000_000  # bytes, far more than any cache
 HEAD = (
     "cells", "elements", "plain", "SciPy's product", "percuss", "limit", "two threads",
-    "set-up [us]", "certificate [steps]", "bytes",
+    "set-up [us]", "certificate [steps]", "bytes", "percuss over SciPy",
 )  # fmt: skip
 SAME = 1e-9  # of the largest displacement
 SIDE = 220  # squares along a side of each of the two blocks that meet
@@ -365,6 +366,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=10)
     parser.add_argument("--most", type=int, default=10**6, help="largest size")
+    parser.add_argument("--write", action="store_true", help="write the table into tests/README.md")
     parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.one:
@@ -372,6 +374,7 @@ def main() -> None:
         print(json.dumps(measured(cells, int(elements), int(rounds))))
         return
     print("  ".join(f"{name:>15}" for name in HEAD))
+    rows: list[Sequence[str]] = [HEAD]
     for cells in ELEMENTS:
         sizes, steps = [], []
         for size in (one for one in SIZES if one <= given.most):
@@ -379,14 +382,17 @@ def main() -> None:
             plain, scipy, ours, both = (statistics.median(column) * 1e9 for column in zip(*found["times"], strict=True))
             numbers = (plain, scipy, ours, found["limit"] * 1e9, both)
             numbers_in_words = (f"{one:.3g}" for one in (*numbers, found["set_up"] * 1e6))
-            line = (cells, str(found["elements"]), *numbers_in_words, *in_steps(found))
             of_scipy = spread([row[2] / row[1] for row in found["times"]])
-            print("  ".join(f"{cell:>15}" for cell in line), f" over SciPy's {of_scipy}", flush=True)
+            rows.append((cells, str(found["elements"]), *numbers_in_words, *in_steps(found), of_scipy))
+            print("  ".join(f"{cell:>15}" for cell in rows[-1]), flush=True)
             sizes.append(found["elements"])
             steps.append(ours * found["elements"])
         exponent = np.polyfit(np.log(sizes), np.log(steps), 1)[0] if sizes[1:] else math.nan
         print(f"{cells:>16}: a step grows as n^{exponent:.2f}")
-    print(f"share of the contact of two blocks of {SIDE} x {SIDE} squares: {spread(share_of_contact(given.rounds))}")
+    share = f"Share of the contact of two blocks of {SIDE} x {SIDE} squares: {spread(share_of_contact(given.rounds))}."
+    print(share)
+    if given.write:
+        page_of_tests.write("cells", f"\n{page_of_tests.table(rows)}\n{share} {page_of_tests.machine()}\n")
 
 
 def in_steps(found: dict[str, Any]) -> tuple[str, str]:

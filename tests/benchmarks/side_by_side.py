@@ -23,17 +23,16 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Collection, Iterable, Iterator
-from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import page_of_tests
 
 import percuss
 from percuss.blas import ONE_THREAD, one_blas_thread
@@ -50,7 +49,6 @@ CASES = {
 STEP: dict[str, dict[str, Any]] = {"blocks": {}, "ball": {"time.courant": 0.8}}  # which all programs can take
 TITLES = {"blocks": "Two blocks in the plane", "ball": "A quarter of a ball on a wall"}
 AXIS = {"blocks": 0, "ball": 2}  # direction of the impact
-FIRST, LAST = "<!-- solids side by side -->\n", "<!-- end of solids side by side -->"
 HEAD = (
     "program", "method", "mean force", "peak", "contact time", "restitution", "energy kept", "force L1",
     "ns per element-step",
@@ -329,10 +327,7 @@ def table(rows: list[Row]) -> str:
     parts = []
     for case, (peak, duration) in KNOWN.items():
         known = f"{'exact' if case == 'blocks' else 'converged'}: peak {peak:.6g}, contact time {duration:.6g}"
-        lines = [
-            f"{TITLES[case]} ({known})", "",
-            "| " + " | ".join(HEAD) + " |", "| " + " | ".join(["---"] * len(HEAD)) + " |",
-        ]  # fmt: skip
+        lines = [HEAD]
         for row in rows:
             if row.case != case:
                 continue
@@ -344,9 +339,9 @@ def table(rows: list[Row]) -> str:
                     f"{row.mean:.4g}", f"{row.peak:.4g}", f"{row.contact_time:.4g}", f"{row.restitution:.4f}",
                     f"{row.energy:.2%}", error, f"{1e9 * row.element_step:.0f}",
                 ]  # fmt: skip
-            lines.append("| " + " | ".join([row.program, row.method, *numbers]) + " |")
-        parts.append("\n".join(lines))
-    return "\n\n".join(parts) + "\n"
+            lines.append((row.program, row.method, *numbers))
+        parts.append(f"{TITLES[case]} ({known})\n\n{page_of_tests.table(lines)}")
+    return "\n".join(parts)
 
 
 def rows_of(cases: list[str], names: list[str], pythons: dict[str, str], keep: Path, repeats: int) -> list[Row]:
@@ -357,12 +352,6 @@ def rows_of(cases: list[str], names: list[str], pythons: dict[str, str], keep: P
         for name in names:
             rows += others(case, name, pythons.get(name, sys.executable), keep)
     return rows
-
-
-def machine() -> str:
-    """Return when and where the table was made."""
-    where = f"{platform.machine()} with {os.cpu_count()} cores, Python {platform.python_version()}"
-    return f"Made on {date.today().isoformat()} on {where}."
 
 
 @one_blas_thread()
@@ -378,12 +367,10 @@ def main() -> None:
     given = parser.parse_args()
     pythons = pythons_of(parser, given.python, PROGRAMS)
     text = table(rows_of(given.cases, given.programs, pythons, given.keep.resolve(), given.repeats))
-    text += f"\n{machine()}\n"
+    text += f"\n{page_of_tests.machine()}\n"
     print(text, end="")
     if given.write:
-        page = HERE.parent / "README.md"
-        before, _, rest = page.read_text(encoding="utf-8").partition(FIRST)
-        page.write_text(before + FIRST + "\n" + text + LAST + rest.partition(LAST)[2], encoding="utf-8")
+        page_of_tests.write("solids side by side", f"\n{text}")
 
 
 if __name__ == "__main__":

@@ -255,7 +255,10 @@ def _mapping_schema(cls: Any, handler: GetCoreSchemaHandler) -> core_schema.Core
             raise PluginError(f"{cls.__name__}: option '{key}' is of a type no case can give: {reason}") from None
         required = option.required and schema["type"] != "default"
         if schema["type"] != "default":  # else it is a component or a section, whose options have limits of their own
-            schema = core_schema.no_info_after_validator_function(functools.partial(_within_limits, option), schema)
+            above = fact(option.annotation, Gt)
+            smallest = SMALLEST_NUMBER if above is not None and above.gt == 0 else 0.0
+            within = functools.partial(_within_limits, option, smallest)
+            schema = core_schema.no_info_after_validator_function(within, schema)
         fields[key] = core_schema.typed_dict_field(schema, required=required)
 
     def instance(value: object, check: Any, info: core_schema.ValidationInfo[Context]) -> Any:
@@ -285,18 +288,16 @@ def _mapping_schema(cls: Any, handler: GetCoreSchemaHandler) -> core_schema.Core
     return core_schema.with_info_wrap_validator_function(instance, mapping)
 
 
-def _within_limits(option: Option, value: object) -> Any:
+def _within_limits(option: Option, smallest: float, value: object) -> Any:
     """Return the value of an option if it can be computed with: products of a few of its numbers are finite.
 
-    Numbers that are greater than 0 are divided by, so that they must not be tiny either. If a number may be infinite,
-    nan comes here too.
+    Numbers that are greater than 0 are divided by, so that they must not be tiny either: none is below `smallest`. If a
+    number may be infinite, nan comes here too.
     """
     if isinstance(value, float) and math.isnan(value):
         raise PydanticKnownError("finite_number")
     if isinstance(value, int) and abs(value) > MOST:
         raise PydanticCustomError("too_large", "expected a whole number below 2^63")
-    above = fact(option.annotation, Gt)
-    smallest = SMALLEST_NUMBER if above is not None and above.gt == 0 else 0.0
     for path, number in _finite_numbers(value):
         if not smallest <= abs(number) <= LARGEST_NUMBER:
             sign = "" if smallest else "-"
