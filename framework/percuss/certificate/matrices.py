@@ -73,11 +73,13 @@ def _of_bars_along_x(model: Model) -> Operator:
     free = np.ones(model.bodies.n_nodes, dtype=bool)
     free[list(directions_at_nodes(held_throughout(model)))] = False
     number, bodies = np.cumsum(free, dtype=np.int32) - 1, model.bodies.values()
-    entries = [body.axial_entries for body in bodies]
-    values = np.concatenate([leap**2 * one[0] for leap, one in zip(model.leaps, entries, strict=True)])
-    row, column = (
-        np.concatenate([body.start + one[k] for body, one in zip(bodies, entries, strict=True)]) for k in (1, 2)
-    )
+    entries = [
+        (leap**2 * values, body.start + row, body.start + column)
+        for body, leap in zip(bodies, model.leaps, strict=True)
+        for values, row, column in (body.axial_entries,)
+    ]
+    values, row, column = map(np.concatenate, zip(*entries, strict=True))
+    del entries  # of a million elements they would stand beside all that follows
     kept, size, points = free[row] & free[column], int(free.sum()), model.contact_points
     stiffness = csr_array((values[kept], (number[row[kept]], number[column[kept]])), shape=(size, size))
     on = free[points.node]
