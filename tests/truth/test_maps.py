@@ -70,7 +70,7 @@ def test_what_cannot_be_judged_is_a_row_with_its_reason():
 
 
 @pytest.mark.slow
-def test_the_command_line_saves_draws_and_prints(tmp_path):
+def test_the_command_line_saves_draws_and_prints(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
     args = ["stability", SDNV, "--set", "bodies.beam.bar.elements=8", "--set", f"method.integrator={CD}"]
     vary = ["--vary", "method.contact.beta_s=0.1:10:log:4", "--curves", "method.contact.ratio=inf,1"]
@@ -85,9 +85,11 @@ def test_the_command_line_saves_draws_and_prints(tmp_path):
     assert [float(row["courant_critical"]) for row in saved] == [row["courant_critical"] for row in told]
     drawn = (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert "<svg" in drawn
+    monkeypatch.setattr("percuss.cli.common.SHORT", 5.0)
     plain = percuss_command(*args, *vary, cwd=tmp_path)
     assert plain.returncode == 0
     assert "C critical, linear-laws" in plain.stdout
+    assert "The search of 8 critical steps of 9 nodes takes about 40 s.\n" in plain.stderr
     done = percuss_command("waves", HUNEK, "--plot", "w.svg", "--json", cwd=tmp_path)
     told = json.loads(done.stdout)["rows"]
     assert len(told) == 200

@@ -41,7 +41,7 @@ def stability(
     curves: Mapping[str, Sequence[object]] | None = None,
     by: Sequence[str] = (),
     *,
-    before: Callable[[Model], None] | None = None,
+    before: Callable[[Model, int], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Entries]:
     """Return critical Courant numbers over every combination of varied values.
@@ -56,7 +56,7 @@ def stability(
         Criteria: ``linear-laws`` (from the coefficients of the laws) and ``black-box`` (from the measured amplification
         matrix). By default the linear laws where they cover all contacts, else the black box.
     before
-        Function that is called with the first model, before its critical step is searched.
+        Function that is called with the first model and the number of combinations, before the first search.
     progress
         Function that is called with the number of combinations done and the number of all combinations.
 
@@ -93,7 +93,7 @@ def stability(
             rows += [_row(varied, way, None, reason) for way in ways]
         else:
             if before is not None:
-                before(model)
+                before(model, count)
                 before = None
             doubts = doubts_of(model)
             ways_here = by or ("black-box" if doubts else "linear-laws",)

@@ -48,6 +48,7 @@ Reference = Annotated[str, option("--reference refine=N", "Where no exact soluti
 AsJson = Annotated[bool, option("--json", "Print one JSON object; the rest goes to standard error.")]
 
 
+SHORT = 0.005  # seconds that a model and the search of its critical step take at least
 LONG = 10.0  # seconds from which on it is told beforehand how long something takes
 FIRST_LINE, LINES_EVERY = 10.0, 30.0  # seconds until the first line of progress, and between two lines
 PACE = 600.0  # seconds over which the pace of the work is taken
@@ -228,14 +229,16 @@ def tell(text: str) -> None:
     print(printable(text), file=sys.stderr, flush=True)
 
 
-def tell_if_long(model: Model) -> None:
-    """Tell beforehand that the search of the critical step of a run takes long, and where `percuss run` needs none."""
+def tell_if_long(model: Model, count: int = 1) -> None:
+    """Tell beforehand that the search of the critical step of such runs takes long, and where a run needs none."""
     from percuss.certificate.criteria import seconds_to_search
     from percuss.certificate.lanczos import why_not_covered
 
-    if (seconds := seconds_to_search(model)) > LONG:
-        needs = "" if why_not_covered(model) else "; `percuss run` needs none"
-        tell(f"The search of the critical step of {model.bodies.n_nodes} nodes takes about {duration(seconds)}{needs}.")
+    each = seconds_to_search(model)
+    if (seconds := count * (SHORT + each)) > LONG:
+        needs = "" if each < LONG or why_not_covered(model) else "; `percuss run` needs none"
+        what = f"{count} critical steps" if count > 1 else "the critical step"
+        tell(f"The search of {what} of {model.bodies.n_nodes} nodes takes about {duration(seconds)}{needs}.")
 
 
 def print_json(data: Entries, file: TextIO | None = None) -> None:
