@@ -32,7 +32,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import page_of_tests
 
 import percuss
 from percuss.blas import ONE_THREAD, one_blas_thread
@@ -40,6 +39,9 @@ from percuss.certificate import verdict
 from percuss.march.march import March
 from percuss.results.exact import exact_solution
 from percuss.results.true_error import contact_errors
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import page_of_tests
 
 HERE = Path(__file__).resolve().parent
 CASES = {

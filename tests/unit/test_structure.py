@@ -103,7 +103,7 @@ def arrows():
     for module, path in MODULES.items():
         for name, line in dict.fromkeys(imported(path)):
             if name in MODULES and name != module:
-                yield module, name, f"{path.relative_to(ROOT)}:{line}"
+                yield module, name, f"{name_of(path)}:{line}"
 
 
 def test_every_module_lies_in_a_room_or_on_the_ground():
