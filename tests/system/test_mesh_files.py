@@ -164,7 +164,7 @@ def test_a_result_has_the_file_inside_and_is_made_again_without_it(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({}, None),
+        pytest.param({}, None, marks=pytest.mark.deep),
         ({"bodies.plate.fixed": [{"on": "skin", "along": "y"}]}, None),
         ({"contacts.stop.body": "plate.skin"}, "'plate.skin', which is in contact, is no face across the axis"),
         (

@@ -48,7 +48,8 @@ def energy_of(result):
     return result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
 
 
-@pytest.mark.parametrize("contact", ["penalty", pytest.param("bipenalty", marks=pytest.mark.deep), "lagrange"])
+@pytest.mark.deep
+@pytest.mark.parametrize("contact", ["penalty", "bipenalty", "lagrange"])
 def test_motion_forces_and_energies_are_those_of_full_matrices(contact):
     """Nodes inside a body are advanced by m steps at a time: snapshots and the last displacement go back to t_n."""
     case = three_bars({"name": contact} | ({} if contact == "lagrange" else {"beta_s": 0.3}), on_unstable="warn")
