@@ -71,6 +71,13 @@ def test_another_file_is_refused(tmp_path, content, command):
     assert list(tmp_path.iterdir()) == [bad]
 
 
+def test_where_no_row_is_done_nothing_is_verified(file):
+    change(file, "DELETE FROM runs")
+    done = percuss_command("verify", file, plain=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "rows.sqlite: expected rows that are done, found none" in done.stderr
+
+
 def test_a_file_of_an_earlier_version_is_refused(file):
     change(file, "PRAGMA user_version = 5")
     said = (
@@ -105,6 +112,9 @@ def test_a_process_that_is_killed_while_it_begins_leaves_a_file_that_can_be_begu
         path.touch()
         change(path, nothing)
         assert percuss.open_study(path).as_records() == []  # for who watches it
+        for command in ("report", "verify"):
+            assert f"{path}: expected " in (done := percuss_command(command, path, plain=True)).stderr
+            assert (done.returncode, done.stdout) == (2, "")
         assert contents(stored(path))
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from percuss.case.arguments import expect_files, expect_suffix, wrong_argument
 from percuss.case.case import Case, expect_case
+from percuss.errors import wrong_input
 from percuss.files import expect_writable, replacing
 from percuss.jsonable import Entries
 from percuss.methods.registry import Registry
@@ -94,6 +95,8 @@ def report(
     if page is not None:
         expect_suffix(page, "a page", (".html", ".htm"), "Name it report.html.")
     study = study if isinstance(study, Study) else open_study(str(study))
+    if not study.counts:
+        raise wrong_input(str(study.path), "expected a study with rows, found none", "Make them with `percuss study`.")
     if page is None and figures is None:
         page = study.path.with_suffix(".html")
     statistic = "median" if median else "best"

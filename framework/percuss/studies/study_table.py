@@ -389,6 +389,8 @@ def rerun_rows(
     """
     rows, made = StoredRows(path, plugins), []
     keys = [rows.key(start)] if start else [key for key, (_, run) in rows.rows.items() if run.status == "done"]
+    if not keys:
+        raise wrong_input(str(path), "expected rows that are done, found none", "Make them with `percuss study`.")
     for key in keys:
         made.append(rows.rerun(key))
         if progress is not None:
