@@ -5,6 +5,7 @@ import pytest
 from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
+import percuss
 from blocks import SEAM, block, loaded, plane_at
 from percuss.certificate.criteria import RunCriterion
 from percuss.certificate.lanczos import CHANCE, Lanczos, products_for, why_not_covered
@@ -132,3 +133,12 @@ def test_a_chosen_step_is_near_the_one_that_a_factor_finds():
     found = verdict_alone(model)
     assert found["stable"] == "yes"
     assert found["by"] in {"bounds", "lanczos"}
+
+
+def test_where_nothing_moves_no_step_is_chosen_and_none_is_told():
+    """Of more motions than are looked at in full matrices; of a bar the same is said."""
+    body = block([0.0, 0.0], 0.0, [200, 1], 0.3) | {"fixed": ["left", "right", "top", "bottom"]}
+    case = {"percuss": 1, "bodies": {"a": body}, "contacts": {}, "time": {"courant": 0.5, "steps": 5}}
+    assert "fast cell" not in str(percuss.check(percuss.load(case)))
+    with pytest.raises(InputError, match="expected methods of which some step is known to be stable"):
+        percuss.run(percuss.load(case, {"time.courant": "auto"}))

@@ -102,11 +102,13 @@ class Lanczos:
     def _motions(self, stiffness: Floats, count: int) -> Iterator[tuple[Floats, float, float]]:
         """Yield the motions of a Lanczos run, each with the entries of its matrix on the diagonal and beside it.
 
-        A motion holds until the next is asked for.
+        A motion holds until the next is asked for. There is none where supports hold everything.
         """
         now = np.random.default_rng(0).standard_normal(self._root.size)
         self._release(now)
-        now /= np.linalg.norm(now)
+        if (length := np.linalg.norm(now)) <= NO_MORE_MOTIONS * math.sqrt(now.size):
+            return
+        now /= length
         last, ahead, work, beside = np.zeros(now.size), np.empty(now.size), np.empty(now.size), 0.0
         for _ in range(count):
             self._set_product(now, stiffness, ahead)
@@ -130,6 +132,8 @@ class Lanczos:
         key = count, stiffness.tobytes()
         if key not in self._found:
             entries = np.array([(along, beside) for _, along, beside in self._motions(stiffness, count)])
+            if not entries.size:
+                return 0.0, np.zeros(0)
             last = (len(entries) - 1, len(entries) - 1)
             values, vectors = eigh_tridiagonal(entries[:, 0], entries[:-1, 1], select="i", select_range=last)
             self._found[key] = max(float(values[0]), 0.0), vectors[:, 0]

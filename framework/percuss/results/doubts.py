@@ -76,7 +76,7 @@ def slow_step(model: Model, certificate: Data) -> Iterator[str]:
     """Yield that a far longer step would be stable, where one fast cell of a solid sets the Courant number."""
     critical, free = certificate["dt_critical"], certificate["dt_critical_free"]
     longest, alone = (free, " without contact") if critical is None else (critical, "")
-    if certificate["stable"] != "yes" or not longest or model.bodies.of_lines or model.multistage:
+    if certificate["stable"] != "yes" or longest in {None, 0.0, math.inf} or model.bodies.of_lines or model.multistage:
         return
     fast_cell = longest * model.bodies.omega > 2.0 * SAME_FOR_ALL_CELLS
     if fast_cell and model.dt < FEWER_STEPS * SHARE_OF_CRITICAL_STEP * longest:
