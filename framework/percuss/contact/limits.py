@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.mesh.eigenvalues import as_bands, highest_value
-from percuss.mesh.stiffness_rows import compiled_forces
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -219,7 +218,7 @@ def _near(bodies: Bodies, nodes: Integers, steps: int) -> tuple[Integers, Callab
     if 2 * found.size > bodies.n_nodes:
         return np.arange(bodies.n_nodes), bodies.stiffness_times
     parts = [body.stiffness_rows.among(one) for body, one in zip(bodies.values(), near, strict=True)]
-    forces, rest = compiled_forces(bodies.dim), np.zeros(bodies.dim)
+    rest = np.zeros(bodies.dim)
     ends = np.cumsum([one.size * bodies.dim for one in near])[:-1]
 
     def times(motion: Floats) -> Floats:
@@ -227,7 +226,7 @@ def _near(bodies: Bodies, nodes: Integers, steps: int) -> tuple[Integers, Callab
         for rows, of_body in zip(parts, np.split(motion, ends), strict=True):
             with_rest = np.append(of_body, rest)
             held.append(np.zeros_like(with_rest))
-            forces(rows, with_rest, held[-1])
-        return -np.concatenate([force[: -rest.size] for force in held])
+            rows.hold(with_rest, held[-1])
+        return np.concatenate([force[: -rest.size] for force in held])
 
     return found, times

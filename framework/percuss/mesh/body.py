@@ -12,7 +12,6 @@ import numpy as np
 from percuss.mesh.cell_stiffness import entries_of, entries_of_cells, rows_of_solid
 from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of
 from percuss.mesh.eigenvalues import as_bands, highest_of_bands
-from percuss.mesh.stiffness_rows import compiled_forces
 from percuss.mesh.surfaces import BodySurface, surface_of, whole_surface
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, LoadedEnd, Mesh, SolidMaterial
 from percuss.methods.plugin_calls import answer
@@ -236,8 +235,7 @@ class Body:
         if self.is_bar:
             forces[:] = self._kept_matrix @ motion
         else:
-            compiled_forces(self.mesh.nodes.shape[1])(self.stiffness_rows, motion, forces)
-            np.negative(forces, out=forces)
+            self.stiffness_rows.hold(motion, forces)
 
     @cached_property
     def _kept_matrix(self) -> Any:

@@ -10,6 +10,7 @@ from percuss.mesh.cells import PROBING_STRAIN, cells_of, element_masses, extents
 from percuss.mesh.element_probe import ElementProbe
 from percuss.mesh.stiffness_rows import Assembly
 from percuss.methods.interfaces import BodyMesh
+from percuss.methods.interfaces.body import some_at_a_time
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,8 +62,7 @@ def cell_stiffness(element: Element, material: Material, body: BodyMesh) -> Iter
         return
     some = AT_A_TIME // (cells.shape[1] * body.mesh.nodes.shape[1]) ** 2
     step = some if ALIKE * len(first) > len(kind) else len(kind)
-    for start in range(0, len(kind), step):
-        these = slice(start, start + step)
+    for these in some_at_a_time(len(kind), step):
         kinds, own = np.unique(kind[these], return_inverse=True)
         probed = BodyMesh(body.mesh._replace(cells={name: cells[first[kinds]]}), body.section, body.plane)
         matrices = ElementProbe(element, material, probed).stiffness(np.arange(kinds.size), size, first[kinds])

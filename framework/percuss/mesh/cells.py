@@ -109,7 +109,9 @@ def pieces_of(mesh: Mesh) -> Integers:
 
 
 def of_kinds(element: Element, question: str, body: BodyMesh) -> Floats:
-    """Return what an element answers about each cell of a solid; it is asked about one cell of each kind."""
+    """Return what an element answers about each cell; of a solid it is asked about one cell of each kind."""
+    if body.mesh.line is not None:
+        return np.asarray(answer(element, question, body), dtype=float)
     found: Floats = np.asarray(answer(element, question, body.of_each_kind), dtype=float)[body.kinds[1]]
     return found
 
@@ -137,14 +139,7 @@ def volumes_of(element: Element, body: BodyMesh) -> Floats:
     """Return the volume of each quadrature point of each element, (elements, points) [length^3]; one of a bar."""
     if not isinstance(element, CellElement):
         return (body.section * body.mesh.lengths)[:, None]
-    return _of_each_cell(element, "volumes", body)
-
-
-def _of_each_cell(element: CellElement, question: str, body: BodyMesh) -> Floats:
-    """Return what an element answers about each cell of a body, of a solid as `of_kinds` does."""
-    if body.mesh.line is not None:
-        return np.asarray(answer(element, question, body), dtype=float)
-    return of_kinds(element, question, body)
+    return of_kinds(element, "volumes", body)
 
 
 def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
@@ -156,7 +151,7 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
     shared = Cells(
         rule=answer(element, "rule"),
         cells=np.concatenate(cells).astype(np.uint32),
-        geometry=np.concatenate([_of_each_cell(element, "geometry", body) for body in bodies]),
+        geometry=np.concatenate([of_kinds(element, "geometry", body) for body in bodies]),
         section=np.repeat([float(body.section) for body in bodies], [len(of_body) for of_body in cells]),
         volumes=np.concatenate(volumes),
         edges=np.cumsum([0, *map(len, cells)], dtype=np.int64),

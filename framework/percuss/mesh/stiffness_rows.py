@@ -48,6 +48,11 @@ class StiffnessRows(NamedTuple):
         outward = self.outward[nodes] if self.outward.size else self.outward
         return StiffnessRows(np.append(edges, edges[-1]), number[self.node[entry]], self.pairs[entry], outward)
 
+    def hold(self, motion: Floats, forces: Floats) -> None:
+        """Set the forces that hold a motion about rest, (nodes * dim,)."""
+        compiled_forces(self.pairs.shape[1])(self, motion, forces)
+        np.negative(forces, out=forces)
+
     def matrix(self) -> Any:
         """Return the stiffness as a sparse array, (nodes * dim, nodes * dim) [force/length]."""
         from scipy.sparse import bsr_array, csr_array
@@ -64,7 +69,7 @@ class StiffnessRows(NamedTuple):
 
 
 def in_order(start: Integers, order: Integers) -> tuple[Integers, Integers]:
-    """Return where the entries of each point start, and which these are, with the points in another order."""
+    """Return where the entries of each row start, and which these are, with the rows in another order."""
     count = np.diff(start)[order]
     new = np.concatenate([[0], np.cumsum(count)])
     return new, np.arange(new[-1]) + np.repeat(start[order] - new[:-1], count)

@@ -22,6 +22,7 @@ from percuss.march.recording import probe_nodes
 from percuss.mesh.body import in_space
 from percuss.mesh.cells import cells_of, is_solid, pieces_of
 from percuss.methods.interfaces import REFERENCE_CELLS, Wall
+from percuss.methods.interfaces.body import some_at_a_time
 from percuss.methods.interfaces.nearest import EVEN
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
 FEWER_STEPS = 0.7  # of those of the run, from which on a longer step is worth a word
 SAME_FOR_ALL_CELLS = 1.2  # Courant number of the critical step up to which its cells are much alike
-CELLS_AT_A_TIME = 20_000  # whose corners fit into the cache
 MOST_TURNED = 0.05  # rad, which stretches a body of small strains by 0.12 %
 NEARLY_INCOMPRESSIBLE = 3.79  # modulus of longitudinal waves over Young's at a Poisson's ratio of .45
 SLENDER = 5.0  # length over thickness of a body that is expected to bend
@@ -144,8 +144,7 @@ def _inside_out(body: Body, displacement: Floats, time: float) -> str:
     """Return which cells of a solid a displacement of its nodes turns inside out; empty if none."""
     ((kind, cells),) = body.mesh.cells.items()
     nodes, turned = body.mesh.nodes + displacement, np.zeros(len(cells), dtype=bool)
-    for start in range(0, len(cells), CELLS_AT_A_TIME):
-        these = slice(start, start + CELLS_AT_A_TIME)
+    for these in some_at_a_time(len(cells)):
         turned[these] = ~(_spans(nodes[cells[these]], REFERENCE_CELLS[kind].beside) > 0.0).all(axis=1)
     if not turned.any():
         return ""

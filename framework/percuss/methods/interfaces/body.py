@@ -291,6 +291,11 @@ class SolidMaterial(Material, contract="materials"):
         """Return the numbers that the kernels for two or three dimensions need; `plane` as of `wave_modulus`."""
 
 
+def some_at_a_time(count: int, most: int = AT_A_TIME) -> list[slice]:
+    """Return the slices of so many cells of which none has more than `most`."""
+    return [slice(start, start + most) for start in range(0, count, most)]
+
+
 @dataclass(frozen=True)
 class BodyMesh:
     """The data of a body that an element of it can use.
@@ -319,7 +324,7 @@ class BodyMesh:
     def kinds(self) -> tuple[Integers, Integers]:
         """The first cell of each kind, (kinds,), and the kind of each cell, (cells,), by shape and size."""
         nodes, cells = self.mesh.nodes, next(iter(self.mesh.cells.values()))
-        parts = [slice(start, start + AT_A_TIME) for start in range(0, len(cells), AT_A_TIME)]
+        parts = some_at_a_time(len(cells))
         size = max(float(np.abs(nodes[cells[some]] - nodes[cells[some, :1]]).max()) for some in parts)
         weights = np.random.default_rng(0).integers(1 << 63, size=cells.shape[1] * nodes.shape[1], dtype=np.uint64)
         # one number of a kind
