@@ -43,8 +43,10 @@ from percuss.march.recording import recordable
 from percuss.threads import most
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-import page_of_tests
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 from scale import peak_memory
+
+import pages
 
 SIZES = {100: 20_000, 10**4: 400, 10**5: 100, 10**6: 100}  # elements of a block: steps of a round
 SLOW = 2  # hexahedra take so many times fewer steps
@@ -374,7 +376,7 @@ def main() -> None:
         print(json.dumps(measured(cells, int(elements), int(rounds))))
         return
     print("  ".join(f"{name:>15}" for name in HEAD))
-    rows: list[Sequence[str]] = [HEAD]
+    rows: list[tuple[str, ...]] = []
     for cells in ELEMENTS:
         sizes, steps = [], []
         for size in (one for one in SIZES if one <= given.most):
@@ -392,7 +394,7 @@ def main() -> None:
     share = f"Share of the contact of two blocks of {SIDE} x {SIDE} squares: {spread(share_of_contact(given.rounds))}."
     print(share)
     if given.write:
-        page_of_tests.write("cells", f"\n{page_of_tests.table(rows)}\n{share} {page_of_tests.machine()}\n")
+        pages.write("cells", f"\n{pages.table(HEAD, rows)}\n{share} {pages.made_here()}\n")
 
 
 def in_steps(found: dict[str, Any]) -> tuple[str, str]:

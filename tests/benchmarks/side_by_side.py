@@ -40,10 +40,11 @@ from percuss.march.march import March
 from percuss.results.exact import exact_solution
 from percuss.results.true_error import contact_errors
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-import page_of_tests
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+import pages
 
 HERE = Path(__file__).resolve().parent
+
 CASES = {
     "blocks": HERE / "programs" / "blocks.yaml",
     "ball": HERE.parents[1] / "cases" / "ball-on-wall-3d.yaml",
@@ -329,7 +330,7 @@ def table(rows: list[Row]) -> str:
     parts = []
     for case, (peak, duration) in KNOWN.items():
         known = f"{'exact' if case == 'blocks' else 'converged'}: peak {peak:.6g}, contact time {duration:.6g}"
-        lines = [HEAD]
+        lines = []
         for row in rows:
             if row.case != case:
                 continue
@@ -342,7 +343,7 @@ def table(rows: list[Row]) -> str:
                     f"{row.energy:.2%}", error, f"{1e9 * row.element_step:.0f}",
                 ]  # fmt: skip
             lines.append((row.program, row.method, *numbers))
-        parts.append(f"{TITLES[case]} ({known})\n\n{page_of_tests.table(lines)}")
+        parts.append(f"{TITLES[case]} ({known})\n\n{pages.table(HEAD, lines)}")
     return "\n".join(parts)
 
 
@@ -369,10 +370,10 @@ def main() -> None:
     given = parser.parse_args()
     pythons = pythons_of(parser, given.python, PROGRAMS)
     text = table(rows_of(given.cases, given.programs, pythons, given.keep.resolve(), given.repeats))
-    text += f"\n{page_of_tests.machine()}\n"
+    text += f"\n{pages.made_here()}\n"
     print(text, end="")
     if given.write:
-        page_of_tests.write("solids side by side", f"\n{text}")
+        pages.write("solids side by side", f"\n{text}")
 
 
 if __name__ == "__main__":

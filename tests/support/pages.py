@@ -7,12 +7,15 @@ pages as arguments the program writes the output on these alone.
 from __future__ import annotations
 
 import math
+import os
+import platform
 import re
 import shlex
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from datetime import date
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -104,10 +107,16 @@ def write(name: str, new: str) -> None:
     sys.stdout.write(f"{name}: {page.relative_to(places.ROOT)}\n")
 
 
-def table(head: tuple[str, ...], lines: Iterator[tuple[str, ...]]) -> str:
+def table(head: tuple[str, ...], lines: Iterable[tuple[str, ...]]) -> str:
     """Return a table in Markdown."""
     rows = [head, tuple("---" for _ in head), *lines]
     return "".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |\n" for row in rows)
+
+
+def made_here() -> str:
+    """Return when and where a table of measured times was made."""
+    where = f"{platform.machine()} with {os.cpu_count()} cores, Python {platform.python_version()}"
+    return f"Made on {date.today().isoformat()} on {where}."
 
 
 # ------------------------------------------------------------------------------------------------- keys
