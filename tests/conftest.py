@@ -17,7 +17,7 @@ from hypothesis.strategies import booleans
 # Tests, types and compiled functions are many objects that stay: the search for garbage among them takes long.
 gc.set_threshold(50_000)
 
-for name, count in {"quick": 6, "ci": 80, "deep": 1000}.items():
+for name, count in {"quick": 8, "ci": 80, "deep": 1000}.items():
     settings.register_profile(
         name, max_examples=count, derandomize=name != "deep", deadline=None, print_blob=True,
         suppress_health_check=[HealthCheck.too_slow],

@@ -61,7 +61,7 @@ FILES = {
 def inputs(share):
     """Take so many inputs of each 80."""
     unchanged = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large]
-    return settings(max_examples=max(1, share * settings.default.max_examples // 8), suppress_health_check=unchanged)
+    return settings(max_examples=share * settings.default.max_examples // 8, suppress_health_check=unchanged)
 
 
 @st.composite
@@ -168,8 +168,8 @@ def test_no_damaged_file_ends_badly(data, work):
 @pytest.fixture
 def few_values(monkeypatch):
     """Refuse a thousand combinations of values as a million are: their maps take a second, not an hour."""
-    for module in (layout, maps):
-        monkeypatch.setattr(module, "MOST" if module is layout else "MOST_COMBINATIONS", 1000)
+    monkeypatch.setattr(layout, "MOST", 1000)
+    monkeypatch.setattr(maps, "MOST_COMBINATIONS", 1000)
 
 
 @inputs(16)

@@ -136,7 +136,7 @@ def test_a_chosen_step_is_near_the_one_that_a_factor_finds():
 
 
 def test_where_nothing_moves_no_step_is_chosen_and_none_is_told():
-    """Of more motions than are looked at in full matrices; of a bar the same is said."""
+    """The block has more motions than are looked at in full matrices."""
     body = block([0.0, 0.0], 0.0, [200, 1], 0.3) | {"fixed": ["left", "right", "top", "bottom"]}
     case = {"percuss": 1, "bodies": {"a": body}, "contacts": {}, "time": {"courant": 0.5, "steps": 5}}
     assert "fast cell" not in str(percuss.check(percuss.load(case)))
