@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -34,15 +34,15 @@ if TYPE_CHECKING:
 
 # Relative distance above the critical step at which the contacts that limit it are unstable and can be found.
 DISTANCE_ABOVE_CRITICAL = 1e-6
+# Entries of the summary of a run that need its critical step.
+OF_CRITICAL_STEP = {f"certificate.{name}" for name in ("dt_critical", "courant_critical", "margin")}
 # Share of the critical step that is chosen where the case leaves the step open.
 SHARE_OF_CRITICAL_STEP = 0.9
 # Relative tolerance of the option that is named as a cure, far below the digits that are printed.
 CURE_TOLERANCE = 1e-10
-NOT_SEARCHED = "only the black box can tell it, and a run does not search it; `percuss check` does"
-NOT_IN_STUDY = "a study searches it where a column asks for it or the step is unstable; `percuss check` does"
 LONGER = "longer steps may be stable where this one is not, or nothing is known of them"
 LONG_RUN = 20  # times the products of a Lanczos run, which then costs little beside the march
-NOT_ASKED = "a run does not search it; `percuss check` does"
+NOT_ASKED = "a run does not search it unless it is asked for; `percuss check` does"
 BY_LANCZOS = (
     "the highest frequency with closed contacts that a Lanczos run finds leaves the step stable; it misses a higher "
     f"one that does not with a probability below {CHANCE:g}"
@@ -112,8 +112,6 @@ class Finding:
     theta: float | None = None
 
 
-# When the critical step of a run is searched, which nobody asks for in a study of many runs.
-Search = Literal["always", "without black box", "where unstable"]
 # The entries of a `Finding`, as the summary of a run has them.
 Certificate = Entries
 # What gives a run its certificate: `certificate`, or a function that asks for less.
@@ -196,10 +194,8 @@ def _with_step(case: Case) -> SettledRun:
 # ------------------------------------------------------------------------------------------------------- certificate
 
 
-@one_blas_thread()
-@np.errstate(all="ignore")
-def certificate(model: Model, criterion: RunCriterion | None = None, *, search: Search = "always") -> Certificate:
-    """Return the certificate of a run.
+def certificate(model: Model, criterion: RunCriterion | None = None) -> Certificate:
+    """Return the certificate of a run, with its critical step.
 
     Each stretch of the run with its own supports, drives and acting laws is assessed, and the worst of them decides.
 
@@ -209,22 +205,16 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, search: 
         The case as arrays.
     criterion
         The criterion of this run, if `settled` has searched the critical step already.
-    search
-        When to search the critical step too, which is known otherwise only if `criterion` is given: always; where the
-        black box is not needed for it, which takes many times as long as to examine the step of the run; or where the
-        step of the run is unstable.
     """
-    return dataclasses.asdict(_finding(model, criterion, search))
+    return dataclasses.asdict(_finding(model, criterion, search=True))
 
 
 def verdict_alone(model: Model, criterion: RunCriterion | None = None) -> Certificate:
-    """Return the certificate of a run, which searches no critical step that only the black box can tell."""
-    return certificate(model, criterion, search="without black box")
+    """Return the certificate of a run, which searches a critical step only where the step is unstable.
 
-
-def verdict_in_study(model: Model, criterion: RunCriterion | None = None) -> Certificate:
-    """Return the certificate of a run of a study, which searches a critical step only where the step is unstable."""
-    return certificate(model, criterion, search="where unstable")
+    Not even there if the black box alone can tell it: that takes many times as long as to examine one step.
+    """
+    return dataclasses.asdict(_finding(model, criterion, search=False))
 
 
 def unasked(model: Model, criterion: RunCriterion | None = None) -> Certificate:  # noqa: ARG001
@@ -238,7 +228,9 @@ def _unknown(model: Model, laws: ClosedLaws, why: str, **known: Any) -> Finding:
     return dataclasses.replace(found, **known)
 
 
-def _finding(model: Model, criterion: RunCriterion | None, search: Search) -> Finding:
+@one_blas_thread()
+@np.errstate(all="ignore")
+def _finding(model: Model, criterion: RunCriterion | None, *, search: bool) -> Finding:
     """Return what is found about a run, by the criterion that covers it."""
     laws = closed_laws(model, model.dt)
     large = too_large(model)
@@ -247,12 +239,12 @@ def _finding(model: Model, criterion: RunCriterion | None, search: Search) -> Fi
     elif why := model.bodies.why_not_linear or unknown_by_mass(model) or model.why("criterion"):
         found = _unknown(model, laws, why)
     else:
-        if criterion is None or (search == "always" and criterion.kind is Lanczos):
-            criterion = criterion_of(model, quickly=search != "always")
+        if criterion is None or (search and criterion.kind is Lanczos):
+            criterion = criterion_of(model, quickly=not search)
         else:
-            search = "always"  # it has found the critical step already
+            search = True  # it has found the critical step already
         quick = criterion.kind in {Bounds, Lanczos}
-        found = _about_large_solids(criterion, laws) if quick else _about_linear_bodies(criterion, laws, search)
+        found = _about_large_solids(criterion, laws) if quick else _about_linear_bodies(criterion, laws, search=search)
     if why := model.why("certificate"):
         why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found.why}"
         known = {name: getattr(found, name) for name in ("energy", "energy_why", "by", "stretch", "theta")}
@@ -290,14 +282,12 @@ def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
     return _unknown(model, laws, why, **known, stable="yes", energy=energy, energy_why=energy_why)
 
 
-def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, search: Search) -> Finding:
+def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, *, search: bool) -> Finding:
     model, free, black_box = criterion.model, criterion.free, criterion.kind is BlackBox
     assessment = criterion.assess_step(model.dt)
     # Where nothing is certain about the step of the run nothing is about longer ones, and a search takes long.
-    asked = search == "always" or not (black_box or (search == "where unstable" and assessment.stable))
-    searched = assessment.conclusive and asked
-    not_searched = NOT_SEARCHED if black_box else NOT_IN_STUDY
-    critical, critical_why = (criterion.critical_step, LONGER) if searched else (np.nan, not_searched)
+    searched = assessment.conclusive and (search or not (black_box or assessment.stable))
+    critical, critical_why = (criterion.critical_step, LONGER) if searched else (np.nan, NOT_ASKED)
     if assessment.conclusive and not searched and assessment.stable:
         if model.dt > free * (1.0 - MARGINAL_DISTANCE):
             critical = free

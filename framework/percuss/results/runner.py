@@ -13,7 +13,7 @@ from percuss.certificate import verdict
 from percuss.errors import RunError
 from percuss.interrupt import heard_by, interruptible
 from percuss.jit import Stopwatch
-from percuss.jsonable import Data
+from percuss.jsonable import Data, Entries
 from percuss.march.march import March, Outcome, Progress
 from percuss.march.recording import recordable
 from percuss.march.stop import NOT_STARTED, not_started
@@ -81,7 +81,10 @@ def run(
     expect_case("percuss.run", case, overrides=overrides)
     case = case.with_overrides(overrides) if overrides else case
     threads, keeper = number_of_threads(threads), SavedState(case, compiled=compiled, resume=resume)
-    return _run(case, watch, compiled=compiled, nudge=nudge, progress=progress, keeper=keeper, threads=threads)
+    asked = any(one.quantity in verdict.OF_CRITICAL_STEP for one in case.expect)
+    certify = verdict.certificate if asked else verdict.verdict_alone
+    options: Entries = {"compiled": compiled, "nudge": nudge, "threads": threads}
+    return _run(case, watch, **options, progress=progress, certify=certify, keeper=keeper)
 
 
 def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None, critical_step: bool = False) -> Result:
@@ -98,7 +101,7 @@ def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None, cr
     critical_step
         Whether to search the critical step of a stable run.
     """
-    certify = verdict.certificate if critical_step else verdict.verdict_in_study
+    certify = verdict.certificate if critical_step else verdict.verdict_alone
     return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, certify=certify)
 
 

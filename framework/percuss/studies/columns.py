@@ -12,6 +12,7 @@ from percuss.case.case import Case
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, by_two, values_at
 from percuss.case.specs import MeasureSection
 from percuss.case.type_words import branches
+from percuss.certificate.verdict import OF_CRITICAL_STEP
 from percuss.errors import nearest, suggestion
 from percuss.jsonable import Entries
 from percuss.methods.plugin_calls import answer
@@ -86,10 +87,6 @@ class Column:
             kind = known[part]
         if parts and (is_typeddict(next(branches(kind))) or get_origin(next(branches(kind))) in (dict, list)):
             raise ValueError(f"{self.name} is not one number", "Name a number in it.")
-
-
-# Entries of the summary that need the critical step.
-OF_CRITICAL_STEP = {f"certificate.{name}" for name in ("dt_critical", "courant_critical", "margin")}
 
 
 @dataclass(frozen=True)
