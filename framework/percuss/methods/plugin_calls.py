@@ -117,8 +117,9 @@ class Returned(NamedTuple):
             raise self.wrong(f"{_shown(self.value)}, expected numbers of shape {words}")
         if len(shape) != array.ndim or any(n not in {-1, size} for n, size in zip(shape, array.shape, strict=True)):
             raise self.wrong(f"numbers of shape {array.shape}, expected {words}")
-        array = np.atleast_1d(array)
-        for place in map(tuple, np.argwhere(~np.isfinite(array))):
+        if not np.isfinite(array).all():
+            array = np.atleast_1d(array)
+            place = tuple(np.argwhere(~np.isfinite(array))[0])
             at = f" at index {', '.join(map(str, place))}" if shape else ""
             raise self.wrong(f"{array[place]}{at}")
 
