@@ -13,7 +13,7 @@ from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMAR
 from percuss.case.specs import MeasureSection
 from percuss.case.type_words import branches
 from percuss.errors import nearest, suggestion
-from percuss.jsonable import Entries
+from percuss.jsonable import Data
 from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
 from percuss.results.exact import ROUND_OFF
@@ -56,7 +56,7 @@ class Column:
         if self.kind == "metric":
             return metric(result, self.name)
         if self.section is None:
-            return _largest(list(values_at(result.summary, self.path)))
+            return in_summary(result.summary, self.path)
         try:
             return measure(result, self.section)
         except CannotMeasure:
@@ -177,9 +177,10 @@ def column(section: MeasureSection, bodies: Sequence[str]) -> Column:
     return Column(section.name, f"{taken}{section.quantity}{subject}{axis}{when}", "history", section=section)
 
 
-def _largest(values: list[Any]) -> Any:
-    """Return the largest value, or a single value of any type; None, mappings and lists do not count."""
-    scalars = [value for value in values if value is not None and not isinstance(value, Mapping | list)]
+def in_summary(summary: Data, path: str) -> Any:
+    """Return the largest value at a path, or a single value of any type; None, mappings and lists do not count."""
+    values = (value for value in values_at(summary, path) if value is not None)
+    scalars = [value for value in values if not isinstance(value, Mapping | list)]
     return max(scalars, default=None) if len(scalars) > 1 else (scalars[0] if scalars else None)
 
 
@@ -204,15 +205,6 @@ def metric(result: Result, name: str) -> Any:
         return sum(values)
     # The force and the overlap of a run without contacts are zero; an error that no contact has is not known.
     return max(values, default=0.0 if name in CONTACT_NUMBERS else None)
-
-
-def estimates(result: Result, name: str) -> Entries:
-    """Return an error against each of two finer runs, and that of the second against the first, by path; or nothing."""
-    estimated = result.summary.get("estimated")
-    if not estimated or "second" not in estimated:
-        return {}
-    known = {path: [value for value in values_at(result.summary, path) if value is not None] for path in by_two(name)}
-    return {path: max(values, default=None) for path, values in known.items()}
 
 
 def _computed(summary: Summary, name: str) -> float | None:
