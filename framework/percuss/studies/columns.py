@@ -9,7 +9,7 @@ from typing import Any, get_args, get_origin, get_type_hints, is_typeddict
 import numpy as np
 
 from percuss.case.case import Case
-from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, by_two, values_at
+from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
 from percuss.case.specs import MeasureSection
 from percuss.case.type_words import branches
 from percuss.errors import nearest, suggestion
@@ -21,7 +21,7 @@ from percuss.results.result import Result
 from percuss.results.runner import timed_run
 from percuss.results.summary import Summary
 from percuss.results.true_error import errors_of_contacts
-from percuss.results.verify import CannotMeasure, measure
+from percuss.results.verify import CannotMeasure, describe, measure
 
 
 @dataclass(frozen=True)
@@ -168,13 +168,8 @@ def column(section: MeasureSection, bodies: Sequence[str]) -> Column:
     if section.probe is not None and section.probe.body not in bodies:
         advice = suggestion(str(section.probe), bodies)
         raise ValueError(f"there is no body '{section.probe.body}'", advice, "probe")
-    subject = f" of {section.contact or section.probe}" if section.contact or section.probe else ""
     axis = f", component {section.component}" if quantity.of == "probe" else ""
-    when = "" if section.at is None else f" at {section.at:g}"
-    if section.during:
-        when = f" from {section.during[0]:g} to {section.during[1]:g}"
-    taken = f"{section.statistic} of " if section.statistic != "value" else ""
-    return Column(section.name, f"{taken}{section.quantity}{subject}{axis}{when}", "history", section=section)
+    return Column(section.name, f"{describe(section)}{axis}", "history", section=section)
 
 
 def in_summary(summary: Data, path: str) -> Any:
@@ -189,15 +184,15 @@ def metric(result: Result, name: str) -> Any:
     summary, quantity = result.summary, METRICS[name]
     if not quantity.path:
         return _computed(summary, name)
-    paths = [quantity.path]
-    if quantity.against_exact and summary.get("estimated"):
+    values = list(values_at(summary, quantity.path))
+    if quantity.against_exact:
+        errors: Any = summary["exact"] or summary.get("estimated") or {}
         # Of two finer runs that against which the error is larger: it does not favour the methods of either.
-        paths = list(by_two(name)[: 2 if quantity.is_error else 1])
-    values = [value for path in paths for value in values_at(summary, path) if value is not None]
-    errors: Any = summary["exact"] or summary.get("estimated")
-    if quantity.against_exact and "*" in quantity.path and errors:
-        judges = (errors, errors.get("second") if quantity.is_error else None)
-        values = [value for one in judges if one for value in errors_of_contacts(summary, one, name).values()]
+        judges = [one for one in (errors, errors.get("second") if quantity.is_error else None) if one]
+        values = [one.get(name) for one in judges]
+        if "*" in quantity.path:
+            values = [value for one in judges for value in errors_of_contacts(summary, one, name).values()]
+    values = [value for value in values if value is not None]
     if name == "penetration":
         moved = float(np.abs(result.arrays["displacement"]).max(initial=0.0))
         values = [value if value > ROUND_OFF * moved else 0.0 for value in values]
