@@ -537,7 +537,7 @@ class Search:
         self,
         first: Iterable[Candidate],
         later: Iterable[Candidate],
-        meshes: Sequence[float],
+        meshes: list[float],
         registry: Registry,
         bench: Runs,
     ) -> None:
@@ -579,18 +579,11 @@ class Search:
             return []
         missed, met = choice.bracket
         cheaper = bisect_left(self.meshes, cost, key=lambda refine: self.bench.cost(choice.on(refine)))
-        return list(self.meshes[bisect_right(self.meshes, missed) : min(bisect_left(self.meshes, met), cheaper)])
-
-    def _next(self, choice: Choice, left: Sequence[float]) -> float:
-        """Return which of the meshes that are left runs next: the middle of a bracket, else the predicted one."""
-        missed, met = choice.bracket
-        halved = missed > 0.0 and met < math.inf
-        return left[len(left) // 2 if halved else min(bisect_left(left, choice.meeting * JUST_BELOW), len(left) - 1)]
+        return self.meshes[bisect_right(self.meshes, missed) : min(bisect_left(self.meshes, met), cheaper)]
 
     def _predicted(self, choice: Choice) -> float:
         """Return what a choice is predicted to cost where it meets the bounds."""
-        mesh = min(bisect_left(self.meshes, choice.meeting * JUST_BELOW), len(self.meshes) - 1)
-        return self.bench.cost(choice.on(self.meshes[mesh]))
+        return self.bench.cost(choice.on(_meeting(choice, self.meshes)))
 
     def _follow(self, choices: Iterable[Choice]) -> None:
         """Let the choices beside others take part."""
@@ -620,9 +613,16 @@ class Search:
             if len(batch) == max(2, self.bench.room // PARTS):
                 break
             if left := self.left(choice, cost):
-                one = choice.on(self._next(choice, left))
+                missed, met = choice.bracket
+                halved = missed > 0.0 and met < math.inf
+                one = choice.on(left[len(left) // 2] if halved else _meeting(choice, left))
                 if self.bench.fits(one):
                     batch.append(one)
                 else:
                     choice.runs[one.refine] = math.inf
         return batch
+
+
+def _meeting(choice: Choice, meshes: Sequence[float]) -> float:
+    """Return the mesh on which a choice is predicted to meet the bounds, or the finest if none is as fine."""
+    return meshes[min(bisect_left(meshes, choice.meeting * JUST_BELOW), len(meshes) - 1)]
