@@ -114,7 +114,7 @@ def test_a_row_is_what_the_run_says(tmp_path):
     ]
     assert row["plateau"] == pytest.approx(float(force.mean()), rel=1e-12)
     assert row["tip"] == float(result.arrays["displacement"][-1, result.coordinates["probe"].index("short.right"), 0])
-    assert study.columns["plateau"] == "mean of contact_force of tip from 0.02 to 0.18"
+    assert study.columns["plateau"] == "mean of contact_force of tip during 0.02 to 0.18"
 
 
 def test_values_go_together_under_conditions_and_a_run_that_is_not_valid_says_so(tmp_path):
@@ -483,7 +483,7 @@ def test_a_measure_of_a_time_that_some_runs_do_not_reach_is_told(tmp_path, capsy
     show(study_lines(made))
     told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("no value")]
     assert told == [
-        "no value of later in 1 of 2 done: mean of contact_force of tip from 0.05 to 6",
+        "no value of later in 1 of 2 done: mean of contact_force of tip during 0.05 to 6",
         "no value of last in 2 of 2 done: gap of tip at 3",
     ]
 

@@ -23,10 +23,9 @@ from percuss.case.quantities import (
 )
 from percuss.jsonable import Data, Entries
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
-from percuss.reporting.verdict import apart_of, error_text, is_number
+from percuss.reporting.verdict import apart_of, is_number
 from percuss.results.ledger import ledger_words
 from percuss.results.true_error import errors_of, judge_words
-from percuss.studies.columns import estimates
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import Run
 
@@ -154,8 +153,7 @@ def comparison_lines(title: str, rows: list[Run]) -> Iterator[Piece]:
         head = with_unit(quantity.head, quantity.unit, units) if quantity is not None else "s"
         cells = [(quantity.text if quantity is not None else number_text)(of_row.get(key), digits) for of_row in values]
         if key in TRUE_ERRORS:
-            both = [[*estimates(row.result, key).values()][:2] if row.result is not None else [] for row in rows]
-            cells = [error_text(None, two) if two else cell for two, cell in zip(both, cells, strict=True)]
+            cells = [_by_two(of_row, key) or cell for of_row, cell in zip(values, cells, strict=True)]
         columns.append(Column(head, cells))
     yield Table(columns, title)
     summaries = [row.result.summary for row in rows if row.result is not None]
@@ -242,8 +240,13 @@ def _ranks(errors: Sequence[float], apart: float) -> list[str]:
 
 def _cell(row: Data, name: str) -> str:
     """Return a number of a row as text; of an error by two finer runs both."""
-    both = [row[path] for path in by_two(name)[:2] if path in row] if name in TRUE_ERRORS else []
-    return error_text(None, both) if any(map(is_number, both)) else of_column(name).text(row[name])
+    return _by_two(row, name) or of_column(name).text(row[name])
+
+
+def _by_two(row: Data, name: str) -> str:
+    """Return the errors of a run against two finer runs, the first one's first; empty where not two judge it."""
+    both = [row.get(path) for path in by_two(name)[:2]] if name in TRUE_ERRORS else []
+    return " / ".join(map(percent, both)) if any(map(is_number, both[1:])) else ""
 
 
 def _cases(done: Sequence[Data], error: str) -> Table:

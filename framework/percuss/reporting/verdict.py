@@ -17,11 +17,10 @@ from percuss.results.true_error import (
     ENDED_BY_CTRL_C,
     errors_of,
     errors_of_contacts,
-    judge_of,
     judge_words,
     largest_error,
 )
-from percuss.studies.columns import estimates, metric
+from percuss.studies.columns import metric
 from percuss.studies.comparison import metrics
 from percuss.studies.perform import label_of
 from percuss.studies.tasks import TIED
@@ -133,8 +132,6 @@ def comparison_verdict(title: str, runs: Sequence[Run]) -> Iterator[str]:
         | {"status": run.status, "reason": run.reason, "said_by": run.said_by, "fragile": None}
         | dict.fromkeys(METRICS)
         | metrics(run)
-        | {path: value for name in TRUE_ERRORS if run.result for path, value in estimates(run.result, name).items()}
-        | {JUDGED_BY: run.result is not None and judge_of(run.result.summary)}
         for run in runs
     ]
     return rows_verdict(rows, list(METRICS))
@@ -321,11 +318,6 @@ def apart_of(rows: Iterable[Data], error: str) -> float:
     """
     path = by_two(error)[2] if error in TRUE_ERRORS else ""
     return max((row[path] for row in rows if is_number(row.get(path))), default=0.0)
-
-
-def error_text(error: float | None, both: Sequence[float | None]) -> str:
-    """Return an error in per cent; of two finer runs the errors against both, the first one's first."""
-    return " / ".join(percent(one) for one in both) if both else percent(error)
 
 
 def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:

@@ -76,12 +76,6 @@ def errors_of(summary: ExactEntries) -> ExactErrors | None:
     return summary["exact"] or summary.get("exact_covered") or summary.get("estimated")
 
 
-def judge_of(summary: ExactEntries) -> str:
-    """Return the finer run by which the errors of a run are estimated, in words; nothing where they are true errors."""
-    estimated = summary.get("estimated")
-    return estimated["solution"] if estimated else ""
-
-
 def judge_words(summary: Data) -> str:
     """Return one or two finer runs by which the errors of a run are estimated, as the end of a sentence; or nothing."""
     estimated = summary.get("estimated")

@@ -143,14 +143,14 @@ class Check:
         }
 
 
-def describe(expectation: Expectation) -> str:
-    """Return the quantity of an expectation in words."""
-    owner = str(expectation.contact or expectation.probe or "")
-    when = "" if expectation.at is None else f" at {expectation.at:g}"
-    if expectation.during:
-        when = f" during {expectation.during[0]:g} to {expectation.during[1]:g}"
-    statistic = "" if expectation.statistic == "value" else f"{expectation.statistic} of "
-    return f"{statistic}{expectation.quantity}{' of ' + owner if owner else ''}{when}"
+def describe(wanted: Expectation | MeasureSection) -> str:
+    """Return in words what is measured: the statistic, the quantity, of which contact or probe, and when."""
+    owner = str(wanted.contact or wanted.probe or "")
+    when = "" if wanted.at is None else f" at {wanted.at:g}"
+    if wanted.during:
+        when = f" during {wanted.during[0]:g} to {wanted.during[1]:g}"
+    statistic = "" if wanted.statistic == "value" else f"{wanted.statistic} of "
+    return f"{statistic}{wanted.quantity}{' of ' + owner if owner else ''}{when}"
 
 
 def verify(case: Case, result: Result | None = None) -> list[Check]:

@@ -162,10 +162,8 @@ def neighbours(candidate: Candidate, registry: Registry) -> list[Candidate]:
             others = dict.fromkeys(one for one in _beside(option, value) if one != value)
             changed: list[Entries] = [{attribute: {**given, option.key: other}} for other in others]
             options.append([replace(candidate, **change) for change in changed])
-    others_of_surfaces = [
-        name for name in registry.names("pairings") if candidate.pairing and name != candidate.pairing
-    ]
-    options.append([replace(candidate, pairing=name) for name in others_of_surfaces])
+    pairings = registry.names("pairings") if candidate.pairing else ()
+    options.append([replace(candidate, pairing=name) for name in pairings if name != candidate.pairing])
     lower, higher = (bisect(COURANT_NUMBERS, candidate.courant) for bisect in (bisect_left, bisect_right))
     courants = [*COURANT_NUMBERS[max(lower - 1, 0) : lower], *COURANT_NUMBERS[higher : higher + 2]]
     steps = [replace(candidate, courant=courant) for courant in sorted(courants, key=lambda one: abs(one - 1.0))]

@@ -9,12 +9,12 @@ from typing import Any, get_args, get_origin, get_type_hints, is_typeddict
 import numpy as np
 
 from percuss.case.case import Case
-from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, by_two, values_at
+from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
 from percuss.case.specs import MeasureSection
 from percuss.case.type_words import branches
 from percuss.certificate.verdict import OF_CRITICAL_STEP
 from percuss.errors import nearest, suggestion
-from percuss.jsonable import Entries
+from percuss.jsonable import Data
 from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
 from percuss.results.exact import ROUND_OFF
@@ -22,7 +22,7 @@ from percuss.results.result import Result
 from percuss.results.runner import timed_run
 from percuss.results.summary import Summary
 from percuss.results.true_error import errors_of_contacts
-from percuss.results.verify import CannotMeasure, measure
+from percuss.results.verify import CannotMeasure, describe, measure
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Column:
         if self.kind == "metric":
             return metric(result, self.name)
         if self.section is None:
-            return _largest(list(values_at(result.summary, self.path)))
+            return in_summary(result.summary, self.path)
         try:
             return measure(result, self.section)
         except CannotMeasure:
@@ -165,18 +165,14 @@ def column(section: MeasureSection, bodies: Sequence[str]) -> Column:
     if section.probe is not None and section.probe.body not in bodies:
         advice = suggestion(str(section.probe), bodies)
         raise ValueError(f"there is no body '{section.probe.body}'", advice, "probe")
-    subject = f" of {section.contact or section.probe}" if section.contact or section.probe else ""
     axis = f", component {section.component}" if quantity.of == "probe" else ""
-    when = "" if section.at is None else f" at {section.at:g}"
-    if section.during:
-        when = f" from {section.during[0]:g} to {section.during[1]:g}"
-    taken = f"{section.statistic} of " if section.statistic != "value" else ""
-    return Column(section.name, f"{taken}{section.quantity}{subject}{axis}{when}", "history", section=section)
+    return Column(section.name, f"{describe(section)}{axis}", "history", section=section)
 
 
-def _largest(values: list[Any]) -> Any:
-    """Return the largest value, or a single value of any type; None, mappings and lists do not count."""
-    scalars = [value for value in values if value is not None and not isinstance(value, Mapping | list)]
+def in_summary(summary: Data, path: str) -> Any:
+    """Return the largest value at a path, or a single value of any type; None, mappings and lists do not count."""
+    values = (value for value in values_at(summary, path) if value is not None)
+    scalars = [value for value in values if not isinstance(value, Mapping | list)]
     return max(scalars, default=None) if len(scalars) > 1 else (scalars[0] if scalars else None)
 
 
@@ -185,15 +181,15 @@ def metric(result: Result, name: str) -> Any:
     summary, quantity = result.summary, METRICS[name]
     if not quantity.path:
         return _computed(summary, name)
-    paths = [quantity.path]
-    if quantity.against_exact and summary.get("estimated"):
+    values = list(values_at(summary, quantity.path))
+    if quantity.against_exact:
+        errors: Any = summary["exact"] or summary.get("estimated") or {}
         # Of two finer runs that against which the error is larger: it does not favour the methods of either.
-        paths = list(by_two(name)[: 2 if quantity.is_error else 1])
-    values = [value for path in paths for value in values_at(summary, path) if value is not None]
-    errors: Any = summary["exact"] or summary.get("estimated")
-    if quantity.against_exact and "*" in quantity.path and errors:
-        judges = (errors, errors.get("second") if quantity.is_error else None)
-        values = [value for one in judges if one for value in errors_of_contacts(summary, one, name).values()]
+        judges = [one for one in (errors, errors.get("second") if quantity.is_error else None) if one]
+        values = [one.get(name) for one in judges]
+        if "*" in quantity.path:
+            values = [value for one in judges for value in errors_of_contacts(summary, one, name).values()]
+    values = [value for value in values if value is not None]
     if name == "penetration":
         moved = float(np.abs(result.arrays["displacement"]).max(initial=0.0))
         values = [value if value > ROUND_OFF * moved else 0.0 for value in values]
@@ -201,15 +197,6 @@ def metric(result: Result, name: str) -> Any:
         return sum(values)
     # The force and the overlap of a run without contacts are zero; an error that no contact has is not known.
     return max(values, default=0.0 if name in CONTACT_NUMBERS else None)
-
-
-def estimates(result: Result, name: str) -> Entries:
-    """Return an error against each of two finer runs, and that of the second against the first, by path; or nothing."""
-    estimated = result.summary.get("estimated")
-    if not estimated or "second" not in estimated:
-        return {}
-    known = {path: [value for value in values_at(result.summary, path) if value is not None] for path in by_two(name)}
-    return {path: max(values, default=None) for path, values in known.items()}
 
 
 def _computed(summary: Summary, name: str) -> float | None:

@@ -12,10 +12,10 @@ import numpy as np
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, expect_case
 from percuss.case.overrides import as_given_by
-from percuss.case.quantities import METRICS, TRUE_ERRORS
+from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two
 from percuss.errors import InputError
 from percuss.jsonable import Entries
-from percuss.studies.columns import metric
+from percuss.studies.columns import in_summary, metric
 from percuss.studies.layout import combinations
 from percuss.studies.perform import Run, perform
 from percuss.studies.tasks import tasks, two_references
@@ -124,11 +124,16 @@ def compare(
 
 
 def metrics(run: Run) -> Entries:
-    """Return the numbers of a run by which runs are compared; empty if there is no result."""
+    """Return the numbers of a run by which runs are compared, as a study has them; empty if there is no result.
+
+    They are the metrics, the time of the march, and where finer runs judge it, which ones and the errors against each.
+    """
     if run.result is None:
         return {}
-    seconds = run.result.summary["seconds"]["march"]
-    return {**{name: metric(run.result, name) for name in METRICS}, "seconds": seconds}
+    summary = run.result.summary
+    of_judges = [JUDGED_BY, *(path for name in TRUE_ERRORS for path in by_two(name))] if summary["estimated"] else []
+    numbers = {name: metric(run.result, name) for name in METRICS} | {"seconds": summary["seconds"]["march"]}
+    return numbers | {path: in_summary(summary, path) for path in of_judges}
 
 
 def orders(runs: list[Run]) -> list[Entries]:

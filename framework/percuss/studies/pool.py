@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import faulthandler
 import functools
-import logging
 import os
 import pickle
 import signal
@@ -12,10 +11,10 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
 from queue import Empty, SimpleQueue
@@ -30,10 +29,8 @@ from percuss.studies.tasks import Task
 
 LATE = 75  # exit code of a worker whose run has taken too long
 MOST_RUNS = 1000  # of one process, which keeps the machine code of every kernel that it has met
-SILENCE = 600.0  # seconds without an answer after which a run is named
-BATCH_SECONDS = 0.4  # between two batches of rows that are stored
+WAIT_SECONDS = 0.2  # for runs that end, before it is asked whether to stop
 CONNECT_SECONDS = 5.0  # until a scheduler counts as absent
-LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
 # Python's option -P: it would put the current folder first on the path of a worker.
 ENVIRONMENT = {**ONE_THREAD, "PYTHONSAFEPATH": "1"}
 
@@ -111,8 +108,8 @@ def cluster(address: str) -> Iterator[Workers]:
 
 def made(
     workers: Workers, longest: float | None, bench: Bench, tasks: Sequence[Task], stop: threading.Event
-) -> Generator[list[Record]]:
-    """Hand runs to workers, and yield the records of those that end in each `BATCH_SECONDS`.
+) -> Iterator[Record | None]:
+    """Hand runs to workers, and yield the record of each that ends, or None where none has ended for `WAIT_SECONDS`.
 
     Parameters
     ----------
@@ -133,8 +130,7 @@ def made(
         If no worker can be started.
     """
     submit = workers(pickle.dumps(bench))
-    waiting, ended = dict[Future[Record], Task](), SimpleQueue[Future[Record]]()
-    deaths, since = Counter[str](), dict[Future[Record], float]()
+    waiting, ended, deaths = dict[Future[Record], Task](), SimpleQueue[Future[Record]](), Counter[str]()
 
     def start(task: Task) -> None:
         waiting[future := submit(task)] = task
@@ -142,29 +138,25 @@ def made(
 
     for task in tasks:
         start(task)
-    records, last = list[Record](), time.monotonic()
     while waiting and not stop.is_set():
-        with suppress(Empty):
-            future = ended.get(timeout=0.2)
-            task, error = waiting.pop(future), future.exception()
-            exit_code = getattr(error, "exitcode", None)  # of a process that has ended
-            deaths[task.key] += exit_code not in (None, LATE)
-            if deaths[task.key] == 1 and error is not None:  # somebody else may have killed it
-                start(task)
-            elif error is None:
-                records.append(future.result())
-            elif exit_code is None and type(error).__name__ != "KilledWorker":
-                yield records
-                raise error
-            elif exit_code == LATE:
-                records.append(Record(task.key, "failed", f"no result after {longest:g} s (--longest)", WORKER))
-            else:
-                records.append(Record(task.key, LOST, _death(exit_code, error), WORKER))
-        if time.monotonic() - last > BATCH_SECONDS:
-            yield records
-            records, last = [], time.monotonic()
-            _name_silent(waiting, since)
-    yield records
+        try:
+            future = ended.get(timeout=WAIT_SECONDS)
+        except Empty:
+            yield None
+            continue
+        task, error = waiting.pop(future), future.exception()
+        exit_code = getattr(error, "exitcode", None)  # of a process that has ended
+        deaths[task.key] += exit_code not in (None, LATE)
+        if deaths[task.key] == 1 and error is not None:  # somebody else may have killed it
+            start(task)
+        elif error is None:
+            yield future.result()
+        elif exit_code is None and type(error).__name__ != "KilledWorker":
+            raise error
+        elif exit_code == LATE:
+            yield Record(task.key, "failed", f"no result after {longest:g} s (--longest)", WORKER)
+        else:
+            yield Record(task.key, LOST, _death(exit_code, error), WORKER)
 
 
 def _death(exit_code: int | None, error: BaseException) -> str:
@@ -173,16 +165,6 @@ def _death(exit_code: int | None, error: BaseException) -> str:
         return str(error)
     how = f"was killed by {signal.Signals(-exit_code).name}" if exit_code < 0 else f"ended with exit code {exit_code}"
     return f"its worker process {how}, twice, while it made this run"
-
-
-def _name_silent(waiting: Mapping[Future[Record], Task], since: dict[Future[Record], float]) -> None:
-    """Name each run that has begun and has not ended for `SILENCE` seconds in the log, once."""
-    now = time.monotonic()
-    for future, task in waiting.items():
-        if future.running() and now - since.setdefault(future, now) > SILENCE:
-            since[future] = float("inf")
-            methods = f"{task.case}: {task.integrator} + {task.contact}"
-            LOG.warning("%s has not answered for %.0f s: --longest SECONDS ends such runs", methods, SILENCE)
 
 
 def number_of_workers(given: int | None) -> int:

@@ -1,20 +1,18 @@
 """Recommendation of the cheapest methods, options, mesh and step that meet stated bounds on a case.
 
-A branch and bound over lines of meshes decides what runs next among the `candidates`. Its runs are the rows of one
-session of a study whose plan grows, so that one file holds all of them and a search that was interrupted goes on.
+Its runs are the rows of one session of a study whose plan grows, so that one file holds all of them and a search that
+was interrupted goes on.
 
-A *line* is a pair of methods with its options and its step, on all meshes. What a candidate costs is known before it
+A *choice* is a pair of methods with its options and its step, on all meshes. What a candidate costs is known before it
 runs: its number of steps times nodes times stages. How far it is from the bounds is known afterwards, as its *excess*,
-the largest ratio of a number to its bound. On a line the excess is taken as a power of the mesh, a h^q, with q from the
-runs of the line, or else the median of those of all lines. That predicts the coarsest mesh that meets the bounds, and
-lines run in the order of what they are predicted to cost there.
+the largest ratio of a number to its bound, which is taken to fall with the refinement. That predicts the coarsest mesh
+that meets the bounds. Once one mesh of a choice misses the bounds and a finer one meets them, the meshes between are
+halved.
 
-A candidate runs only if it is cheaper than the best so far. A line that is predicted to cost more runs once, on the
-finest of its meshes that are cheaper: if it misses the bounds there, it is settled. While nothing meets the bounds,
-lines are refined, whatever is predicted. So a search ends when all lines are settled or the runs are spent, and it ends
-without an answer only if nothing is left that could be one.
-
-Beside the most promising line of each pair others are looked for, which differ in the step or in one option.
+Every pair runs on the mesh of the case first. Then come in turn other meshes of choices that have run, in the order of
+the cost that is predicted, and choices beside the most promising one of each pair, which differ in the step or in one
+option. A candidate runs only if it is cheaper than the best so far: a choice that is predicted to cost more runs once,
+on the finest of its meshes that are cheaper. So a search ends when no such mesh is left or the runs are spent.
 """
 
 from __future__ import annotations
@@ -29,7 +27,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, zip_longest
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -60,11 +57,8 @@ STABLE, GUARANTEE, UNJUDGED = "certificate.stable", "certificate.energy", "exact
 MOST_CELLS = 100_000  # of a mesh in two or three dimensions, which a search builds to know what it costs
 MOST_GROWTH = 0.01  # share by which the energy of a recommended run may grow where no bound on it is given
 FINER = 4  # refinement of the finer run that judges where there is no exact solution and the case names no other
-USUAL_ORDER = 1.0  # of the error of a force in L1, until two meshes of a line tell
-ORDERS = (0.3, 3.0)
 SMALLEST_EXCESS = 1e-9  # smaller ones are round-off, and say nothing of a coarser mesh
-LARGEST_STRIDE = 4.0  # from a mesh that misses the bounds to the next
-LAST = 99  # rank of lines that come after those beside another one
+JUST_BELOW = 1.0 - 1e-9  # a predicted mesh, so that round-off takes no finer one
 PARTS = 8  # a batch is this part of the runs that are left
 NOT_FINE = 0.5  # largest refinement that the finer run judges, over its own: its error is half of theirs, or less
 
@@ -333,13 +327,13 @@ def _answer(runs: Runs, methods: tuple[list[str], list[str]]) -> Recommendation:
     search.run()
     if runs.made is None:
         raise AssertionError("a search has made no run")
-    cost, _ = search.best()
+    cost = search.best()
     return Recommendation(
         bounds=runs.bounds,
         front=front(runs.tried.values()),
         tried=list(runs.tried.values()),
         refused=runs.refused,
-        left=sum(bool(search.left(line, cost)) for line in search.lines.values()),
+        left=sum(bool(search.left(choice, cost)) for choice in search.choices.values()),
         judges=[*dict.fromkeys(row[JUDGED_BY] for row in runs.made.as_records() if row.get(JUDGED_BY))],
         study=runs.made,
     )
@@ -483,63 +477,43 @@ def front(runs: Iterable[Tried]) -> list[Tried]:
 
 
 @dataclass(eq=False)
-class Line:
-    """A pair with its options and its step on all meshes.
+class Choice:
+    """A pair with its options, its pairing and its step, on all meshes.
 
     Attributes
     ----------
     candidate
         The candidate on the mesh of the case.
     parent
-        The line beside which it was found; until it has runs of its own, that one's are its prediction.
-    rank
-        How many lines were found there before it.
+        The choice beside which it was found, whose prediction is its own until it has run.
     runs
         Excess of its runs, by refinement.
-    refused
-        Whether it cannot be run.
+    followed
+        Whether the choices beside it take part.
     """
 
     candidate: Candidate
-    parent: Line | None = None
-    rank: int = 0
+    parent: Choice | None = None
     runs: dict[float, float] = field(default_factory=dict)
-    refused: bool = False
+    followed: bool = False
 
     def on(self, refine: float) -> Candidate:
         """Return its candidate on a mesh."""
         return replace(self.candidate, refine=refine)
 
     @property
-    def far(self) -> bool:
-        """Whether the line beside which it was found has other options."""
-        own, others = self.candidate, (self.parent or self).candidate
-        return own != replace(others, courant=own.courant)
+    def bracket(self) -> tuple[float, float]:
+        """The finest mesh that misses the bounds, 0 if none does, and the coarsest finer one that meets them."""
+        met = min((refine for refine, excess in self.runs.items() if excess <= 1.0), default=math.inf)
+        return max((refine for refine in self.runs if refine < met), default=0.0), met
 
-    def known(self) -> list[float]:
-        """Return the meshes of its runs with a finite excess, the nearest to the bounds first."""
-        finite = (refine for refine, excess in self.runs.items() if excess < math.inf)
-        return sorted(finite, key=lambda refine: abs(math.log(max(self.runs[refine], SMALLEST_EXCESS))))
-
-    def order(self) -> float | None:
-        """Return the order with which its excess falls beside the bounds, None until two meshes tell."""
-        known = [refine for refine in self.known() if self.runs[refine] > SMALLEST_EXCESS][:2]
-        if len(known) < 2:
-            return None
-        fallen = math.log(self.runs[known[0]] / self.runs[known[1]]) / math.log(known[1] / known[0])
-        return min(max(fallen, ORDERS[0]), ORDERS[1])
-
-    def meeting(self, usual: float) -> float:
-        """Return the refinement at which it is predicted to meet the bounds, infinite if its runs do not tell.
-
-        `usual` is the order that is taken until its own is known.
-        """
+    @property
+    def meeting(self) -> float:
+        """The refinement that is predicted to meet the bounds, from its run beside them; infinite if none tells."""
         if not self.runs:
-            return self.parent.meeting(usual) if self.parent is not None else 1.0
-        for refine in self.known():
-            exponent = math.log(max(self.runs[refine], SMALLEST_EXCESS)) / (self.order() or usual)
-            return refine * math.exp(min(exponent, 100.0))
-        return math.inf
+            return self.parent.meeting if self.parent is not None else 1.0
+        known = [(refine, max(excess, SMALLEST_EXCESS)) for refine, excess in self.runs.items() if excess < math.inf]
+        return math.prod(min(known, key=lambda one: abs(math.log(one[1])), default=(math.inf,)))
 
 
 class Search:
@@ -550,7 +524,7 @@ class Search:
     first
         Candidates that run before all others.
     later
-        Candidates that take part as well.
+        Candidates that run if nothing else is left.
     meshes
         Refinements, rising.
     registry
@@ -561,106 +535,94 @@ class Search:
 
     def __init__(
         self,
-        first: Sequence[Candidate],
-        later: Sequence[Candidate],
-        meshes: Sequence[float],
+        first: Iterable[Candidate],
+        later: Iterable[Candidate],
+        meshes: list[float],
         registry: Registry,
         bench: Runs,
     ) -> None:
         self.meshes, self.registry, self.bench = meshes, registry, bench
-        self.lines: dict[str, Line] = {}
-        self.first = [self._line(one) for one in first]
+        self.choices: dict[str, Choice] = {}
+        self.first = [self._choice(one) for one in first]
         for one in later:
-            self._line(one, rank=LAST)
-        self.usual = USUAL_ORDER
-        self.followed: set[Line] = set()  # those beside which lines take part
+            self._choice(one)
 
-    def _line(self, candidate: Candidate, parent: Line | None = None, rank: int = 0) -> Line:
-        """Return the line of a candidate, which takes part from now on."""
+    def _choice(self, candidate: Candidate, parent: Choice | None = None) -> Choice:
+        """Return the choice of a candidate, which takes part from now on."""
         start = replace(candidate, refine=1)
-        return self.lines.setdefault(start.key, Line(start, parent, rank))
+        return self.choices.setdefault(start.key, Choice(start, parent))
 
     def run(self) -> None:
-        """Run candidates until all lines are settled or the runs are spent."""
-        batch = [line.on(1) for line in self.first]
+        """Run candidates until nothing is left or the runs are spent."""
+        batch = [choice.on(1) for choice in self.first]
         while batch and self.bench.room > 0:
             for one, excess in zip(batch, self.bench.ask(batch), strict=False):
-                self._line(one).runs[one.refine] = excess
+                self._choice(one).runs[one.refine] = excess
+            ran = sorted((choice for choice in self.choices.values() if choice.runs), key=self._predicted)
+            self._follow({choice.candidate.pair: choice for choice in reversed(ran)}.values())
             batch = self._batch()
+            if not batch and self.best() == math.inf:
+                self._follow(ran)  # not those of each pair alone
+                batch = self._batch()
 
-    def best(self) -> tuple[float, Line | None]:
-        """Return cost and line of the cheapest candidate that meets the bounds, of equal ones that with less excess."""
-        met = [
-            (self.bench.cost(line.on(refine)), excess, key)
-            for key, line in self.lines.items()
-            for refine, excess in line.runs.items()
-            if excess <= 1.0
-        ]
-        cost, _, key = min(met, default=(math.inf, 0.0, ""))
-        return cost, self.lines.get(key)
+    def best(self) -> float:
+        """Return the cost of the cheapest candidate that meets the bounds, infinite if none does."""
+        met = [one.on(refine) for one in self.choices.values() for refine, excess in one.runs.items() if excess <= 1.0]
+        return min(map(self.bench.cost, met), default=math.inf)
 
-    def left(self, line: Line, cost: float) -> list[float]:
-        """Return the meshes of a line that could meet the bounds at less than a cost.
+    def left(self, choice: Choice, cost: float) -> list[float]:
+        """Return the meshes of a choice that could meet the bounds at less than a cost: those within its bracket.
 
-        They are coarser than all that meet the bounds and finer than the finest that misses them, or than the second
-        of these where one has met them: errors do not fall strictly. A line of which no run tells anything has none,
-        but where nothing meets the bounds.
+        A choice of which no run tells anything has none, but where nothing meets the bounds.
         """
-        if line.refused or line.meeting(self.usual) == math.inf > cost:
+        if choice.meeting == math.inf > cost:
             return []
-        met = min((refine for refine, excess in line.runs.items() if excess <= 1.0), default=math.inf)
-        missed = sorted((refine for refine in line.runs if refine < met), reverse=True)
-        low = next(iter(missed[met < math.inf :]), 0.0)
-        cheaper = bisect_left(self.meshes, cost, key=lambda refine: self.bench.cost(line.on(refine)))
-        between = self.meshes[bisect_right(self.meshes, low) : min(bisect_left(self.meshes, met), cheaper)]
-        return [refine for refine in between if refine not in line.runs]
+        missed, met = choice.bracket
+        cheaper = bisect_left(self.meshes, cost, key=lambda refine: self.bench.cost(choice.on(refine)))
+        return self.meshes[bisect_right(self.meshes, missed) : min(bisect_left(self.meshes, met), cheaper)]
+
+    def _predicted(self, choice: Choice) -> float:
+        """Return what a choice is predicted to cost where it meets the bounds."""
+        return self.bench.cost(choice.on(_meeting(choice, self.meshes)))
+
+    def _follow(self, choices: Iterable[Choice]) -> None:
+        """Let the choices beside others take part."""
+        for choice in [one for one in choices if not one.followed]:
+            choice.followed = True
+            for one in filter(self.bench.fits, neighbours(choice.candidate, self.registry)):
+                self._choice(one, choice)
 
     def _batch(self) -> list[Candidate]:
-        """Return the candidates to run next, of one line each.
+        """Return the candidates to run next, of one choice each.
 
-        They come in turn from two kinds of lines: those that are predicted to be cheaper than the best or differ in the
-        step, and those with other options, first from the pair of which fewest have run. All others come last.
+        They come in turn from those that have run, by their predicted cost, and from those that have not, of the pair
+        first of which fewest have. Once something meets the bounds, another step alone stands among those that have
+        run. Those that are not beside another one come last.
         """
-        cost, _ = self.best()
-        self.usual = median([order for line in self.lines.values() if (order := line.order())] or [USUAL_ORDER])
-        ran = sorted((line for line in self.lines.values() if line.runs), key=self._predicted)
-        self._follow({line.candidate.pair: line for line in reversed(ran)}.values())
-        lines = sorted(self.lines.values(), key=lambda line: (self._predicted(line), line.rank))
-        near = [line for line in lines if (self._predicted(line) < cost if line.runs else not line.far)]
-        near.sort(key=lambda line: not line.runs and line.rank > 1)
-        tries = Counter(line.candidate.pair for line in ran if line.far)
-        far = [line for line in lines if line.far and not line.runs]
-        far.sort(key=lambda line: (tries[line.candidate.pair], line.rank))
-        turns = (near, far) if self.bench.room % 2 else (far, near)
+        cost = self.best()
+        tries = Counter(choice.candidate.pair for choice in self.choices.values() if choice.runs)
+        known, new, later = list[Choice](), list[Choice](), list[Choice]()
+        for choice in sorted(self.choices.values(), key=self._predicted):
+            beside, own = choice.parent, choice.candidate
+            other_step = beside is not None and own.courant != beside.candidate.courant and cost < math.inf
+            (known if choice.runs or other_step else new if beside is not None else later).append(choice)
+        new.sort(key=lambda choice: tries[choice.candidate.pair])
+        open_ = ([choice for choice in some if self.left(choice, cost)] for some in (known, new))
         batch: list[Candidate] = []
-        for line in dict.fromkeys((*filter(None, chain.from_iterable(zip_longest(*turns))), *ran)):
-            left = self.left(line, cost)
-            if left and self.bench.fits(one := line.on(self._next(line, left))):
-                batch.append(one)
-            elif left:
-                line.refused = True
-            if len(batch) >= max(1, self.bench.room // PARTS):
+        for choice in (*filter(None, chain.from_iterable(zip_longest(*open_))), *later):
+            if len(batch) == max(2, self.bench.room // PARTS):
                 break
-        if not batch and cost == math.inf and self._follow(ran):  # not those of each pair alone
-            return self._batch()
+            if left := self.left(choice, cost):
+                missed, met = choice.bracket
+                halved = missed > 0.0 and met < math.inf
+                one = choice.on(left[len(left) // 2] if halved else _meeting(choice, left))
+                if self.bench.fits(one):
+                    batch.append(one)
+                else:
+                    choice.runs[one.refine] = math.inf
         return batch
 
-    def _follow(self, leading: Iterable[Line]) -> bool:
-        """Let the lines beside others take part; return whether one of those was not followed before."""
-        new = [line for line in leading if line not in self.followed]
-        self.followed.update(new)
-        for line in new:
-            for rank, one in enumerate(filter(self.bench.fits, neighbours(line.candidate, self.registry)), 1):
-                self._line(one, line, rank)
-        return bool(new)
 
-    def _predicted(self, line: Line) -> float:
-        """Return what a line is predicted to cost where it meets the bounds."""
-        refine = line.meeting(self.usual)
-        mesh = self.meshes[min(bisect_left(self.meshes, refine), len(self.meshes) - 1)]
-        return self.bench.cost(line.on(mesh)) * max(refine / mesh, 1.0) ** 2
-
-    def _next(self, line: Line, left: Sequence[float]) -> float:
-        """Return the mesh on which a line runs next: that on which it is predicted to meet, if it is left."""
-        wanted = min(line.meeting(self.usual), LARGEST_STRIDE * max(line.runs, default=math.inf))
-        return left[min(bisect_left(left, wanted * (1.0 - 1e-9)), len(left) - 1)]
+def _meeting(choice: Choice, meshes: Sequence[float]) -> float:
+    """Return the mesh on which a choice is predicted to meet the bounds, or the finest if none is as fine."""
+    return meshes[min(bisect_left(meshes, choice.meeting * JUST_BELOW), len(meshes) - 1)]

@@ -12,8 +12,8 @@ import os
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -30,9 +30,10 @@ from percuss.studies.study_table import Store, Study
 from percuss.studies.tasks import NAMES, Task, tasks
 
 OWN = "percuss"  # distribution of the methods that come with it
+BATCH_SECONDS = 0.4  # between two batches of rows that are stored
 AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again on request
 Progress = Callable[[int, int], None]
-Makers = Callable[[Bench, Sequence[Task], threading.Event], Generator[list[Record]]]
+Makers = Callable[[Bench, Sequence[Task], threading.Event], Iterator[Record | None]]
 
 
 def study(
@@ -172,7 +173,7 @@ class Session:
     store
         File of its rows.
     made
-        Makes runs, and yields the records of those that have ended meanwhile.
+        Makes runs, and yields the record of each as it ends, and None now and then while none does.
     """
 
     def __init__(self, spec: StudySpec, bench: Bench, store: Store, made: Makers) -> None:
@@ -190,8 +191,8 @@ class Session:
         study.found = done = sum(task.key in finished for task in planned)
         rows, report = Counter(task.key for task in planned), progress or (lambda *_: None)
         report(done, len(planned))
-        with interruptible() as stop, closing(self._made(self._bench, missing, stop)) as made:
-            for records in made if missing else ():
+        with interruptible() as stop:
+            for records in _batches(self._made(self._bench, missing, stop)) if missing else ():
                 self._store.add(records)
                 done += sum(rows[record.key] for record in records)
                 report(done, len(planned))
@@ -219,16 +220,26 @@ class Session:
         }
 
 
-def _made_here(bench: Bench, tasks: Sequence[Task], stop: threading.Event) -> Generator[list[Record]]:
-    """Make runs in this process, and yield the records of each `BATCH_SECONDS`, until none is left or `stop` is set."""
-    records: list[Record] = []
-    since = time.monotonic()
+def _made_here(bench: Bench, tasks: Sequence[Task], stop: threading.Event) -> Iterator[Record]:
+    """Make runs in this process, and yield the record of each, until none is left or `stop` is set."""
     for task in tasks:
-        records.append(bench.record(task))
+        record = bench.record(task)
+        if not (stop.is_set() and record.status == LOST):  # one was interrupted
+            yield record
         if stop.is_set():
-            records = [record for record in records if record.status != LOST]  # one was interrupted
-            break
-        if time.monotonic() - since > pool.BATCH_SECONDS:
-            yield records
-            records, since = [], time.monotonic()
+            return
+
+
+def _batches(made: Iterable[Record | None]) -> Iterator[list[Record]]:
+    """Yield the records that end in each `BATCH_SECONDS`; those before an error, before it is raised."""
+    records, since = list[Record](), time.monotonic()
+    try:
+        for record in made:
+            records += [record] if record is not None else []
+            if time.monotonic() - since > BATCH_SECONDS:
+                yield records
+                records, since = [], time.monotonic()
+    except Exception:
+        yield records
+        raise
     yield records

@@ -69,8 +69,8 @@ class Store:
         self.path = Path(path)
         self._there = is_file(self.path)
         if self._there:
-            ((found,),) = self.select("PRAGMA user_version")
-            ((tables,),) = self.select("SELECT count(*) FROM sqlite_master")
+            query = "SELECT user_version, (SELECT count(*) FROM sqlite_master) FROM pragma_user_version"
+            ((found, tables),) = self.select(query)
             self._there = tables > 0  # a study that begins, or was killed then, has none yet
             if self._there and found != FORMAT:
                 what = "one of an earlier version" if 0 < found < FORMAT else "another SQLite file"
