@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import faulthandler
 import functools
+import logging
 import os
 import pickle
 import signal
@@ -11,7 +12,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -29,8 +30,11 @@ from percuss.studies.tasks import Task
 
 LATE = 75  # exit code of a worker whose run has taken too long
 MOST_RUNS = 1000  # of one process, which keeps the machine code of every kernel that it has met
+SILENCE = 600.0  # seconds without an answer after which a run is named
+LOOK_SECONDS = 5.0  # between two looks at what has not answered
 WAIT_SECONDS = 0.2  # for runs that end, before it is asked whether to stop
 CONNECT_SECONDS = 5.0  # until a scheduler counts as absent
+LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
 # Python's option -P: it would put the current folder first on the path of a worker.
 ENVIRONMENT = {**ONE_THREAD, "PYTHONSAFEPATH": "1"}
 
@@ -131,6 +135,7 @@ def made(
     """
     submit = workers(pickle.dumps(bench))
     waiting, ended, deaths = dict[Future[Record], Task](), SimpleQueue[Future[Record]](), Counter[str]()
+    since, looked = dict[Future[Record], float](), time.monotonic()
 
     def start(task: Task) -> None:
         waiting[future := submit(task)] = task
@@ -139,6 +144,9 @@ def made(
     for task in tasks:
         start(task)
     while waiting and not stop.is_set():
+        if time.monotonic() - looked > LOOK_SECONDS:
+            _name_silent(waiting, since)
+            looked = time.monotonic()
         try:
             future = ended.get(timeout=WAIT_SECONDS)
         except Empty:
@@ -165,6 +173,16 @@ def _death(exit_code: int | None, error: BaseException) -> str:
         return str(error)
     how = f"was killed by {signal.Signals(-exit_code).name}" if exit_code < 0 else f"ended with exit code {exit_code}"
     return f"its worker process {how}, twice, while it made this run"
+
+
+def _name_silent(waiting: Mapping[Future[Record], Task], since: dict[Future[Record], float]) -> None:
+    """Name each run that has begun and has not ended for `SILENCE` seconds in the log, once."""
+    now = time.monotonic()
+    for future, task in waiting.items():
+        if future.running() and now - since.setdefault(future, now) > SILENCE:
+            since[future] = float("inf")
+            methods = f"{task.case}: {task.integrator} + {task.contact}"
+            LOG.warning("%s has not answered for %.0f s: --longest SECONDS ends such runs", methods, SILENCE)
 
 
 def number_of_workers(given: int | None) -> int:
