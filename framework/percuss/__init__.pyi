@@ -33,6 +33,8 @@ from percuss.methods.interfaces import Exact as Exact
 from percuss.methods.interfaces import ExactContact as ExactContact
 from percuss.methods.interfaces import Floats as Floats
 from percuss.methods.interfaces import FollowingLoad as FollowingLoad
+from percuss.methods.interfaces import Friction as Friction
+from percuss.methods.interfaces import FrictionPoints as FrictionPoints
 from percuss.methods.interfaces import Ge as Ge
 from percuss.methods.interfaces import Gt as Gt
 from percuss.methods.interfaces import Integers as Integers
@@ -63,6 +65,7 @@ from percuss.methods.interfaces import SolidElement as SolidElement
 from percuss.methods.interfaces import SolidMaterial as SolidMaterial
 from percuss.methods.interfaces import Solution as Solution
 from percuss.methods.interfaces import Stages as Stages
+from percuss.methods.interfaces import Stiffness as Stiffness
 from percuss.methods.interfaces import Surface as Surface
 from percuss.methods.interfaces import Trial as Trial
 from percuss.methods.interfaces import Unit as Unit

@@ -102,6 +102,7 @@ def completed(case: CaseSection, dimension: int, source: Source, registry: Regis
             name=name,
             law=contact.method or method.contact,
             pairing=contact.pairing or method.pairing,
+            friction=contact.friction or method.friction,
         )
         for name, contact in case.contacts.items()
     }

@@ -5,6 +5,7 @@ DEFAULTS = {
     "contacts": "bipenalty",
     "masses": "lumped",
     "pairings": "mortar",
+    "frictions": "none",
     "materials": "elastic",
     "elements": "bar",
     "solutions": "bars-in-a-row",

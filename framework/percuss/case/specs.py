@@ -25,6 +25,7 @@ from percuss.methods.interfaces import (
     ContactLaw,
     Doc,
     Element,
+    Friction,
     Ge,
     Gt,
     Integrator,
@@ -135,6 +136,11 @@ class MethodSpec(Section):
     mass: Annotated[Mass, Named("masses"), Doc("how element masses become nodal masses")]
     pairing: Annotated[
         Pairing | None, Named("pairings"), Doc("how surfaces of bodies that are no bars make contact points")
+    ] = None
+    friction: Annotated[
+        Friction | None,
+        Named("frictions"),
+        Doc("friction between surfaces of bodies that are no bars"),
     ] = None
     solution: Annotated[
         Solution | None,
@@ -299,6 +305,9 @@ class ContactSpec(Section):
         Doc("contact law of this contact; else method.contact"),
     ] = None
     pairing: Annotated[Pairing | None, Named("pairings"), Doc("pairing of this contact; else method.pairing")] = None
+    friction: Annotated[Friction | None, Named("frictions"), Doc("friction of this contact; else method.friction")] = (
+        None
+    )
     between: (
         Annotated[
             tuple[AnAddress, AnAddress],

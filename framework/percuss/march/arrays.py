@@ -17,7 +17,16 @@ from percuss.mesh.stiffness_rows import StiffnessRows
 from percuss.methods.plugin_calls import answer, read_only
 from percuss.record_arrays import empty_records, record_array
 from percuss.step import bulk, uniform_rows
-from percuss.step.actions import BULK, INTERNAL_FORCES, INTERNAL_FORCES_ASIDE, KINETIC_ENERGY, STRAIN_ENERGY, Action
+from percuss.step.actions import (
+    BULK,
+    CONTACT_EQUATION,
+    INTERNAL_FORCES,
+    INTERNAL_FORCES_ASIDE,
+    KINETIC_ENERGY,
+    STRAIN_ENERGY,
+    Action,
+)
+from percuss.step.equation import Equation, solve_equation
 from percuss.step.law_kernels import kernel_laws
 from percuss.step.part import Part, Setting
 from percuss.step.records import BOUNDARY_DOF, CONSTRAINT, NODAL_FORCE, NOW, SHARE, TOTAL, Loads, Step
@@ -132,7 +141,9 @@ class Arrays:
         ]
         self.active_constraints = [index for index, _ in constraints]
         self.step = self.step._replace(loads=self._loads(constraints, rows, midpoint))
-        setting = Setting(model, self.place, self.order, rows, self.step, self.record, self.variables, self.recorded)
+        setting = Setting(
+            model, self.place, self.order, rows, midpoint, self.step, self.record, self.variables, self.recorded
+        )
         known = {type(part): part for part in self.parts}
         made = (kind.of(setting, known.get(kind)) for kind in PARTS)
         self.parts = [part for part in made if part is not None]
@@ -179,7 +190,8 @@ class Arrays:
 
     def _actions(self) -> Iterator[Action]:
         """Yield what a step of this stretch does."""
-        for action in self._of_bodies():
+        equation = Action(CONTACT_EQUATION, solve_equation, Equation(self.step.points, self.step.now))
+        for action in (*self._of_bodies(), equation):
             changed: Action | None = action
             for part in self.parts:
                 changed = part.changed(changed) if changed is not None else None

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from percuss.contact import frictions
 from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
-from percuss.step.parts import coupled_masses, ends_without_mass, followers, own_steps, viscosity
+from percuss.step.parts import coupled_masses, ends_without_mass, followers, friction, own_steps, viscosity
 from percuss.step.parts.internal_work import InternalWork
 from percuss.step.parts.of_surfaces import SurfacesRecorded
 from percuss.step.parts.state_variables import StateVariablesKept
@@ -24,6 +25,7 @@ PARTS: tuple[type[Part[Any]], ...] = (
     InternalWork,
     viscosity.Viscosity,
     own_steps.OwnSteps,
+    friction.Frictions,
     StateVariablesKept,
     SurfacesRecorded,
 )
@@ -35,10 +37,11 @@ FEATURES: tuple[Callable[[Model], Feature | None], ...] = (
     coupled_masses.feature,
     ends_without_mass.feature,
     followers.feature,
+    friction.feature,
 )
 # What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
 BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)
-WITH_LAWS = (ends_without_mass.refusals, laws_refused)
+WITH_LAWS = (ends_without_mass.refusals, laws_refused, frictions.refusals)
 
 
 def features_of(model: Model) -> tuple[Feature, ...]:

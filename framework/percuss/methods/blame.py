@@ -24,6 +24,7 @@ PLUGIN_MODULES: set[str] = set()  # top-level modules of all plug-ins, from thei
 SINGULAR = {
     "integrators": "integrator",
     "contacts": "contact law",
+    "frictions": "friction",
     "loads": "load",
     "shapes": "shape",
     "elements": "element",

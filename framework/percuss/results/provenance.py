@@ -72,8 +72,8 @@ def components_used(case: Case, *, solution: str | None = None) -> list[tuple[st
     method, bodies, contacts = case.method, case.bodies.values(), case.contacts.values()
     components: list[Any] = [load.load for load in case.loads.values()]
     components += [component for body in bodies for component in (body.shape, body.material, body.element)]
-    components += [component for contact in contacts for component in (contact.law, contact.pairing)]
-    components += [method.integrator, method.contact, method.mass, method.pairing]
+    components += [component for contact in contacts for component in (contact.law, contact.pairing, contact.friction)]
+    components += [method.integrator, method.contact, method.mass, method.pairing, method.friction]
     used = {(component.family, component.name) for component in components if component is not None}
     return sorted(used | ({("solutions", solution)} if solution else set()))
 

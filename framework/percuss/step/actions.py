@@ -18,13 +18,15 @@ from percuss.methods.interfaces import Floats
 
 # The places of a step in their order, then those of a stage of a multi-stage scheme. They are no integers of Python,
 # since numba compiles a function anew for each one of those that it is called with.
-PLACES = cast("tuple[int, ...]", tuple(np.arange(18)))
+PLACES = cast("tuple[int, ...]", tuple(np.arange(20)))
 (
     SNAPSHOT,
     BULK,
     BEFORE_SUPPORTS,
     BEFORE_CONTACT,
     LAWS,
+    CONTACT_EQUATION,
+    AFTER_CONTACT,
     AFTER_STEP,
     BEFORE_ACCOUNT,
     KINETIC_ENERGY,

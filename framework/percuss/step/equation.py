@@ -9,13 +9,22 @@ multiplier changes by more than `TOLERANCE` times the largest.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from percuss.contact.points import FROM_LINE, FROM_PART, Points
 from percuss.methods.interfaces import Floats
 from percuss.record_arrays import Records, Row
-from percuss.step.actions import LAWS, perform
+from percuss.step.actions import CONTACT_EQUATION, LAWS, perform
 
 TOLERANCE = 1e-14
 SWEEPS = 10_000
+
+
+class Equation(NamedTuple):
+    """The points of a step whose contact equation is solved at once."""
+
+    points: Points
+    now: Records  # percuss.step.records.NOW
 
 
 def see(points: Points, boundary: Records, dt: float) -> None:
@@ -40,13 +49,27 @@ def see(points: Points, boundary: Records, dt: float) -> None:
         state.predicted_rate = predicted_rate
 
 
-def find_multipliers(points: Points, now: Row, actions: object, n: int, u: Floats, v: Floats) -> bool:
-    """Find the multipliers of all points in a step or stage; return whether the solution converged.
+def find_multipliers(now: Row, actions: object, n: int, u: Floats, v: Floats) -> None:
+    """Find the multipliers of all points in a step or stage; `solved` of the step says whether the solution converged.
 
     Laws with a kernel set theirs first, one law after the other; the contact equation is then solved with these forces.
+    What solves it is called until it moves no multiplier any more.
     """
     perform(actions, LAWS, n, u, v, v)
-    return solve(points, now.span, FROM_LINE)
+    for _ in range(SWEEPS):
+        now.moved = 0.0
+        now.largest = 0.0
+        perform(actions, CONTACT_EQUATION, n, u, v, v)
+        if now.moved <= TOLERANCE * now.largest:
+            return
+    now.solved = 0
+
+
+def solve_equation(equation: Equation, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Solve the contact equation of all points at once."""
+    now = equation.now[0]
+    if not solve(equation.points, now.span, FROM_LINE):
+        now.solved = 0
 
 
 def solve(points: Points, span: float, source: int) -> bool:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from percuss.record_arrays import Records
 from percuss.step.account import account
 from percuss.step.actions import (
+    AFTER_CONTACT,
     AFTER_STEP,
     BEFORE_CONTACT,
     BEFORE_SUPPORTS,
@@ -56,14 +57,15 @@ def advance(step: Step, record: Record, amplitudes: Floats, u: Floats, v: Floats
         perform(actions, BEFORE_CONTACT, n, u, v, v)
 
         see(points, boundary, dt)
-        solved = find_multipliers(points, now, actions, n, u, v)
+        find_multipliers(now, actions, n, u, v)
         push(points, boundary, dt)
+        perform(actions, AFTER_CONTACT, n, u, v, v)
 
         work += react_to_contact(loads, points.state, boundary, now)
         work += work_along(loads.nodal_forces, loads, boundary, now) + work_on_bodies(loads, boundary, now)
         put_back(boundary, u, v, dt)
         perform(actions, AFTER_STEP, n, u, v, v)
-        sound = account(step, work + total.work_of_parts, n, u, v) and solved and now.solved == 1
+        sound = account(step, work + total.work_of_parts, n, u, v) and now.solved == 1
         if is_recorded(record, n):
             find_energies(step, n, u, v)
             write_record(record, step, n, u, v, dt)

@@ -32,6 +32,8 @@ class Setting:
         Numbers of the contact points in the order of the loop.
     rows
         The rows of the points in this order.
+    midpoint
+        Time in the middle of a step of the stretch.
     step
         The records of the step.
     record
@@ -46,6 +48,7 @@ class Setting:
     place: Mapping[int, int]
     order: Sequence[int]
     rows: Rows
+    midpoint: float
     step: Step
     record: Record
     variables: StateVariables
@@ -84,7 +87,7 @@ class Part(Generic[Data]):
         yield from ()
 
     def changed(self, action: Action) -> Action | None:
-        """Return an action of the bodies as it is with this part, None if the part acts in its place."""
+        """Return an action of the bodies, or the contact equation, with this part; None if it acts in its place."""
         return action
 
     def changing_arrays(self) -> list[Array]:

@@ -50,6 +50,8 @@ NOW = np.dtype(
         ("dim", "i8"),
         ("row", "i8"),  # of the records or snapshots that is being written
         ("solved", "i8"),  # 1 while all contact equations of the step were solved
+        ("moved", "f8"),  # largest change of a multiplier in the present sweep, 0 where all were found at once
+        ("largest", "f8"),  # largest multiplier before or after it
     ]
 )
 # Sums over the steps and of the step, the bounds for them, and the energy growth; a single record.

@@ -186,8 +186,7 @@ def solve_contact(system: System, stage: int, u: Floats, v: Floats, a: Floats) -
     now.gap_response = end[1]
     now.rate_response = end[2]
     now.span = end[2]
-    if not find_multipliers(points, now, step.actions, stage, u, v):
-        now.solved = 0
+    find_multipliers(now, step.actions, stage, u, v)
     for i in range(points.law.size):
         row, multiplier = points.row[i], points.state[i].multiplier
         for k in range(row.start, row.stop):

@@ -40,7 +40,7 @@ PARTNERS = {"integrators": "contacts", "contacts": "integrators"}
 # Keys of methods in the section `method` of a case, or in a body.
 KEYS_IN_CASE = {
     "integrators": "integrator", "contacts": "contact", "masses": "mass", "solutions": "solution",
-    "materials": "material", "elements": "element", "pairings": "pairing",
+    "materials": "material", "elements": "element", "pairings": "pairing", "frictions": "friction",
 }  # fmt: skip
 
 

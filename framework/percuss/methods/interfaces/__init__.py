@@ -39,6 +39,7 @@ from percuss.methods.interfaces.body import (
 )
 from percuss.methods.interfaces.cells import REFERENCE_CELLS, ReferenceCell
 from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, LinearLaw, Trial
+from percuss.methods.interfaces.friction import Friction, FrictionPoints, Stiffness
 from percuss.methods.interfaces.integrator import ContactState, Integrator, LeapFrog, Stages, end_of_step
 from percuss.methods.interfaces.load import FollowingLoad, Load, LoadedEnd
 from percuss.methods.interfaces.measure import Measure
@@ -48,5 +49,5 @@ from percuss.methods.interfaces.solution import Exact, ExactContact, Solution
 
 FAMILIES: dict[str, type[Component]] = {
     contract.family: contract
-    for contract in (Integrator, ContactLaw, Pairing, Load, Shape, Element, Material, Mass, Solution, Measure)
+    for contract in (Integrator, ContactLaw, Friction, Pairing, Load, Shape, Element, Material, Mass, Solution, Measure)
 }

@@ -1,0 +1,168 @@
+"""The frictions of a model bound to its contact points: tangents, stiffness of stick, and what they refuse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.contact.points import FROM_KERNEL
+from percuss.errors import Problem
+from percuss.methods.interfaces import FrictionPoints
+from percuss.methods.plugin_calls import answer, read_only
+
+if TYPE_CHECKING:
+    from percuss.contact.bound_law import BoundLaw
+    from percuss.contact.model import Model
+    from percuss.methods.interfaces import Floats, Friction, Integers
+
+ALONG_NORMAL = 1e-9  # of the largest entry of a row of N; what is off the normal by more is no share of it
+
+
+@dataclass(frozen=True, eq=False)
+class BoundFriction:
+    """A friction bound to its contact points for one time step.
+
+    Attributes
+    ----------
+    friction
+        The friction with its options.
+    where : (P,) array
+        Numbers of its contact points, in the order of the case.
+    data
+        What its `bind` has returned.
+    compliance : (P,) array
+        sigma_t: compliance of stick, 0 where a point sticks exactly [length/force].
+    response : (P,) array
+        w_t, the factor of S in the row of a tangent [time^2].
+    predicted : (P,) bool array
+        Whether slip is taken after the bulk update, not at t_n.
+    """
+
+    friction: Friction
+    where: Integers
+    data: Any
+    compliance: Floats
+    response: Floats
+    predicted: Any
+
+
+def frictions_of(model: Model) -> list[BoundFriction]:
+    """Return the frictions of a model that act, each bound to its points."""
+    groups: dict[Friction, list[int]] = {}
+    for p, name in enumerate(model.contact_points.names):
+        if (friction := model.case.contacts[name].friction) is not None and friction.acts:
+            groups.setdefault(friction, []).append(p)
+    if not groups:
+        return []
+    law_of = {p: (bound_law, k) for bound_law in model.laws for k, p in enumerate(bound_law.where)}
+    order, laws = model.law_records()
+    records = laws[np.argsort(order)]
+    points, found = model.contact_points, []
+    for friction, group in groups.items():
+        where = np.array(group, dtype=np.int64)
+        of_kernel = records["source"][where] == FROM_KERNEL
+        at_end = model.tables[-1].end.response[0]
+        given = FrictionPoints(tuple(points.names[p] for p in group), read_only(points.weight[where]))
+        stiffness = np.array([_stiffness(model, friction, p, *law_of[p]) for p in group])
+        found.append(
+            BoundFriction(
+                friction=friction,
+                where=where,
+                data=read_only(answer(friction, "bind", given, model.dt)),
+                compliance=1.0 / stiffness,
+                response=np.where(of_kernel, at_end, records["response"][where]),
+                predicted=of_kernel | (records["sees_predicted_gap"][where] == 1),
+            )
+        )
+    return found
+
+
+def _stiffness(model: Model, friction: Friction, point: int, bound_law: BoundLaw, k: int) -> float:
+    """Return the stiffness of stick of a point, infinite where it sticks exactly, nan where there is none."""
+    points, linear = model.contact_points, bound_law.linear
+    compliance = float(linear.sigma[k]) if linear is not None else 0.0
+    given = friction.stiffness
+    if given is None:
+        given = "auto" if compliance > 0.0 else "exact"
+    if isinstance(given, str) and (given == "exact" or (compliance == 0.0 and _at_end(bound_law))):
+        return math.inf if _at_end(bound_law) else math.nan
+    if isinstance(given, str):
+        poisson = _poisson(model, points.names[point])
+        return 2.0 * (1.0 - poisson) / (2.0 - poisson) / compliance if compliance > 0.0 else math.nan
+    return float(given * points.weight[point])
+
+
+def _at_end(bound_law: BoundLaw) -> bool:
+    """Return whether a law is judged at the end of the step, as are those with a kernel."""
+    return bound_law.linear is None or bound_law.linear.at == "end"
+
+
+def _poisson(model: Model, contact: str) -> float:
+    """Return Poisson's ratio of the softer body of a contact; 0 of a material that has none."""
+    bodies = [model.bodies[side.body] for side in model.case.contacts[contact].sides]
+    softer = min(bodies, key=lambda body: body.modulus)
+    return float(getattr(softer.spec.material, "poisson", None) or 0.0)
+
+
+def tangents_of(normal: Floats) -> Floats:
+    """Return the unit tangents at points with these normals, (P, dim - 1, dim)."""
+    if normal.shape[1] == 2:
+        return np.stack([-normal[:, 1], normal[:, 0]], axis=1)[:, None]
+    axis = np.zeros_like(normal)
+    axis[np.arange(len(normal)), np.abs(normal).argmin(axis=1)] = 1.0
+    first = np.cross(normal, axis)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(normal, first)], axis=1)
+
+
+def refusals(model: Model) -> Iterator[Problem]:
+    """Yield what does not go with friction: bars, bonds, schemes of stages, laws that leave stick without a line."""
+    case, found = model.case, False
+    for name, spec in case.contacts.items():
+        if spec.friction is not None and spec.friction.acts and (why := _why_frictionless(model, name)):
+            found = True
+            yield case.problem(_path(model, name), why[0].format(spec.friction.name), why[1])
+    for bound in [] if found else frictions_of(model):
+        exact = (bound.compliance == 0.0) & (bound.response <= 0.0)
+        without = np.isnan(bound.compliance) | exact
+        for name in dict.fromkeys(model.contact_points.names[p] for p in bound.where[without]):
+            message = (
+                f"expected a stiffness of stick under {case.contacts[name].law.name}, which is not judged at the end of "
+                "the step, so that no force of exact stick follows"
+            )
+            yield case.problem(_path(model, name), message, "Give `stiffness:` a number per area.")
+
+
+def _path(model: Model, contact: str) -> tuple[str, ...]:
+    """Return where the case names the friction of a contact."""
+    own = ("contacts", contact, "friction")
+    return own if model.case.origin.get(own) is not None else ("method", "friction")
+
+
+def _why_frictionless(model: Model, contact: str) -> tuple[str, str] | None:
+    """Return why a contact cannot have a friction, and what to do; None if it can."""
+    spec, points = model.case.contacts[contact], model.contact_points
+    where = {p for p, name in enumerate(points.names) if name == contact}
+    laws = [one for one in model.laws if not where.isdisjoint(one.where)]
+    if any(model.bodies[side.body].is_bar for side in spec.sides):
+        return "expected no friction on bars, which meet along one line, found {}", "Drop it, or take solids."
+    if model.multistage:
+        scheme = model.case.method.integrator.name
+        return f"expected a leap-frog scheme with friction, found {{}} with {scheme}", "Take central-difference."
+    if any(one.bonds for one in laws):
+        advice = "A bond holds its bodies along the surfaces too: drop the friction."
+        return f"expected a law that lets bodies part, found {{}} with {spec.law.name}", advice
+    if any(one.linear is None and one.law.uses_coupling for one in laws):
+        advice = "Its kernel solves all contacts together, and knows no friction."
+        return f"expected a law that sees each point by itself, found {{}} with {spec.law.name}", advice
+    entries = np.isin(points.point, list(where))
+    off = points.value - points.share[:, None] * points.normal[points.point]
+    if np.abs(off[entries]).max(initial=0.0) > ALONG_NORMAL * np.abs(points.value[entries]).max(initial=0.0):
+        pairing = spec.pairing.name if spec.pairing is not None else ""
+        advice = "Take node-to-segment, gauss-points or mortar."
+        return f"expected a pairing whose rows are shares of the normal, found {{}} with {pairing}", advice
+    return None

@@ -1,0 +1,475 @@
+"""Friction: forces of contact points along the surfaces, which stick or slide.
+
+A point has a row of T for each direction along the surfaces. Its multipliers follow from a line, as that of the normal
+does, and are then shortened to the largest force that the friction allows. Normal and tangential rows are solved
+together, point by point, in sweeps that move velocities: S is not built. Where a point sticks with a stiffness, its
+elastic slip s is a state: ``lambda_t = -s / sigma_t``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+
+from percuss.contact.features import Feature
+from percuss.contact.frictions import frictions_of, tangents_of
+from percuss.contact.points import ENTRY, FROM_LINE, Points, rows_of
+from percuss.record_arrays import Records, empty_records, record_array
+from percuss.step.actions import AFTER_CONTACT, BEFORE_ACCOUNT, CONTACT_EQUATION, LAWS, RECORD, Action
+from percuss.step.equation import is_active, right_side
+from percuss.step.part import Part, Setting
+from percuss.step.records import SHARE, Loads
+
+if TYPE_CHECKING:
+    from percuss.contact.frictions import BoundFriction
+    from percuss.contact.model import Model
+    from percuss.methods.interfaces import Array, Floats, Friction, Integers
+
+OPEN, STICKS, SLIDES = 0, 1, 2  # states of a point
+# A contact point with friction; its rows of T follow one another, with as many entries each.
+TANGENT = np.dtype(
+    [
+        # what no step changes
+        ("point", "i8"),  # index in the loop
+        ("number", "i8"),  # in the model
+        ("start", "i8"),  # first entry of its first row
+        ("width", "i8"),  # number of entries of a row
+        ("sigma", "f8"),  # compliance of stick
+        ("response", "f8"),  # w_t, the factor of S
+        ("diagonal", "f8"),  # largest eigenvalue of the block of S of its rows
+        ("predicted", "i8"),  # 1 if slip is taken after the bulk update, 0 if at t_n
+        ("weight", "f8"),  # area
+        # what a step changes
+        ("rate", "f8"),  # slip rate at n - 1/2
+        ("state", "i8"),  # OPEN, STICKS or SLIDES
+        ("before", "f8"),  # square of its force along the surfaces in the last step
+        ("path", "f8"),  # length of its slide so far while it presses
+    ]
+)
+
+
+class Rows(NamedTuple):
+    """All contact points of a step with their rows of N and T, and what friction sums up."""
+
+    points: Points
+    boundary: Records  # percuss.step.records.BOUNDARY_DOF
+    loads: Loads
+    now: Records  # percuss.step.records.NOW
+    totals: Records  # percuss.step.records.TOTAL
+    tangents: Records  # (F,) TANGENT
+    entries: Records  # ENTRY, of the rows of T
+    shares: Records  # SHARE, of supports and drives in the rows of T
+    along: Floats  # (F, dim - 1, dim) unit tangents
+    pushed: Floats  # (boundary,) accelerations by the contact forces found so far
+    multiplier: Floats  # (F, dim - 1) of the rows of T
+    slip: Floats  # (F, dim - 1) elastic slip
+    trial: Floats  # (F, dim - 1) slip without the forces of the step
+    last: Floats  # (F, dim - 1) multipliers before the present sweep
+    impulse: Floats  # (points of the model, dim) along the surfaces
+    work: Floats  # (contacts,) of friction so far
+    stored: Floats  # (contacts,) energy that stick stores
+
+
+class Group(NamedTuple):
+    """The points of one friction, or those without any."""
+
+    rows: Rows
+    which: Integers  # index in the loop of each point
+    first: int  # number of its first tangent
+    friction: Any  # what the kernels of the friction read
+    before: Floats  # (points, state)
+    after: Floats
+
+
+class History(NamedTuple):
+    """Where friction is recorded."""
+
+    rows: Rows
+    normal: Floats  # (points of the loop, dim)
+    work: Floats  # (R, contacts)
+    stored: Floats  # (R, contacts)
+    slid: Floats  # (R, contacts) longest slide of a point so far
+    sticking: Floats  # (R, contacts) area
+    sliding: Floats  # (R, contacts) area
+    force: Floats  # (R, contacts, dim) on the first body
+
+
+class Frictions(Part[History]):
+    """The part of a step with friction.
+
+    Parameters
+    ----------
+    data
+        What is recorded, with all rows.
+    groups
+        The points of each friction, and last those without any, whose friction is None.
+    """
+
+    def __init__(self, data: History, groups: list[tuple[Group, Friction | None]]) -> None:
+        super().__init__(data)
+        self.groups = groups
+
+    @classmethod
+    def of(cls, setting: Setting, before: Self | None) -> Self | None:
+        """Return the part, None without friction."""
+        bound = frictions_of(setting.model)
+        if not bound:
+            return None
+        history = _history(setting, bound, before.data if before is not None else None)
+        return cls(history, list(_groups(setting, bound, history.rows, before.groups if before is not None else [])))
+
+    def changed(self, action: Action) -> Action | None:
+        """Return no contact equation: friction solves it with its own rows."""
+        return None if action.place == CONTACT_EQUATION else action
+
+    def actions(self) -> Iterator[Action]:
+        """Yield the actions of a step."""
+        rows = self.data.rows
+        yield Action(LAWS, begin, rows, order=1)
+        for group, friction in self.groups:
+            if friction is None:
+                yield Action(CONTACT_EQUATION, sweep_normals, group)
+                continue
+            slots = {bound_of: type(friction).bound}  # type: ignore[attr-defined]
+            about: Any = {"of_plugin": True, "allocates": friction.allocates, "name": f"friction {friction.name}"}
+            yield Action(CONTACT_EQUATION, sweep, group, slots, **about)
+            if friction.state:
+                slots = {renew: type(friction).renew}  # type: ignore[attr-defined]
+                yield Action(AFTER_CONTACT, renew_states, group, slots, order=1, **about)
+        yield Action(AFTER_CONTACT, push_along, rows)
+        yield Action(BEFORE_ACCOUNT, account_for, rows)
+        yield Action(RECORD, record, self.data)
+
+    def changing_arrays(self) -> list[Array]:
+        """Return the forces, slips, sums and states of the points."""
+        rows = self.data.rows
+        own = [rows.tangents, rows.multiplier, rows.slip, rows.impulse, rows.work, rows.stored]
+        return own + [group.before for group, _ in self.groups if group.before.size]
+
+    def results(self) -> Mapping[str, Floats]:
+        """Return works, energies, slides, areas and forces of the contacts, and the impulse of each point."""
+        data = self.data
+        return {
+            "friction_work": data.work,
+            "friction_stored": data.stored,
+            "contact_slip": data.slid,
+            "sticking_area": data.sticking,
+            "sliding_area": data.sliding,
+            "contact_force_vector": data.force,
+            "friction_impulse": data.rows.impulse,
+        }
+
+
+# ------------------------------------------------------------------------------------------------------------ its data
+
+
+def _history(setting: Setting, bound: list[BoundFriction], before: History | None) -> History:
+    model, step = setting.model, setting.step
+    order, points = np.array(setting.order, dtype=np.int64), model.contact_points
+    where = np.concatenate([one.where for one in bound])
+    along, count, dim = tangents_of(points.normal[where]), len(where), model.dim
+    constraints = [model.loads.constraints[k] for k in model.active_constraints(setting.midpoint)]
+    of_axes = [
+        rows_of(
+            dataclasses.replace(points, value=points.share[:, None] * tangents_of(points.normal)[points.point, k]),
+            model.bodies, constraints, model.dt,
+        )
+        for k in range(dim - 1)
+    ]  # fmt: skip
+    tangents = empty_records(count, TANGENT)
+    tangents["point"], tangents["number"] = np.argsort(order)[where], where
+    tangents["sigma"] = np.concatenate([one.compliance for one in bound])
+    tangents["response"] = np.concatenate([one.response for one in bound])
+    tangents["predicted"] = np.concatenate([one.predicted for one in bound])
+    tangents["weight"] = points.weight[where]
+    block = np.zeros((count, dim - 1, dim - 1))
+    entries: list[tuple[int, float, float]] = []
+    shares: list[tuple[int, int, float]] = []
+    for j, p in enumerate(where.tolist()):
+        at = slice(of_axes[0].start[p], of_axes[0].start[p + 1])
+        first = [setting.place[node] for node in of_axes[0].node[at].tolist()]
+        tangents["start"][j], tangents["width"][j] = len(entries), len(first) * dim
+        for k, rows in enumerate(of_axes):
+            places = [place + d for place in first for d in range(dim)]
+            entries += zip(places, rows.normal[at].ravel().tolist(), rows.response[at].ravel().tolist(), strict=True)
+            block[j, k] = [np.vdot(other.normal[at], rows.response[at]) for other in of_axes]
+            shares += [
+                (i, j * (dim - 1) + k, float(constraint.direction @ rows.normal[e]))
+                for i, constraint in enumerate(constraints)
+                for e in range(at.start, at.stop)
+                if rows.node[e] == constraint.node
+            ]
+    tangents["diagonal"] = np.linalg.eigvalsh(block)[:, -1]
+    contacts = len(model.case.contacts)
+    records = setting.record.energy.size
+    own = np.zeros((count, dim - 1))
+    rows_now = Rows(
+        step.points, step.boundary, step.loads, step.now, step.totals, tangents, record_array(entries, ENTRY),
+        record_array(shares, SHARE), along, np.zeros(step.boundary.size), own, own.copy(), own.copy(), own.copy(),
+        np.zeros((len(points), dim)), np.zeros(contacts), np.zeros(contacts),
+    )  # fmt: skip
+    if before is not None:
+        for name in ("rate", "state", "before", "path"):
+            tangents[name] = before.rows.tangents[name]
+        kept = {name: getattr(before.rows, name) for name in ("multiplier", "slip", "impulse", "work", "stored")}
+        return before._replace(rows=rows_now._replace(**kept))
+    histories = (np.full((records, contacts), np.nan) for _ in range(5))
+    return History(rows_now, points.normal[order], *histories, np.full((records, contacts, dim), np.nan))
+
+
+def _groups(
+    setting: Setting, bound: list[BoundFriction], rows: Rows, before: list[tuple[Group, Friction | None]]
+) -> Iterator[tuple[Group, Friction | None]]:
+    """Yield the points of each friction, and those without any."""
+    loop, first = np.argsort(np.array(setting.order, dtype=np.int64)), 0
+    for k, one in enumerate(bound):
+        states = np.zeros((one.where.size, one.friction.state))
+        known = before[k][0].before if before else states
+        yield Group(rows, loop[one.where], first, one.data, known, states.copy()), one.friction
+        first += one.where.size
+    others = np.setdiff1d(np.arange(loop.size), rows.tangents["point"])
+    yield Group(rows, others, first, (), np.zeros((0, 0)), np.zeros((0, 0))), None
+
+
+# ------------------------------------------------------------------------------------------------------------- kernels
+
+
+def bound_of(friction: object, point: int, force: float, rate: float, before: Floats) -> float:
+    """Return the largest force of a point along the surfaces (slot for the kernel of the friction)."""
+    raise NotImplementedError
+
+
+def renew(friction: object, point: int, force: float, rate: float, before: Floats, after: Floats) -> None:
+    """Write the state variables of a point after a step (slot for the kernel of the friction)."""
+    raise NotImplementedError
+
+
+def begin(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Begin the sweeps of a step with the multipliers of the last one; find slips and slip rates without new forces."""
+    points, dt = rows.points, rows.now[0].dt
+    for i in range(rows.pushed.size):
+        rows.pushed[i] = 0.0
+    for i in range(points.law.size):
+        state = points.state[i]
+        if points.law[i].source == FROM_LINE and not is_active(points.law[i], state):
+            state.multiplier = 0.0
+        push_by(rows.pushed, points.entries, points.row[i].start, points.row[i].stop, state.multiplier)
+    for j in range(rows.tangents.size):
+        tangent = rows.tangents[j]
+        square, before = 0.0, 0.0
+        for k in range(rows.slip.shape[1]):
+            start = tangent.start + k * tangent.width
+            rate, predicted = 0.0, 0.0
+            for e in range(start, start + tangent.width):
+                entry = rows.entries[e]
+                rate += entry.normal * rows.boundary[entry.place].old_v
+                predicted += entry.normal * rows.boundary[entry.place].new_v
+            square += rate * rate
+            rows.trial[j, k] = rows.slip[j, k] + dt * (predicted if tangent.predicted == 1 else rate)
+            before += rows.multiplier[j, k] * rows.multiplier[j, k]
+            push_by(rows.pushed, rows.entries, start, start + tangent.width, rows.multiplier[j, k])
+        tangent.rate = np.sqrt(square)
+        tangent.before = before
+
+
+def push_by(pushed: Floats, entries: Records, start: int, stop: int, force: float) -> None:
+    """Add the accelerations by a force on the entries of a row."""
+    if force != 0.0:
+        for e in range(start, stop):
+            pushed[entries[e].place] += entries[e].response * force
+
+
+def along(pushed: Floats, entries: Records, start: int, stop: int) -> float:
+    """Return the acceleration of what a row measures."""
+    total = 0.0
+    for e in range(start, stop):
+        total += entries[e].normal * pushed[entries[e].place]
+    return total
+
+
+def sweep_normals(group: Group, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Sweep once over the normal rows of points without friction."""
+    for j in range(group.which.size):
+        press(group.rows, group.which[j])
+
+
+def sweep(group: Group, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Sweep once over the points of one friction, of each the normal row first."""
+    rows = group.rows
+    for j in range(group.which.size):
+        i = group.which[j]
+        press(rows, i)
+        force, limit = rows.points.state[i].multiplier, 0.0
+        if force > 0.0:
+            limit = bound_of(group.friction, j, force, rows.tangents[group.first + j].rate, group.before[j])
+        stick_or_slide(rows, group.first + j, limit)
+
+
+def press(rows: Rows, i: int) -> None:
+    """Find the normal multiplier of a point, with all other multipliers as they are."""
+    points, now = rows.points, rows.now[0]
+    law, row, state = points.law[i], points.row[i], points.state[i]
+    before = state.multiplier
+    if law.source == FROM_LINE and is_active(law, state):
+        residual = right_side(law, state, now.span) - law.sigma * before
+        residual -= row.response * along(rows.pushed, points.entries, row.start, row.stop)
+        value = before + residual / (law.sigma + row.response * row.delassus)
+        if value < 0.0 and law.never_pulls == 1:
+            value = 0.0
+        state.multiplier = value
+        now.moved = max(now.moved, abs(value - before))
+        push_by(rows.pushed, points.entries, row.start, row.stop, value - before)
+    now.largest = max(now.largest, abs(before), abs(state.multiplier))
+
+
+def stick_or_slide(rows: Rows, j: int, limit: float) -> None:
+    """Find the multipliers of a point along the surfaces, as if it stuck, and shorten them to the largest force."""
+    tangent, now = rows.tangents[j], rows.now[0]
+    stiff = tangent.sigma + tangent.response * tangent.diagonal
+    square, axes = 0.0, rows.trial.shape[1]
+    for k in range(axes):
+        rows.last[j, k] = rows.multiplier[j, k]
+    for k in range(axes):
+        start = tangent.start + k * tangent.width
+        value = 0.0
+        if limit > 0.0 and stiff > 0.0:
+            pushed = along(rows.pushed, rows.entries, start, start + tangent.width)
+            residual = -rows.trial[j, k] - tangent.sigma * rows.last[j, k] - tangent.response * pushed
+            value = rows.last[j, k] + residual / stiff
+        rows.multiplier[j, k] = value
+        square += value * value
+    tangent.state = STICKS if limit > 0.0 else OPEN
+    if square > limit * limit:
+        tangent.state = SLIDES
+        for k in range(axes):
+            rows.multiplier[j, k] *= limit / np.sqrt(square)
+    for k in range(axes):
+        start = tangent.start + k * tangent.width
+        change = rows.multiplier[j, k] - rows.last[j, k]
+        now.moved = max(now.moved, abs(change))
+        push_by(rows.pushed, rows.entries, start, start + tangent.width, change)
+
+
+def push_along(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the velocity changes by the forces along the surfaces, and the reactions of supports and drives to them.
+
+    The elastic slip after the step is that of the force, with what the corrector of the scheme moves after the law was
+    asked.
+    """
+    now, loads, boundary, axes = rows.now[0], rows.loads, rows.boundary, rows.slip.shape[1]
+    for j in range(rows.tangents.size):
+        tangent = rows.tangents[j]
+        for k in range(axes):
+            start = tangent.start + k * tangent.width
+            force = rows.multiplier[j, k]
+            slip = -tangent.sigma * force
+            if tangent.predicted == 1:
+                corrected = now.dt * now.dt - tangent.response
+                slip += corrected * along(rows.pushed, rows.entries, start, start + tangent.width)
+            rows.slip[j, k] = slip if tangent.state != OPEN and tangent.sigma > 0.0 else 0.0
+            for e in range(start, start + tangent.width):
+                boundary[rows.entries[e].place].new_v += now.dt * rows.entries[e].response * force
+    work = 0.0
+    for i in range(rows.shares.size):
+        share = rows.shares[i]
+        constraint = loads.constraints[share.hold]
+        previous = 0.0
+        for d in range(now.dim):
+            previous += loads.axes[constraint.axis + d] * boundary[constraint.place + d].old_v
+        reaction = -share.value * rows.multiplier[share.point // axes, share.point % axes]
+        constraint.reaction += reaction
+        work += reaction * (previous + loads.amplitudes[constraint.column])
+    rows.totals[0].work_of_parts += 0.5 * now.dt * work
+
+
+def renew_states(group: Group, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Let a friction renew the state variables of its points."""
+    for j in range(group.which.size):
+        force = max(group.rows.points.state[group.which[j]].multiplier, 0.0)
+        for k in range(group.after.shape[1]):
+            group.after[j, k] = group.before[j, k]
+        renew(group.friction, j, force, group.rows.tangents[group.first + j].rate, group.before[j], group.after[j])
+        for k in range(group.after.shape[1]):
+            group.before[j, k] = group.after[j, k]
+
+
+def account_for(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add up the work and the impulses of friction, and the energy that stick stores.
+
+    The work is ``lambda_t T^T (u_{n+1} - u_{n-1}) / 2``. What follows the bulk update stores
+    ``sigma_t / 4 (|lambda_n|^2 + |lambda_n-1|^2)``, what follows the present slip half of the product of the slips
+    before and after the step over sigma_t.
+    """
+    dt = rows.now[0].dt
+    for c in range(rows.stored.size):
+        rows.stored[c] = 0.0
+    for j in range(rows.tangents.size):
+        tangent, state = rows.tangents[j], rows.points.state[rows.tangents[j].point]
+        contact = rows.points.law[tangent.point].contact
+        present, product, square = 0.0, 0.0, 0.0
+        for k in range(rows.slip.shape[1]):
+            force, rate, before = rows.multiplier[j, k], 0.0, 0.0
+            start = tangent.start + k * tangent.width
+            for e in range(start, start + tangent.width):
+                q = rows.boundary[rows.entries[e].place]
+                rate += rows.entries[e].normal * q.new_v
+                before += rows.entries[e].normal * q.old_v
+            rows.work[contact] += 0.5 * dt * force * (before + rate)
+            for d in range(rows.along.shape[2]):
+                rows.impulse[tangent.number, d] += dt * force * rows.along[j, k, d]
+            present += force * force
+            product -= force * (dt * rate - tangent.sigma * force)
+            square += rate * rate
+        if tangent.predicted == 1:
+            rows.stored[contact] += 0.25 * tangent.sigma * (present + tangent.before)
+        else:
+            rows.stored[contact] += 0.5 * product
+        if state.multiplier > 0.0:
+            tangent.path += dt * np.sqrt(square)
+
+
+def record(data: History, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Record works, energies, slides, areas and forces of the step."""
+    rows, r = data.rows, data.rows.now[0].row
+    for c in range(rows.work.size):
+        data.work[r, c] = rows.work[c]
+        data.stored[r, c] = rows.stored[c]
+        data.slid[r, c] = 0.0
+        data.sticking[r, c] = 0.0
+        data.sliding[r, c] = 0.0
+        for d in range(data.force.shape[2]):
+            data.force[r, c, d] = 0.0
+    for i in range(rows.points.law.size):
+        for d in range(data.force.shape[2]):
+            data.force[r, rows.points.law[i].contact, d] -= data.normal[i, d] * rows.points.state[i].multiplier
+    for j in range(rows.tangents.size):
+        tangent = rows.tangents[j]
+        c = rows.points.law[tangent.point].contact
+        data.slid[r, c] = max(data.slid[r, c], tangent.path)
+        if tangent.state == STICKS:
+            data.sticking[r, c] += tangent.weight
+        elif tangent.state == SLIDES:
+            data.sliding[r, c] += tangent.weight
+        for k in range(rows.slip.shape[1]):
+            for d in range(data.force.shape[2]):
+                data.force[r, c, d] -= rows.along[j, k, d] * rows.multiplier[j, k]
+
+
+# ------------------------------------------------------------------------------------------------------- what it says
+
+SLIDING = "the equations of surfaces that slide with friction have no symmetric stiffness: nothing is known of the step"
+
+
+def feature(model: Model) -> Feature | None:
+    """Return what is to know of friction; None without any."""
+    specs = [spec.friction for spec in model.case.contacts.values()]
+    names = dict.fromkeys(one.name for one in specs if one is not None and one.acts)
+    if not names:
+        return None
+    return Feature(
+        name=f"friction {' and '.join(names)}",
+        reasons={"certificate": SLIDING, "plain bars": "surfaces with friction are no bars"},
+    )

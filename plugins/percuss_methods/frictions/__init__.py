@@ -1,0 +1,1 @@
+"""The frictions that come with percuss."""
