@@ -33,7 +33,7 @@ class Quantity:
     Attributes
     ----------
     of
-        Entity that the quantity belongs to; a contact state has several values for each contact.
+        Entity that the quantity belongs to; a contact state or vector has several values for each contact.
     label
         Plain words for axes and legends of figures and for menus.
     unit
@@ -61,7 +61,7 @@ class Quantity:
         What a sentence says in brackets beside a value.
     """
 
-    of: Literal["contact", "contact state", "probe", "element", "point", "run"] = "run"
+    of: Literal["contact", "contact state", "contact vector", "probe", "element", "point", "run"] = "run"
     label: str
     unit: str = "1"
     short: str = ""
@@ -108,7 +108,7 @@ CONTACT_NUMBERS = {name: quantity for name, quantity in QUANTITIES.items() if qu
 MEASURABLE = {
     name: quantity
     for name, quantity in QUANTITIES.items()
-    if (quantity.axis is not None and quantity.of not in {"element", "point", "contact state"})
+    if (quantity.axis is not None and quantity.of not in {"element", "point", "contact state", "contact vector"})
     or name in CONTACT_NUMBERS
 }
 # Quantities that are columns of the table of a study by their bare names, in this order.

@@ -84,7 +84,7 @@ def frictions_of(model: Model) -> list[BoundFriction]:
 def _stiffness(model: Model, friction: Friction, point: int, bound_law: BoundLaw, k: int) -> float:
     """Return the stiffness of stick of a point, infinite where it sticks exactly, nan where there is none."""
     points, linear = model.contact_points, bound_law.linear
-    compliance = float(linear.sigma[k]) if linear is not None else 0.0
+    compliance = float(np.ravel(linear.sigma)[k]) if linear is not None else 0.0
     given = friction.stiffness
     if given is None:
         given = "auto" if compliance > 0.0 else "exact"
@@ -130,11 +130,11 @@ def refusals(model: Model) -> Iterator[Problem]:
         exact = (bound.compliance == 0.0) & (bound.response <= 0.0)
         without = np.isnan(bound.compliance) | exact
         for name in dict.fromkeys(model.contact_points.names[p] for p in bound.where[without]):
-            message = (
-                f"expected a stiffness of stick under {case.contacts[name].law.name}, which is not judged at the end of "
-                "the step, so that no force of exact stick follows"
+            message = f"expected a stiffness of stick under {case.contacts[name].law.name}, found none"
+            advice = (
+                "Of a law that is not judged at the end of the step no exact stick follows: give a number."
             )
-            yield case.problem(_path(model, name), message, "Give `stiffness:` a number per area.")
+            yield case.problem((*_path(model, name), "stiffness"), message, advice)
 
 
 def _path(model: Model, contact: str) -> tuple[str, ...]:
@@ -156,9 +156,6 @@ def _why_frictionless(model: Model, contact: str) -> tuple[str, str] | None:
     if any(one.bonds for one in laws):
         advice = "A bond holds its bodies along the surfaces too: drop the friction."
         return f"expected a law that lets bodies part, found {{}} with {spec.law.name}", advice
-    if any(one.linear is None and one.law.uses_coupling for one in laws):
-        advice = "Its kernel solves all contacts together, and knows no friction."
-        return f"expected a law that sees each point by itself, found {{}} with {spec.law.name}", advice
     entries = np.isin(points.point, list(where))
     off = points.value - points.share[:, None] * points.normal[points.point]
     if np.abs(off[entries]).max(initial=0.0) > ALONG_NORMAL * np.abs(points.value[entries]).max(initial=0.0):

@@ -264,6 +264,10 @@ class Arrays:
         ]
         return own + [array for part in self.parts for array in part.changing_arrays()]
 
+    def sums(self) -> dict[str, Floats]:
+        """Return copies of what the parts have summed up over the steps so far, by name."""
+        return {name: array.copy() for part in self.parts for name, array in part.sums().items()}
+
     def histories(self) -> dict[str, Floats]:
         """Return the histories that the parts record, by name."""
         return {name: array for part in self.parts for name, array in part.results().items()}

@@ -235,6 +235,7 @@ class March:
             outcome.sums = copied_records(self.arrays.step.points.sums)[self._case_order]
             outcome.contacts = copied_records(self.arrays.step.points.contacts)
             outcome.totals = self.totals
+            outcome.histories |= self.arrays.sums()
             if outcome.status != "unstable":
                 self._trial_step(outcome.done)  # its gaps and multipliers are those at t_N
                 state = self.arrays.step.points.state[self._case_order]

@@ -71,6 +71,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     arrays |= energies | _contact_states(march, outcome)
     if "contact_area" in outcome.histories:
         arrays["contact_area"] = outcome.histories["contact_area"][:record_count]
+    arrays |= ledger.of_friction(outcome)
     end_force = outcome.record.end_force[:record_count]
     if end_force.size and not np.isnan(outcome.law.end_stiffness).all():
         arrays["contact_force_end"] = end_force
@@ -115,7 +116,8 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "notes": notes,
         "seconds": outcome.seconds,
     }
-    notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(summary)]
+    wrong = (*ledger.open_accounts(summary), *ledger.gains_by_friction(model.case.contacts, arrays, largest_energy))
+    notes += [f"{NOT_VALID}: {words}" for words in wrong]
     errors = true_errors["exact"] or true_errors["exact_covered"]
     components = components_used(model.case, solution=errors["solution"] if errors else None)
     provenance = provenance_of(model, components, resolved=resolved_methods(model))

@@ -20,7 +20,7 @@ round-off. The remaining closure error is the change of the strain energy made b
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -46,6 +46,10 @@ ALLOWED_GROWTH = 1e-12  # allowed energy growth over the largest energy or work,
 # assumes that all these errors have the same sign.
 ROUND_OFF_UNITS = 4.0
 # Half a step before the other energies: the sum grows and falls with the force even where nothing is gained.
+# What friction records of each contact.
+OF_FRICTION = (
+    "friction_work", "friction_stored", "contact_slip", "sticking_area", "sliding_area", "contact_force_vector",
+)  # fmt: skip
 STORED_BY_LAWS = "what laws say they store at t_n"
 NOT_BALANCED = {
     "momentum": "load, support or wall, so that the forces inside the bodies do not add up to zero",
@@ -73,7 +77,11 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
     in_bodies = internal if sums_internal_work else elastic
     before = outcome.kinetic_before if sums_internal_work else energy_before
     closure = kinetic + in_bodies - before - external - contact
-    sizes = np.max(np.abs([kinetic, elastic, external, contact]), axis=0, initial=abs(energy_before))
+    works = [kinetic, elastic, external, contact]
+    if friction := of_friction(outcome):
+        works.append(friction["friction_work"].sum(axis=1))
+        closure -= works[-1]
+    sizes = np.max(np.abs(works), axis=0, initial=abs(energy_before))
     # Where all forces balance, nothing moves and the energies are round-off: the scale is then the energy that a force
     # would bring by itself.
     step_energy = outcome.totals.step_energy
@@ -97,6 +105,27 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
         "energy_error": np.divide(closure, largest, out=np.zeros_like(closure), where=largest > 0),
         "energy_growth": np.divide(growth, largest, out=np.zeros_like(growth), where=largest > 0),
     }
+
+
+def of_friction(outcome: Outcome) -> dict[str, Floats]:
+    """Return what friction has recorded of each contact, and the energy that it has dissipated; nothing without any."""
+    if "friction_work" not in outcome.histories:
+        return {}
+    found = {name: outcome.histories[name][: outcome.records] for name in OF_FRICTION}
+    return {**found, "friction_dissipated": -found["friction_work"] - found["friction_stored"]}
+
+
+def gains_by_friction(contacts: Iterable[str], arrays: Mapping[str, Floats], largest_energy: float) -> Iterator[str]:
+    """Yield a sentence for each contact whose friction has given energy: friction only takes it.
+
+    Bodies that touch at the start under load had no contact force one step before t = 0: what that gives in the first
+    step counts as growth of none, as in the account of the contact energy.
+    """
+    for name, history in zip(contacts, arrays.get("friction_dissipated", np.zeros((0, 0))).T, strict=False):
+        gained = -float(np.min(history - min(history[0], 0.0), initial=0.0))
+        if gained > CLOSURE_TOLERANCE * largest_energy:
+            share = percent(gained / largest_energy)
+            yield f"the friction of contact '{name}' has given {share} of the largest energy, and may only take it"
 
 
 def hourglass_notes(histories: Mapping[str, Floats], round_off: float) -> list[str]:
@@ -207,6 +236,8 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
     walls = np.zeros(dim)
     for p in np.flatnonzero(model.contact_points.at_wall):
         walls -= outcome.sums.impulse[p] * model.contact_points.normal[p]
+    if (along := outcome.histories.get("friction_impulse")) is not None:
+        walls -= along[model.contact_points.at_wall].sum(axis=0)
     loads = outcome.load_impulse[:dim]
     closure = after - before - loads - supports - walls
     if model.bodies.about_axis:  # across the axis the momentum of a ring is 0, and its hoop forces balance
@@ -244,6 +275,8 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
         held = bodies.with_moment(at, model.dt * outcome.reactions[:, None] * directions)[:, dim:]
     if points := model.contact_points:
         of_points = outcome.sums.impulse[points.point][:, None] * points.value
+        if (along := outcome.histories.get("friction_impulse")) is not None:
+            of_points += points.share[:, None] * along[points.point]
         moments = bodies.with_moment(bodies.nodes[points.node], of_points)[:, dim:]
         pressed = np.stack([np.bincount(points.point, column, len(points)) for column in moments.T], axis=1)
     before, after, supports, contacts = (moments.sum(axis=0) for moments in (*momenta, held, pressed))
@@ -318,7 +351,7 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
     model, dt = march.model, march.model.dt
     summaries: dict[str, ContactSummary] = {}
     of_contact = model.contact_points.contact
-    forces = outcome.record.contact_force[: outcome.records]
+    forces, friction = outcome.record.contact_force[: outcome.records], of_friction(outcome)
     at_end = outcome.time[: outcome.records][-1:] == outcome.done * dt  # whether there is a record at t_N
     for number, (name, contact) in enumerate(zip(model.case.contacts, outcome.contacts, strict=True)):
         force = forces[:, number]
@@ -340,6 +373,8 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
                 "energy": float((0.5 * np.nan_to_num(stiffness) * sums.deepest**2).sum()),
             },
         }
+        for key in ("friction_work", "friction_dissipated", "friction_stored", "contact_slip") if friction else ():
+            summaries[name][key] = float(friction[key][-1, number]) if friction[key].size else 0.0
     return summaries
 
 

@@ -34,6 +34,7 @@ _STRESSES = "stress_component"
 _AXES = {
     "contact": ("contact",),
     "contact state": ("contact", "state_variable"),
+    "contact vector": ("contact", "component"),
     "probe": ("probe", "component"),
     "run": (),
 }

@@ -31,7 +31,8 @@ class PenetrationSummary(TypedDict):
 class ContactSummary(TypedDict):
     """Impulse, peak force, times of first closing and last opening, and penetration of a contact.
 
-    The times are None if it never closed, that of the opening also if it is still closed at the end.
+    The times are None if it never closed, that of the opening also if it is still closed at the end. With friction in
+    the case: its work, the energy that it has dissipated, the energy that stick stores, the longest slide of a point.
     """
 
     impulse: float
@@ -40,6 +41,10 @@ class ContactSummary(TypedDict):
     last_open: float | None
     closed_time: float
     penetration: PenetrationSummary
+    friction_work: NotRequired[float]
+    friction_dissipated: NotRequired[float]
+    friction_stored: NotRequired[float]
+    contact_slip: NotRequired[float]
 
 
 class EnergySummary(TypedDict):

@@ -109,6 +109,10 @@ class Part(Generic[Data]):
         """Return the impulse of the loads of the part so far, (dim,), which a leap-frog scheme does not sum up."""
         return None
 
+    def sums(self) -> Mapping[str, Floats]:
+        """Return what the part has summed up over the steps so far, by name."""
+        return {}
+
     def results(self) -> Mapping[str, Floats]:
         """Return the histories that the part records, by name."""
         return {}

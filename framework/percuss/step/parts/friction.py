@@ -133,7 +133,7 @@ class Frictions(Part[History]):
             if friction is None:
                 yield Action(CONTACT_EQUATION, sweep_normals, group)
                 continue
-            slots = {bound_of: type(friction).bound}  # type: ignore[attr-defined]
+            slots: dict[Any, Any] = {bound_of: type(friction).bound}  # type: ignore[attr-defined]
             about: Any = {"of_plugin": True, "allocates": friction.allocates, "name": f"friction {friction.name}"}
             yield Action(CONTACT_EQUATION, sweep, group, slots, **about)
             if friction.state:
@@ -150,7 +150,7 @@ class Frictions(Part[History]):
         return own + [group.before for group, _ in self.groups if group.before.size]
 
     def results(self) -> Mapping[str, Floats]:
-        """Return works, energies, slides, areas and forces of the contacts, and the impulse of each point."""
+        """Return works, energies, slides, areas and forces of the contacts."""
         data = self.data
         return {
             "friction_work": data.work,
@@ -159,8 +159,11 @@ class Frictions(Part[History]):
             "sticking_area": data.sticking,
             "sliding_area": data.sliding,
             "contact_force_vector": data.force,
-            "friction_impulse": data.rows.impulse,
         }
+
+    def sums(self) -> Mapping[str, Floats]:
+        """Return the impulse of each point of the model along the surfaces, (P, dim)."""
+        return {"friction_impulse": self.data.rows.impulse}
 
 
 # ------------------------------------------------------------------------------------------------------------ its data
@@ -216,8 +219,9 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
             tangents[name] = before.rows.tangents[name]
         kept = {name: getattr(before.rows, name) for name in ("multiplier", "slip", "impulse", "work", "stored")}
         return before._replace(rows=rows_now._replace(**kept))
-    histories = (np.full((records, contacts), np.nan) for _ in range(5))
-    return History(rows_now, points.normal[order], *histories, np.full((records, contacts, dim), np.nan))
+    empty = np.full((records, contacts), np.nan)
+    copies = (empty, empty.copy(), empty.copy(), empty.copy(), empty.copy())
+    return History(rows_now, points.normal[order], *copies, np.full((records, contacts, dim), np.nan))
 
 
 def _groups(
