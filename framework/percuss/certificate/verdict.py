@@ -91,6 +91,9 @@ class Finding:
         Start and stop of the decisive stretch of the run; None where supports, drives and acting laws never change.
     theta
         theta of Wu's predictor-corrector; None where it has no meaning.
+    states
+        With friction the stability while points are open or closed without friction, while they stick and while they
+        slide; else None.
     """
 
     stable: Verdict
@@ -110,6 +113,7 @@ class Finding:
     worst: list[str] = field(default_factory=list)
     stretch: list[float] | None = None
     theta: float | None = None
+    states: dict[str, Verdict] | None = None
 
 
 # The entries of a `Finding`, as the summary of a run has them.
@@ -164,10 +168,10 @@ def _with_step(case: Case) -> SettledRun:
     model = model_of(case)
     if case.time.courant != "auto":
         return SettledRun(model, None)
-    unknown = "No step is known to be stable: give one."
+    held, unknown = model.facts.held, "No step is known to be stable: give one."
     changes = f"The highest frequency changes with the strain, so that {unknown[0].lower()}{unknown[1:]}"
     for expected, found, advice in (
-        ("loads of which the critical step is known, found that", model.why("certificate"), unknown),
+        ("loads of which the critical step is known, found that", held is None and model.why("certificate"), unknown),
         ("a diagonal mass and ends in contact with mass, or linear laws, found that", unknown_by_mass(model), unknown),
         ("linear bodies, found that", model.bodies.why_not_linear, changes),
     ):
@@ -177,7 +181,7 @@ def _with_step(case: Case) -> SettledRun:
     # With a given number of steps, a shorter step ends the run earlier, so other drives may act during the run, and the
     # critical step may change with them. The loop ends when the critical step does not fall any more.
     while True:
-        criterion = criterion_of(model, criterion, quickly=True)
+        criterion = criterion_of(held(model) if held is not None else model, criterion, quickly=True)
         critical = criterion.critical_step
         # A tiny critical step is no stability: growth may be too slow to show in a single step of that length.
         known = SMALLEST_SHARE_OF_FREE_STEP * criterion.free < critical < np.inf
@@ -231,25 +235,40 @@ def _unknown(model: Model, laws: ClosedLaws, why: str, **known: Any) -> Finding:
 @one_blas_thread()
 @np.errstate(all="ignore")
 def _finding(model: Model, criterion: RunCriterion | None, *, search: bool) -> Finding:
+    """Return what is found about a run: with and without the rows in which closed contacts may hold their bodies."""
+    if (held := model.facts.held) is not None:
+        sticking, apart = _found(held(model), criterion, search=search), _found(model, None, search=search)
+        states: dict[str, Verdict] = {"open": apart.stable, "sticking": sticking.stable, "sliding": "unknown"}
+        worst = next((one for one in (apart, sticking) if one.stable == "no"), None)
+        if worst is not None:
+            return dataclasses.replace(worst, states=states)
+        why = f"{model.why('certificate')}. While they stick: {sticking.stable}, {sticking.why}"
+        return dataclasses.replace(
+            sticking, stable="unknown", why=why, energy=apart.energy, energy_why=apart.energy_why, states=states
+        )
+    found = _found(model, criterion, search=search)
+    if why := model.why("certificate"):
+        why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found.why}"
+        known = {name: getattr(found, name) for name in ("energy", "energy_why", "by", "stretch", "theta")}
+        return _unknown(model, closed_laws(model, model.dt), why, **known)
+    return found
+
+
+def _found(model: Model, criterion: RunCriterion | None, *, search: bool) -> Finding:
     """Return what is found about a run, by the criterion that covers it."""
     laws = closed_laws(model, model.dt)
     large = too_large(model)
     if model.bodies.why_not_linear and not large:
-        found = _about_nonlinear_bodies(model, laws)
-    elif why := model.bodies.why_not_linear or unknown_by_mass(model) or model.why("criterion"):
-        found = _unknown(model, laws, why)
+        return _about_nonlinear_bodies(model, laws)
+    if why := model.bodies.why_not_linear or unknown_by_mass(model) or model.why("criterion"):
+        return _unknown(model, laws, why)
+    if criterion is None or (search and criterion.kind is Lanczos):
+        criterion = criterion_of(model, quickly=not search)
     else:
-        if criterion is None or (search and criterion.kind is Lanczos):
-            criterion = criterion_of(model, quickly=not search)
-        else:
-            search = True  # it has found the critical step already
-        quick = criterion.kind in {Bounds, Lanczos}
-        found = _about_large_solids(criterion, laws) if quick else _about_linear_bodies(criterion, laws, search=search)
-    if why := model.why("certificate"):
-        why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found.why}"
-        known = {name: getattr(found, name) for name in ("energy", "energy_why", "by", "stretch", "theta")}
-        return _unknown(model, laws, why, **known)
-    return found
+        search = True  # it has found the critical step already
+    if criterion.kind in {Bounds, Lanczos}:
+        return _about_large_solids(criterion, laws)
+    return _about_linear_bodies(criterion, laws, search=search)
 
 
 def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:

@@ -73,6 +73,9 @@ class Feature:
         linear bodies dissipate what they do not store of it.
     of_all_laws
         Whether its answer about energy holds with any contact law, even one of which nothing is known.
+    held
+        Returns the model with further rows in which closed contacts may hold their bodies, which a certificate examines
+        too. It replaces the answer about the certificate where that model or the one without them is unstable.
     reasons
         Its answers, in words, to what other rooms ask; `percuss.contact.model.Model.why` returns them.
     """
@@ -90,6 +93,7 @@ class Feature:
     sums_internal_work: bool = False
     dissipates: bool = False
     of_all_laws: bool = False
+    held: Callable[[Any], Any] | None = None
     reasons: Mapping[Question, Reason] = field(default_factory=dict)
 
     def why(self, question: Question, model: Any) -> str:

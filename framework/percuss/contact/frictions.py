@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contact.points import FROM_KERNEL
+from percuss.contact.laws import bind_laws, laws_at
+from percuss.contact.model import rows_over_the_run
+from percuss.contact.points import FROM_KERNEL, PointArrays, joined
 from percuss.errors import Problem
-from percuss.methods.interfaces import FrictionPoints
+from percuss.mesh.stiffness_rows import in_order
+from percuss.methods.interfaces import ContactLaw, ContactPoints, FrictionPoints, LinearLaw
 from percuss.methods.plugin_calls import answer, read_only
 
 if TYPE_CHECKING:
@@ -58,7 +62,7 @@ def frictions_of(model: Model) -> list[BoundFriction]:
             groups.setdefault(friction, []).append(p)
     if not groups:
         return []
-    law_of = {p: (bound_law, k) for bound_law in model.laws for k, p in enumerate(bound_law.where)}
+    law_of = _law_of(model.laws)
     order, laws = model.law_records()
     records = laws[np.argsort(order)]
     points, found = model.contact_points, []
@@ -67,7 +71,7 @@ def frictions_of(model: Model) -> list[BoundFriction]:
         of_kernel = records["source"][where] == FROM_KERNEL
         at_end = model.tables[-1].end.response[0]
         given = FrictionPoints(tuple(points.names[p] for p in group), read_only(points.weight[where]))
-        stiffness = np.array([_stiffness(model, friction, p, *law_of[p]) for p in group])
+        stiffness = np.array([_stiffness(model, p, *law_of[p]) for p in group])
         found.append(
             BoundFriction(
                 friction=friction,
@@ -81,11 +85,12 @@ def frictions_of(model: Model) -> list[BoundFriction]:
     return found
 
 
-def _stiffness(model: Model, friction: Friction, point: int, bound_law: BoundLaw, k: int) -> float:
+def _stiffness(model: Model, point: int, bound_law: BoundLaw, k: int) -> float:
     """Return the stiffness of stick of a point, infinite where it sticks exactly, nan where there is none."""
     points, linear = model.contact_points, bound_law.linear
     compliance = float(np.ravel(linear.sigma)[k]) if linear is not None else 0.0
-    given = friction.stiffness
+    friction = model.case.contacts[points.names[point]].friction
+    given = friction.stiffness if friction is not None else None
     if given is None:
         given = "auto" if compliance > 0.0 else "exact"
     if isinstance(given, str) and (given == "exact" or (compliance == 0.0 and _at_end(bound_law))):
@@ -119,6 +124,70 @@ def tangents_of(normal: Floats) -> Floats:
     return np.stack([first, np.cross(normal, first)], axis=1)
 
 
+@dataclass(frozen=True, eq=False)
+class Stick(ContactLaw):
+    """What holds points along the surfaces while they stick, as a certificate examines it: a line at any gap."""
+
+    name = "stick"
+    summary = "Stick as a line"
+
+    model: Model
+    where: Integers
+    at: Any
+
+    def bind(self, points: ContactPoints, dt: float) -> LinearLaw:  # noqa: ARG002
+        """Return the line of stick, which is evaluated at the same state as the normal one and has its inertia."""
+        laws = _law_of(laws_at(self.model, dt))
+        stiffness = [_stiffness(self.model, p, *laws[p]) for p in self.where.tolist()]
+        weights = [line.acceleration[k] for line, k in _lines(laws, self.where) if self.at == "explicit"]
+        return LinearLaw(self.at, 1.0 / np.array(stiffness), acceleration=np.array(weights or 0.0), active="all")
+
+
+def with_stick(model: Model) -> Model:
+    """Return a model whose points with friction have further points along the surfaces, which all stick."""
+    points, laws = model.contact_points, _law_of(model.laws)
+    where = np.concatenate([bound.where for bound in frictions_of(model)])
+    explicit = np.array([line is not None and line.at == "explicit" for line, _ in _lines(laws, where)])
+    parts, along = [points], tangents_of(points.normal)
+    for axis in range(model.dim - 1):
+        rows = dataclasses.replace(points, value=points.share[:, None] * along[points.point, axis])
+        for at, chosen in (("end", where[~explicit]), ("explicit", where[explicit])):
+            if chosen.size:
+                parts.append(_some(rows, chosen, Stick(model, chosen, at)))
+    features = tuple(one for one in model.features if one.held is None)
+    found = dataclasses.replace(model, contact_points=joined(parts), features=features, run=None)
+    found = dataclasses.replace(found, rows=rows_over_the_run(found))
+    return dataclasses.replace(found, laws=bind_laws(found, found.dt))
+
+
+def _law_of(laws: Iterable[BoundLaw]) -> dict[int, tuple[BoundLaw, int]]:
+    """Return the law of each point, and the number of the point among those of the law."""
+    return {p: (bound_law, k) for bound_law in laws for k, p in enumerate(bound_law.where)}
+
+
+def _lines(laws: Mapping[int, tuple[BoundLaw, int]], where: Integers) -> Iterator[tuple[Any, int]]:
+    """Yield the linear law of each point, None of a kernel, and the number of the point among those of the law."""
+    return ((laws[p][0].linear, laws[p][1]) for p in where.tolist())
+
+
+def _some(points: PointArrays, where: Integers, law: ContactLaw) -> PointArrays:
+    """Return some contact points, touching, with another law."""
+    _, entry = in_order(points.start, where)
+    of_points = {
+        field.name: getattr(points, field.name)[where]
+        for field in dataclasses.fields(points)
+        if field.name not in {"names", "laws", "node", "value", "gap"}
+    }
+    return PointArrays(
+        names=tuple(points.names[p] for p in where.tolist()),
+        laws=(law,) * where.size,
+        node=points.node[entry],
+        value=points.value[entry],
+        gap=np.zeros(where.size),
+        **of_points,
+    )
+
+
 def refusals(model: Model) -> Iterator[Problem]:
     """Yield what does not go with friction: bars, bonds, schemes of stages, laws that leave stick without a line."""
     case, found = model.case, False
@@ -131,9 +200,7 @@ def refusals(model: Model) -> Iterator[Problem]:
         without = np.isnan(bound.compliance) | exact
         for name in dict.fromkeys(model.contact_points.names[p] for p in bound.where[without]):
             message = f"expected a stiffness of stick under {case.contacts[name].law.name}, found none"
-            advice = (
-                "Of a law that is not judged at the end of the step no exact stick follows: give a number."
-            )
+            advice = "Of a law that is not judged at the end of the step no exact stick follows: give a number."
             yield case.problem((*_path(model, name), "stiffness"), message, advice)
 
 

@@ -122,7 +122,7 @@ def gains_by_friction(contacts: Iterable[str], arrays: Mapping[str, Floats], lar
     step counts as growth of none, as in the account of the contact energy.
     """
     for name, history in zip(contacts, arrays.get("friction_dissipated", np.zeros((0, 0))).T, strict=False):
-        gained = -float(np.min(history - min(history[0], 0.0), initial=0.0))
+        gained = -float(np.min(history - np.minimum(history[:1], 0.0), initial=0.0))
         if gained > CLOSURE_TOLERANCE * largest_energy:
             share = percent(gained / largest_energy)
             yield f"the friction of contact '{name}' has given {share} of the largest energy, and may only take it"

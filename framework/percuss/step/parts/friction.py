@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.contact.features import Feature
-from percuss.contact.frictions import frictions_of, tangents_of
+from percuss.contact.frictions import Stick, frictions_of, tangents_of, with_stick
 from percuss.contact.points import ENTRY, FROM_LINE, Points, rows_of
 from percuss.record_arrays import Records, empty_records, record_array
 from percuss.step.actions import AFTER_CONTACT, BEFORE_ACCOUNT, CONTACT_EQUATION, LAWS, RECORD, Action
@@ -464,16 +464,19 @@ def record(data: History, n: int, u: Floats, v: Floats, a: Floats) -> None:
 
 # ------------------------------------------------------------------------------------------------------- what it says
 
-SLIDING = "the equations of surfaces that slide with friction have no symmetric stiffness: nothing is known of the step"
+SLIDING = "while points slide, their equations have no symmetric stiffness, and nothing is known of the step"
 
 
 def feature(model: Model) -> Feature | None:
     """Return what is to know of friction; None without any."""
+    if any(isinstance(law, Stick) for law in model.contact_points.laws):
+        return None
     specs = [spec.friction for spec in model.case.contacts.values()]
     names = dict.fromkeys(one.name for one in specs if one is not None and one.acts)
     if not names:
         return None
     return Feature(
         name=f"friction {' and '.join(names)}",
+        held=with_stick,
         reasons={"certificate": SLIDING, "plain bars": "surfaces with friction are no bars"},
     )
