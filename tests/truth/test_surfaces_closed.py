@@ -16,6 +16,7 @@ from percuss.certificate.black_box import examine
 from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.certificate.verdict import certificate
+from percuss.contact.frictions import with_stick
 from percuss.march.model_of_case import model_of
 from solid_figures import CENTRAL, FOUR, GAUSS, MORTAR, NODES, RESPONSES, WU
 
@@ -57,12 +58,20 @@ def matrices(model):
     )
 
 
+@pytest.mark.parametrize("friction", ["none", {"name": "coulomb", "mu": 0.3}])
 @pytest.mark.parametrize("law", ["penalty", "bipenalty"])
 @pytest.mark.parametrize("pairing", [NODES, GAUSS, MORTAR])
-def test_the_determinant_of_a_step_is_the_product_over_theta(pairing, law):
-    """The step itself, made in plain Python for each motion, against the eigenvalues of all points together."""
+def test_the_determinant_of_a_step_is_the_product_over_theta(pairing, law, friction):
+    """The step itself, made in plain Python for each motion, against the eigenvalues of all points together.
+
+    With friction the points stick: S is that of their normals and their tangents.
+    """
     contact = {"name": law, "beta_s": 0.4, **({"ratio": "matched"} if law == "bipenalty" else {})}
-    model = blocks(pairing, (2, 3), along=2, length=0.2, poisson=0.3, contact=contact)
+    model = blocks(pairing, (2, 3), along=2, length=0.2, poisson=0.3, contact=contact, friction=friction)
+    told = certificate(model)["theta"]
+    if friction != "none":
+        points, model = len(model.contact_points), with_stick(model)
+        assert len(model.contact_points) == 2 * points
     closed, (_, s, _) = closed_laws(model, model.dt), rows(model)
     count = len(s)
     thetas = (
@@ -71,7 +80,24 @@ def test_the_determinant_of_a_step_is_the_product_over_theta(pairing, law):
     found = np.linalg.det(ClosedStep(Motions(model), model.dt, list(range(count))).matrix())
     assert 0.1 < thetas.max() < 1.0
     assert found == pytest.approx(np.prod(1.0 - thetas), rel=1e-9)
-    assert certificate(model)["theta"] == pytest.approx(thetas.max(), rel=1e-9)
+    assert told == pytest.approx(thetas.max(), rel=1e-9)
+
+
+@pytest.mark.parametrize("pairing", [NODES, GAUSS, MORTAR])
+@pytest.mark.parametrize("stiffness", [2.0, "auto"])
+def test_the_critical_step_while_points_stick_is_that_of_dense_matrices(pairing, stiffness):
+    """Of penalties along the normals and along the surfaces; auto is 2 (1 - nu) / (2 - nu) of the normal one."""
+    contact, friction = {"name": "penalty", "beta_s": 3.0}, {"name": "coulomb", "mu": 0.3, "stiffness": stiffness}
+    model = blocks(pairing, (4, 5), along=4, poisson=0.3, integrator=CENTRAL, contact=contact, friction=friction)
+    (normals, _, weight), stiff = rows(model), closed_laws(model, model.dt).stiffness
+    across = np.stack([-normals[1::2], normals[::2]], axis=1).reshape(normals.shape)  # turned by a right angle
+    along = stiff * 2.0 * 0.7 / 1.7 if stiffness == "auto" else stiffness * weight
+    stiffness, mass = matrices(model)
+    closed = highest(stiffness + (normals * stiff) @ normals.T + (across * along) @ across.T, mass)
+    found = certificate(model)
+    assert found["dt_critical"] == pytest.approx(2.0 / closed, rel=1e-8)
+    assert found["states"] == {"open": "yes", "sticking": "yes", "sliding": "unknown"}
+    assert found["stable"] == "unknown"
 
 
 @pytest.mark.parametrize("pairing", [NODES, GAUSS])

@@ -55,9 +55,11 @@ class BoundFriction:
 
 
 def frictions_of(model: Model) -> list[BoundFriction]:
-    """Return the frictions of a model that act, each bound to its points."""
+    """Return the frictions of a model that act, each bound to its points; none where the model sticks by lines."""
     groups: dict[Friction, list[int]] = {}
-    for p, name in enumerate(model.contact_points.names):
+    for p, (name, law) in enumerate(zip(model.contact_points.names, model.contact_points.laws, strict=True)):
+        if isinstance(law, Stick):
+            return []
         if (friction := model.case.contacts[name].friction) is not None and friction.acts:
             groups.setdefault(friction, []).append(p)
     if not groups:
