@@ -16,6 +16,7 @@ from percuss_methods.elements.bar import BarElement
 from percuss_methods.elements.hex8_one_point import Hex8OnePoint
 from percuss_methods.elements.quad4 import Quad4
 from percuss_methods.elements.quadratic_bar import QuadraticBarElement
+from percuss_methods.frictions.coulomb import Coulomb
 from percuss_methods.integrators.velocity_verlet import VelocityVerlet
 from percuss_methods.integrators.wu_predictor_corrector import WuPredictorCorrector
 from percuss_methods.loads.ramp import Ramp
@@ -28,7 +29,7 @@ from percuss_methods.shapes.bar import Bar
 from percuss_methods.shapes.block import Block
 from percuss_methods.solutions.bars_in_a_row import BarsInARow
 
-KERNELS = {"multipliers", "stress", "energy_density", "stress_2d", "internal_force", "force"}
+KERNELS = {"bound", "multipliers", "stress", "energy_density", "stress_2d", "internal_force", "force"}
 WRONG = []  # (class, check, words of what it must say)
 
 
@@ -295,6 +296,41 @@ plant("promises-too-much", "patch-test", "pressures at nodes are wrong by", Node
 plant("shy", "shares", "has the share -0.", Mortar, convex=True, passes_patch_test=False, dimensions=(2,))
 plant("half-of-the-area", "pairing", "in all, not 0.8", NodeToSegment, points=half_of_the_area)
 plant("pulls-one-side", "pairing", "does not change by the distance", NodeToSegment, points=pulls_one_side)
+
+
+# ---------------------------------------------------------------------------------------------------- frictions
+
+
+def friction(name, said, bound, check="bound", **wrong):
+    """Plant a friction like that of Coulomb."""
+    plant(name, check, said, Coulomb, bound=bound, examples=({"mu": 0.3},), **wrong)
+
+
+def falls_with_pressure(data, point, force, rate, before):
+    return data.mu * force / (1.0 + force * force)
+
+
+def grips_without_pressure(data, point, force, rate, before):
+    return data.mu * force + 1e-3
+
+
+def drives(data, point, force, rate, before):
+    return -data.mu * force
+
+
+class Counted:
+    asked = 0
+
+
+def remembers(data, point, force, rate, before):
+    Counted.asked += 1
+    return data.mu * force * (1.0 + 1e-3 * Counted.asked)
+
+
+friction("falls-with-pressure", "as the normal force grows", falls_with_pressure)
+friction("grips-without-pressure", "without a normal force the largest force is", grips_without_pressure)
+friction("drives", "the largest forces are", drives)
+friction("remembers", "it is another one if it is asked again", remembers)
 
 
 # ------------------------------------------------------------------------------------------ solutions, measures

@@ -79,7 +79,7 @@ def test_the_determinant_of_a_step_is_the_product_over_theta(pairing, law, frict
     )
     found = np.linalg.det(ClosedStep(Motions(model), model.dt, list(range(count))).matrix())
     assert 0.1 < thetas.max() < 1.0
-    assert found == pytest.approx(np.prod(1.0 - thetas), rel=1e-9)
+    assert found == pytest.approx(np.prod(1.0 - thetas), rel=1e-10)
     assert told == pytest.approx(thetas.max(), rel=1e-9)
 
 

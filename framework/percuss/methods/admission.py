@@ -10,7 +10,7 @@ import sys
 from percuss import version
 from percuss.errors import PluginError, suggestion
 from percuss.methods.blame import plain_function
-from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component, ContactLaw, Material
+from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component, ContactLaw, Friction, Material
 
 PREFIX = "percuss_"
 LAST_UNRELEASED = 5  # Contracts 2 to 5 were those of versions before the first release, which begins anew with 1.
@@ -49,12 +49,15 @@ def admitted(family: str, offer: object) -> type[Component]:
     _check_signatures(contract, offer)
     if issubclass(offer, ContactLaw | Material):
         _check_state(offer)
+    if issubclass(offer, Friction) and offer.state and not hasattr(offer, "renew"):
+        raise PluginError(f"{name} has state variables; it lacks the static method `renew`, which writes them")
     return offer
 
 
 # Static methods that a contract describes but does not define, with their arguments.
 KERNELS: dict[str, dict[str, tuple[str, ...]]] = {
     "contacts": {"multipliers": ("bound", "trial", "multiplier")},
+    "frictions": {"renew": ("data", "point", "force", "rate", "before", "after")},
     "integrators": {"step": ("numbers", "system", "u", "v", "kept", "dt")},
 }
 

@@ -32,9 +32,9 @@ def demands() -> list[Demand]:
     """
     if find_spec("hypothesis") is None:
         raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'")
-    from percuss.testing.demands import bodies, common, contacts, surfaces
+    from percuss.testing.demands import bodies, common, contacts, frictions, surfaces
 
-    modules = (common, bodies, contacts, surfaces)
+    modules = (common, bodies, contacts, surfaces, frictions)
     return [each for module in modules for each in vars(module).values() if isinstance(each, Demand)]
 
 

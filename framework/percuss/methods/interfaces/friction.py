@@ -38,17 +38,9 @@ class Friction(Component, contract="frictions"):
 
     A point sticks, or it slides: the force along the surfaces is then as large as the friction allows, and opposes the
     slip. Stick, slip and the direction of the force are the framework's, in any dimension; a friction says how large
-    the force may be. That is the kernel ``bound(data, point, force, rate, before)``, a static method, which returns the
-    largest force [force] of a point. It may not fall as the normal force grows, and is 0 without one.
-
-    - ``data``: what `bind` has returned;
-    - ``point``: the number of the point among those of `bind`;
-    - ``force``: its normal force, at least 0 [force];
-    - ``rate``: the slip rate half a step before, at least 0 [length/time];
-    - ``before``: its state variables as the last step has left them, (state,).
-
-    A friction with state variables has the kernel ``renew(data, point, force, rate, before, after)`` too, which writes
-    those after a step. It is called once a step, with the force found.
+    the force may be. A friction with state variables has a second kernel, the static method
+    ``renew(data, point, force, rate, before, after)``, which writes those after a step. It is called once a step, with
+    the normal force found.
 
     Attributes
     ----------
@@ -71,3 +63,24 @@ class Friction(Component, contract="frictions"):
     @abstractmethod
     def bind(self, points: FrictionPoints, dt: float) -> Any:
         """Return the numbers and arrays that the kernels read, a NamedTuple, at `points` for the time step `dt`."""
+
+    @staticmethod
+    @abstractmethod
+    def bound(data: Any, point: int, force: float, rate: float, before: Floats) -> float:
+        """Return the largest force of a point along the surfaces [force]; a kernel.
+
+        It is at least 0, does not fall as the normal force grows, and is 0 without one.
+
+        Parameters
+        ----------
+        data
+            What `bind` has returned.
+        point
+            Number of the point among those of `bind`.
+        force
+            Its normal force, at least 0 [force].
+        rate
+            Its slip rate half a step before, at least 0 [length/time].
+        before : (state,) array
+            Its state variables as the last step has left them.
+        """

@@ -133,7 +133,7 @@ class Frictions(Part[History]):
             if friction is None:
                 yield Action(CONTACT_EQUATION, sweep_normals, group)
                 continue
-            slots: dict[Any, Any] = {bound_of: type(friction).bound}  # type: ignore[attr-defined]
+            slots: dict[Any, Any] = {bound_of: type(friction).bound}
             about: Any = {"of_plugin": True, "allocates": friction.allocates, "name": f"friction {friction.name}"}
             yield Action(CONTACT_EQUATION, sweep, group, slots, **about)
             if friction.state:
