@@ -61,7 +61,9 @@ class Quantity:
         What a sentence says in brackets beside a value.
     """
 
-    of: Literal["contact", "contact state", "contact vector", "probe", "element", "point", "run"] = "run"
+    of: Literal["contact", "contact state", "contact vector", "probe", "element", "point", "point vector", "run"] = (
+        "run"
+    )
     label: str
     unit: str = "1"
     short: str = ""
@@ -108,7 +110,10 @@ CONTACT_NUMBERS = {name: quantity for name, quantity in QUANTITIES.items() if qu
 MEASURABLE = {
     name: quantity
     for name, quantity in QUANTITIES.items()
-    if (quantity.axis is not None and quantity.of not in {"element", "point", "contact state", "contact vector"})
+    if (
+        quantity.axis is not None
+        and quantity.of not in {"element", "point", "point vector", "contact state", "contact vector"}
+    )
     or name in CONTACT_NUMBERS
 }
 # Quantities that are columns of the table of a study by their bare names, in this order.

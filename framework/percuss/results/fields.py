@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
 
 
+WITH_FRICTION = ("point_traction", "point_slip", "point_status")
 # Row and column of the components of a stress that are kept, by the number of dimensions.
 STRESSES = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]}
 
@@ -86,12 +87,15 @@ def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:
         "node_position": place,
         "displacement": displacement,
         "velocity": outcome.histories["field_velocity"][:snapshots].reshape(shape),
-        **_of_points(model, displacement, outcome.histories["field_pressure"][:snapshots]),
+        **_of_points(model, displacement, outcome.histories, snapshots),
     }
 
 
-def _of_points(model: Model, displacement: Floats, pressure: Floats) -> Entries:
-    """Return contact, area, normal, position and pressure of the contact points; empty if none are asked for."""
+def _of_points(model: Model, displacement: Floats, histories: Mapping[str, Floats], snapshots: int) -> Entries:
+    """Return contact, area, normal, position and pressure of the contact points; empty if none are asked for.
+
+    With friction they have traction, slide and status too.
+    """
     points = model.contact_points
     if not points or not model.case.record.pressure:
         return {}
@@ -108,7 +112,8 @@ def _of_points(model: Model, displacement: Floats, pressure: Floats) -> Entries:
         "point_area": points.weight,
         "point_normal": points.normal,
         "point_position": places.transpose(1, 0, 2),
-        "contact_pressure": pressure,
+        "contact_pressure": histories["field_pressure"][:snapshots],
+        **{name: histories[name][:snapshots] for name in WITH_FRICTION if name in histories},
     }
 
 

@@ -38,7 +38,12 @@ _AXES = {
     "probe": ("probe", "component"),
     "run": (),
 }
-_FIELD_AXES = {"element": ("element", _STRESSES), "probe": ("node", "component"), "point": ("point",)}
+_FIELD_AXES = {
+    "element": ("element", _STRESSES),
+    "probe": ("node", "component"),
+    "point": ("point",),
+    "point vector": ("point", "component"),
+}
 
 
 class Labelled(NamedTuple):

@@ -95,6 +95,13 @@ class History(NamedTuple):
     sticking: Floats  # (R, contacts) area
     sliding: Floats  # (R, contacts) area
     force: Floats  # (R, contacts, dim) on the first body
+    every: int  # steps between two snapshots, 0 for none
+    order: Integers  # (points of the loop,) number in the model
+    weight: Floats  # (points of the loop,) area
+    # of snapshots, with the points as in the model
+    traction: Floats  # (snapshots, points, dim) on the first body
+    slip: Floats  # (snapshots, points) length of the slide so far
+    status: Floats  # (snapshots, points) OPEN, STICKS or SLIDES
 
 
 class Frictions(Part[History]):
@@ -142,6 +149,8 @@ class Frictions(Part[History]):
         yield Action(AFTER_CONTACT, push_along, rows)
         yield Action(BEFORE_ACCOUNT, account_for, rows)
         yield Action(RECORD, record, self.data)
+        if self.data.traction.size:
+            yield Action(BEFORE_ACCOUNT, record_points, self.data, order=1)
 
     def changing_arrays(self) -> list[Array]:
         """Return the forces, slips, sums and states of the points."""
@@ -159,6 +168,9 @@ class Frictions(Part[History]):
             "sticking_area": data.sticking,
             "sliding_area": data.sliding,
             "contact_force_vector": data.force,
+            "point_traction": data.traction,
+            "point_slip": data.slip,
+            "point_status": data.status,
         }
 
     def sums(self) -> Mapping[str, Floats]:
@@ -221,7 +233,13 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
         return before._replace(rows=rows_now._replace(**kept))
     empty = np.full((records, contacts), np.nan)
     copies = (empty, empty.copy(), empty.copy(), empty.copy(), empty.copy())
-    return History(rows_now, points.normal[order], *copies, np.full((records, contacts, dim), np.nan))
+    snapshots = setting.record.field.shape[0] if model.case.record.pressure else 0
+    force, traction = np.full((records, contacts, dim), np.nan), np.full((snapshots, len(points), dim), np.nan)
+    of_points = np.full((snapshots, len(points)), np.nan)
+    return History(
+        rows_now, points.normal[order], *copies, force, setting.record.field_every, order, points.weight[order],
+        traction, of_points, of_points.copy(),
+    )  # fmt: skip
 
 
 def _groups(
@@ -460,6 +478,27 @@ def record(data: History, n: int, u: Floats, v: Floats, a: Floats) -> None:
         for k in range(rows.slip.shape[1]):
             for d in range(data.force.shape[2]):
                 data.force[r, c, d] -= rows.along[j, k, d] * rows.multiplier[j, k]
+
+
+def record_points(data: History, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Record traction, slide and status of each point in a snapshot."""
+    if n % data.every != 0:
+        return
+    rows, r = data.rows, n // data.every
+    for i in range(data.order.size):
+        p = data.order[i]
+        data.slip[r, p] = 0.0
+        data.status[r, p] = OPEN if rows.points.state[i].multiplier == 0.0 else SLIDES
+        for d in range(data.traction.shape[2]):
+            data.traction[r, p, d] = -data.normal[i, d] * rows.points.state[i].multiplier / data.weight[i]
+    for j in range(rows.tangents.size):
+        tangent = rows.tangents[j]
+        data.slip[r, tangent.number] = tangent.path
+        data.status[r, tangent.number] = tangent.state
+        for k in range(rows.slip.shape[1]):
+            for d in range(data.traction.shape[2]):
+                force = rows.along[j, k, d] * rows.multiplier[j, k]
+                data.traction[r, tangent.number, d] -= force / tangent.weight
 
 
 # ------------------------------------------------------------------------------------------------------- what it says
