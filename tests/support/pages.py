@@ -34,7 +34,7 @@ from percuss.methods.registry import Registry
 from percuss.studies.layout import study_schema
 
 FAMILIES = (
-    *("integrators", "contacts", "masses", "pairings", "materials", "elements", "shapes", "loads"),
+    *("integrators", "contacts", "frictions", "masses", "pairings", "materials", "elements", "shapes", "loads"),
     *("solutions", "measures"),
 )
 MOST_SHOWN = 10  # values that a table lists; of more it says what they are

@@ -45,12 +45,19 @@ def of_plastic_body():
 def of_blocks():
     changes = {"refine": 0.05, "record.fields": 3, "reference": {"refine": 2}, "bodies.long.element": "quad4-one-point"}
     asked = {"quantity": "certificate.courant_critical", "value": 1, "within": 1, "source": "exact"}
-    changes |= {"bodies.long.material.poisson": 0.3, "expect": [asked]}  # a run searches it where it is asked for
+    changes |= {
+        "bodies.long.material.poisson": 0.3,
+        "method.friction.name": "coulomb",
+        "method.friction.mu": 0.1,
+        "expect": [asked],
+    }  # a run searches it where it is asked for
     return result_of(places.CASES / "strip-impact.yaml", changes)
 
 
 # No result of bars with an exact solution has them.
 OF_BLOCKS = ("hourglass_energy", "von_mises", "contact_pressure", "contact_area", "contact_force_finer", "gap_finer")
+OF_BLOCKS += ("point_traction", "point_slip", "point_status", "contact_force_vector", "contact_slip", "sticking_area")
+OF_BLOCKS += ("sliding_area", "friction_work", "friction_stored", "friction_dissipated")
 OF_OTHER_BODIES = ("internal_work", "dissipated_energy")  # no result with linear bodies has them
 
 
@@ -60,10 +67,11 @@ def test_every_history_is_in_a_result(result, of_plastic_body, of_blocks, name):
     result = of_plastic_body if name in OF_OTHER_BODIES else of_blocks if name in OF_BLOCKS else result
     if name == "energy":  # the sum of two histories, see `percuss.results.verify`
         return
-    dataset = result.fields if quantity.of in ("element", "point") else result.histories
+    dataset = result.fields if quantity.of in ("element", "point", "point vector") else result.histories
     axes = {"contact": ["contact"], "probe": ["probe", "component"], "element": ["element"], "run": []}
     axes["point"] = ["point"]
     axes["contact state"] = ["contact", "state_variable"]
+    axes |= {f"{of} vector": [of, "component"] for of in ("contact", "point")}
     assert list(dataset[name].dims) == ["time", *axes[quantity.of]]
     assert dataset[name].attrs["long_name"] == quantity.label
     assert dataset[name].attrs["definition"] == quantity.definition != ""

@@ -159,7 +159,7 @@ MAY_NAME_METHODS = {"percuss.case.defaults": None, "percuss.studies.tasks": {"TI
 COMMON = {
     *("alpha", "beta", "columns", "constant", "direction", "during", "elastic", "elements", "file", "frequency"),
     *("gamma", "initial", "length", "mean", "order", "p", "peak", "pressure", "ramp", "scale", "stiffness", "table"),
-    *("mesh", "part", "size", "theta", "time", "value"),
+    *("mesh", "part", "size", "theta", "time", "value", "none"),
 }
 VALUES_OF_ONE_OPTION = {"from-step", "matched"}
 

@@ -58,8 +58,8 @@ def new(name: str, kind: str, folder: str | os.PathLike[str] = ".") -> Scaffold:
     name
         Name of the method as it is written in a case.
     kind
-        ``integrator``, ``contact``, ``pairing``, ``load``, ``shape``, ``element``, ``material``, ``mass``,
-        ``solution`` or ``measure``; ``solid-element`` or ``solid-material`` for bodies in two dimensions.
+        ``integrator``, ``contact``, ``friction``, ``pairing``, ``load``, ``shape``, ``element``, ``material``,
+        ``mass``, ``solution`` or ``measure``; ``solid-element`` or ``solid-material`` for bodies in two dimensions.
     folder
         Existing folder in which the files are made: ``NAME.py``, a case beside it, and the schema of the case.
 

@@ -13,6 +13,7 @@ import numpy as np
 from percuss.contact.laws import bind_laws, laws_at
 from percuss.contact.model import rows_over_the_run
 from percuss.contact.points import FROM_KERNEL, PointArrays, joined
+from percuss.contact.prisms import stress_along
 from percuss.errors import Problem
 from percuss.mesh.stiffness_rows import in_order
 from percuss.methods.interfaces import ContactLaw, ContactPoints, FrictionPoints, LinearLaw
@@ -109,10 +110,12 @@ def _at_end(bound_law: BoundLaw) -> bool:
 
 
 def _poisson(model: Model, contact: str) -> float:
-    """Return Poisson's ratio of the softer body of a contact; 0 of a material that has none."""
+    """Return Poisson's ratio of the softer body of a contact, from the stress across a small strain."""
     bodies = [model.bodies[side.body] for side in model.case.contacts[contact].sides]
     softer = min(bodies, key=lambda body: body.modulus)
-    return float(getattr(softer.spec.material, "poisson", None) or 0.0)
+    stress, _ = stress_along(softer, np.eye(model.dim)[0])
+    ratio = float(stress[1, 1] / stress[0, 0])
+    return ratio if softer.view.plane == "stress" else ratio / (1.0 + ratio)
 
 
 def tangents_of(normal: Floats) -> Floats:

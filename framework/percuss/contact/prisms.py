@@ -143,7 +143,7 @@ def _looks(surface: Surface, axis: Floats) -> Floats:
 
 def _modulus(body: Body, surface: Surface, sides: Integers, axis: Floats, held: set[tuple[int, int]]) -> float:
     """Return the modulus of a body that moves along the axis alone, whose facets `sides` are free or roll."""
-    stress, pull = _stress_along(body, axis)
+    stress, pull = stress_along(body, axis)
     modulus = float(pull @ stress @ pull)
     if np.abs(stress @ pull - modulus * pull).max() > ROUND_OFF * modulus:
         raise NotARowOfPrisms(f"body '{body.name}' shears if it is strained along the axis")
@@ -158,7 +158,7 @@ def _modulus(body: Body, surface: Surface, sides: Integers, axis: Floats, held: 
     return modulus
 
 
-def _stress_along(body: Body, axis: Floats) -> tuple[Floats, Floats]:
+def stress_along(body: Body, axis: Floats) -> tuple[Floats, Floats]:
     """Return the stress of a body over a small strain along an axis alone, (d, d), and the axis, (d,).
 
     A body of revolution has stresses in three dimensions, d = 3; the axis is that of revolution.

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 TIME, FORCE = ("time", "time"), (QUANTITIES["contact_force"].label, "force")
 STRESS = ("stress", "force/length^2")
-INK, SOFT, FAINT, ALARM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00"
+INK, SOFT, FAINT, ALARM, CALM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00", "#0072B2"
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "sigma": "σ", "theta": "θ"}
 SMALL = {"s": "ₛ", "m": "ₘ", "n": "ₙ", "p": "ₚ"}
 OVERLAY = 6  # More lines than this cannot be distinguished in one panel.

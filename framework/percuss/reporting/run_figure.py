@@ -128,6 +128,9 @@ def _energies(axes: Axes, result: Result) -> None:
         (heads["contact_work"], arrays["contact_work"], "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
         (heads["external_work"], work, "#009E73", (0, (1.2, 1.2)), 1.8),
     ]
+    if "friction_work" in arrays:
+        friction = arrays["friction_work"].sum(axis=1)
+        lines.append((heads["friction_work"], friction, "#CC79A7", (0, (3, 1.2)), 1.5))
     entries: Entries = {}
     for label, values, colour, dash, width in lines:
         style: Entries = {"color": colour, "linestyle": dash, "linewidth": width, "zorder": 1.9 if width > 2 else 2}

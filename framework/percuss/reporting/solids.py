@@ -39,6 +39,7 @@ LONGEST = 0.22  # arrow, over the geometric mean of the sides of the picture
 LEAST = 0.04  # pressure that has an arrow, over the largest
 SPACE = 0.13  # least distance between two arrows, over the length of the longest
 MOST_EDGES = 3000
+STICKS = 1.0  # `point_status` of a point that sticks
 
 
 def on_page(vectors: Floats) -> Floats:
@@ -338,7 +339,12 @@ def moving_parts(axes: Axes, scene: Scene, snapshot: int) -> list[Artist]:
         places = scene.fields["point_position"][snapshot][pressed]
         some = spread(places, SPACE * scene.arrow)
         push = -(pressure[pressed] / scene.pressure)[:, None] * scene.fields["point_normal"][pressed]
-        arrow = Part(arrows(places[some], scene.arrow * push[some], 0.05 * scene.arrow), figures.ALARM)
+        colour: Any = figures.ALARM
+        if "point_traction" in scene.fields:
+            push = scene.fields["point_traction"][snapshot][pressed] / scene.pressure
+            sticks = scene.fields["point_status"][snapshot][pressed[some]] == STICKS
+            colour = [figures.CALM if one else figures.ALARM for one in sticks]
+        arrow = Part(arrows(places[some], scene.arrow * push[some], 0.05 * scene.arrow), colour)
         outline = [withStroke(linewidth=2.0, foreground="white")]
         drawn.append(draw(axes, [arrow], zorder=4, path_effects=outline))
     return drawn
@@ -368,6 +374,8 @@ def colour_bar(figure: Figure, panels: Sequence[Axes], scene: Scene, units: Data
     if scene.pressure > 0.0:
         words = f"longest arrow: contact pressure {figures.number(scene.pressure)}"
         bar.ax.set_title(with_unit(words, figures.STRESS[1], units), loc="right", size=9.5, color=figures.ALARM)
+        if "point_traction" in scene.fields:
+            bar.ax.set_title("blue arrows: points stick", loc="left", size=9.5, color=figures.CALM)
     if np.isnan(scene.stress).all():
         figures.write_reason(panels[0], "No element calls the stress of its material.")
 

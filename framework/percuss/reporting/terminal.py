@@ -36,6 +36,11 @@ if TYPE_CHECKING:
     from percuss.studies.study_table import Study
 
 
+OF_FRICTION = {
+    "friction_dissipated": "took",
+    "friction_stored": "stick stores",
+    "contact_slip": "longest slide",
+}
 STABILITY_LINES = 12  # most lines of the table of critical Courant numbers
 BEST, FEWEST_BEST = 12, 3  # rows of a study in all tables of the best, and of a case in its own if it has as many
 STABILITY_REASONS = 3  # most reasons below it
@@ -113,8 +118,20 @@ def balances(result: Result) -> dict[str, str]:
         f"{number_text(energy['final'])} at the end, at most {number_text(energy['max'])}; "
         f"external work {number_text(energy['external_work'])}, "
         f"contact work {number_text(energy['contact_work'], 4)}; {ledger_words(energy)}",
+        **{
+            with_unit(f"friction of {name}", "energy", result.units): ", ".join(
+                f"{words} {number_text(value)}" for value, words in _of_friction(contact)
+            )
+            for name, contact in result.summary["contacts"].items()
+            if "friction_dissipated" in contact
+        },
         "momentum and impulses": f"{balance} {percent(momentum['error'], 2)}",
     }
+
+
+def _of_friction(contact: Data) -> Iterator[tuple[float, str]]:
+    """Yield the numbers that friction has of a contact, with words."""
+    return ((contact[key], words) for key, words in OF_FRICTION.items())
 
 
 def _error_lines(summary: Data) -> Iterator[str]:
