@@ -193,6 +193,21 @@ def _some(points: PointArrays, where: Integers, law: ContactLaw) -> PointArrays:
     )
 
 
+def stick_in_words(model: Model) -> dict[str, str]:
+    """Return for each contact with friction how its points stick, in words: those of its first point."""
+    points = model.contact_points
+    found: dict[str, str] = {}
+    for bound in frictions_of(model):
+        for p, compliance in zip(bound.where.tolist(), bound.compliance.tolist(), strict=True):
+            per_area = f"{1.0 / (compliance * points.weight[p]):.6g}" if compliance else ""
+            words = f"sticks with a stiffness of {per_area} per area" if compliance else "sticks exactly"
+            given = bound.friction.stiffness
+            if compliance and (given is None or isinstance(given, str)):
+                words += ", auto: 2 (1 - nu) / (2 - nu) of that of the law"
+            found.setdefault(points.names[p], words)
+    return found
+
+
 def refusals(model: Model) -> Iterator[Problem]:
     """Yield what does not go with friction: bars, bonds, schemes of stages, laws that leave stick without a line."""
     case, found = model.case, False
