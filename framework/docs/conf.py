@@ -44,7 +44,7 @@ html_show_sourcelink = False
 templates_path = ["templates"]
 
 # The pages in the order of the site's menu; a page that is missing here is a warning of Sphinx.
-PYTHON = ["run", "contact_laws", "pairings", "integrators", "loads", "bodies", "solutions", "options"]
+PYTHON = ["run", "contact_laws", "frictions", "pairings", "integrators", "loads", "bodies", "solutions", "options"]
 PYTHON += ["errors", "testing"]
 MENU = {
     "Use percuss": [
@@ -53,7 +53,8 @@ MENU = {
     ],
     "Methods": [f"plugins/{name}" for name in ("README", "CHOOSE", "STABILITY", "REFERENCE")],
     "Write a method": [
-        f"plugins/{name}" for name in ("CONTACT_LAW", "INTEGRATOR", "LOAD", "BODY", "SOLID", "MEASURE", "PACKAGE")
+        f"plugins/{name}"
+        for name in ("CONTACT_LAW", "INTEGRATOR", "FRICTION", "LOAD", "BODY", "SOLID", "MEASURE", "PACKAGE")
     ],
     "Inside percuss": [
         *(f"framework/{name}" for name in ("README", "THEORY", "INSIDE", "GLOSSARY", "CONTRIBUTING", "CHANGES")),
