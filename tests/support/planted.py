@@ -330,11 +330,13 @@ def remembers(data, point, force, rate, before):
 friction("falls-with-pressure", "as the normal force grows", falls_with_pressure)
 friction("grips-without-pressure", "without a normal force the largest force is", grips_without_pressure)
 friction("drives", "the largest forces are", drives)
+
+
 def speaks_python(data, point, force, rate, before):
-    return data.mu * force * len({**{"once": 1}})
+    return data._asdict()["mu"] * force
 
 
-friction("speaks-python", "not compiled", speaks_python, check="slides")
+friction("speaks-python", "cannot be compiled", speaks_python, check="slides")
 friction("remembers", "it is another one if it is asked again", remembers)
 
 

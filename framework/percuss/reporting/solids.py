@@ -303,8 +303,12 @@ def scene_of(result: Result, snapshots: Sequence[int]) -> Scene:
     arrow, margin = LONGEST * float(np.sqrt(sides.prod())), 0.03 * float(sides.max())
     if "contact_pressure" in fields:
         pressure = np.nan_to_num(np.abs(fields["contact_pressure"][snapshots]))
-        tails = (fields["point_position"][snapshots] + arrow * fields["point_normal"])[pressure > 0.0]
-        places, largest = np.concatenate([places, on_page(tails)]), float(pressure.max(initial=0.0))
+        largest = float(pressure.max(initial=0.0))
+        along = fields["point_normal"]
+        if "point_traction" in fields and largest > 0.0:
+            along = -fields["point_traction"][snapshots] / largest
+        tails = (fields["point_position"][snapshots] + arrow * along)[pressure > 0.0]
+        places = np.concatenate([places, on_page(tails)])
     low, high = places.min(axis=0) - margin, places.max(axis=0) + margin
     walls = result.provenance["geometry"].get("walls", {})
     return Scene(fields, label, stress, limit, extend, largest, faces, low, high, arrow, walls)

@@ -45,7 +45,8 @@ TANGENT = np.dtype(
         # what a step changes
         ("rate", "f8"),  # slip rate at n - 1/2
         ("state", "i8"),  # OPEN, STICKS or SLIDES
-        ("before", "f8"),  # square of its force along the surfaces in the last step
+        ("held", "f8"),  # minus the product of its force along the surfaces and its elastic slip after the step
+        ("before", "f8"),  # the same of the last step
         ("path", "f8"),  # length of its slide so far while it presses
     ]
 )
@@ -227,7 +228,7 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
         np.zeros((len(points), dim)), np.zeros(contacts), np.zeros(contacts),
     )  # fmt: skip
     if before is not None:
-        for name in ("rate", "state", "before", "path"):
+        for name in ("rate", "state", "held", "before", "path"):
             tangents[name] = before.rows.tangents[name]
         kept = {name: getattr(before.rows, name) for name in ("multiplier", "slip", "impulse", "work", "stored")}
         return before._replace(rows=rows_now._replace(**kept))
@@ -281,7 +282,7 @@ def begin(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
         push_by(rows.pushed, points.entries, points.row[i].start, points.row[i].stop, state.multiplier)
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
-        square, before = 0.0, 0.0
+        square = 0.0
         for k in range(rows.slip.shape[1]):
             start = tangent.start + k * tangent.width
             rate, predicted = 0.0, 0.0
@@ -291,10 +292,9 @@ def begin(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
                 predicted += entry.normal * rows.boundary[entry.place].new_v
             square += rate * rate
             rows.trial[j, k] = rows.slip[j, k] + dt * (predicted if tangent.predicted == 1 else rate)
-            before += rows.multiplier[j, k] * rows.multiplier[j, k]
             push_by(rows.pushed, rows.entries, start, start + tangent.width, rows.multiplier[j, k])
         tangent.rate = np.sqrt(square)
-        tangent.before = before
+        tangent.before = tangent.held
 
 
 def push_by(pushed: Floats, entries: Records, start: int, stop: int, force: float) -> None:
@@ -351,9 +351,10 @@ def stick_or_slide(rows: Rows, j: int, limit: float) -> None:
     """Find the multipliers of a point along the surfaces, as if it stuck, and shorten them to the largest force."""
     tangent, now = rows.tangents[j], rows.now[0]
     stiff = tangent.sigma + tangent.response * tangent.diagonal
-    square, axes = 0.0, rows.trial.shape[1]
+    square, drawn, axes = 0.0, 0.0, rows.trial.shape[1]
     for k in range(axes):
         rows.last[j, k] = rows.multiplier[j, k]
+        drawn += rows.trial[j, k] * rows.trial[j, k]
     for k in range(axes):
         start = tangent.start + k * tangent.width
         value = 0.0
@@ -361,6 +362,8 @@ def stick_or_slide(rows: Rows, j: int, limit: float) -> None:
             pushed = along(rows.pushed, rows.entries, start, start + tangent.width)
             residual = -rows.trial[j, k] - tangent.sigma * rows.last[j, k] - tangent.response * pushed
             value = rows.last[j, k] + residual / stiff
+        elif limit > 0.0 and drawn > 0.0:  # no force moves it: it is drawn along the surface, and slides
+            value = -2.0 * limit * rows.trial[j, k] / np.sqrt(drawn)
         rows.multiplier[j, k] = value
         square += value * value
     tangent.state = STICKS if limit > 0.0 else OPEN
@@ -384,6 +387,7 @@ def push_along(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
     now, loads, boundary, axes = rows.now[0], rows.loads, rows.boundary, rows.slip.shape[1]
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
+        tangent.held = 0.0
         for k in range(axes):
             start = tangent.start + k * tangent.width
             force = rows.multiplier[j, k]
@@ -392,6 +396,7 @@ def push_along(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
                 corrected = now.dt * now.dt - tangent.response
                 slip += corrected * along(rows.pushed, rows.entries, start, start + tangent.width)
             rows.slip[j, k] = slip if tangent.state != OPEN and tangent.sigma > 0.0 else 0.0
+            tangent.held -= force * rows.slip[j, k]
             for e in range(start, start + tangent.width):
                 boundary[rows.entries[e].place].new_v += now.dt * rows.entries[e].response * force
     work = 0.0
@@ -422,8 +427,9 @@ def account_for(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Add up the work and the impulses of friction, and the energy that stick stores.
 
     The work is ``lambda_t T^T (u_{n+1} - u_{n-1}) / 2``. What follows the bulk update stores
-    ``sigma_t / 4 (|lambda_n|^2 + |lambda_n-1|^2)``, what follows the present slip half of the product of the slips
-    before and after the step over sigma_t.
+    ``-(lambda_n s_n + lambda_n-1 s_n-1) / 4`` with the slips after the steps, ``sigma_t / 4 (|lambda_n|^2 + ...)`` at
+    the end of the step. What follows the present slip stores half of the product of the slips before and after the
+    step over sigma_t.
     """
     dt = rows.now[0].dt
     for c in range(rows.stored.size):
@@ -431,7 +437,7 @@ def account_for(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
     for j in range(rows.tangents.size):
         tangent, state = rows.tangents[j], rows.points.state[rows.tangents[j].point]
         contact = rows.points.law[tangent.point].contact
-        present, product, square = 0.0, 0.0, 0.0
+        product, square = 0.0, 0.0
         for k in range(rows.slip.shape[1]):
             force, rate, before = rows.multiplier[j, k], 0.0, 0.0
             start = tangent.start + k * tangent.width
@@ -442,11 +448,10 @@ def account_for(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
             rows.work[contact] += 0.5 * dt * force * (before + rate)
             for d in range(rows.along.shape[2]):
                 rows.impulse[tangent.number, d] += dt * force * rows.along[j, k, d]
-            present += force * force
             product -= force * (dt * rate - tangent.sigma * force)
             square += rate * rate
         if tangent.predicted == 1:
-            rows.stored[contact] += 0.25 * tangent.sigma * (present + tangent.before)
+            rows.stored[contact] += 0.25 * (tangent.held + tangent.before)
         else:
             rows.stored[contact] += 0.5 * product
         if state.multiplier > 0.0:
