@@ -72,7 +72,6 @@ def frictions_of(model: Model) -> list[BoundFriction]:
     for friction, group in groups.items():
         where = np.array(group, dtype=np.int64)
         of_kernel = records["source"][where] == FROM_KERNEL
-        at_end = model.tables[-1].end.response[0]
         given = FrictionPoints(tuple(points.names[p] for p in group), read_only(points.weight[where]))
         stiffness = np.array([_stiffness(model, p, *law_of[p]) for p in group])
         found.append(
@@ -81,11 +80,20 @@ def frictions_of(model: Model) -> list[BoundFriction]:
                 where=where,
                 data=read_only(answer(friction, "bind", given, model.dt)),
                 compliance=1.0 / stiffness,
-                response=np.where(of_kernel, at_end, records["response"][where]),
+                response=np.array([_response(model, *law_of[p]) for p in group]),
                 predicted=of_kernel | (records["sees_predicted_gap"][where] == 1),
             )
         )
     return found
+
+
+def _response(model: Model, bound_law: BoundLaw, k: int) -> float:
+    """Return w_t of a point: the response of its slip where its law is evaluated, and of the inertia that this has."""
+    linear, table = bound_law.linear, model.tables[-1]
+    if linear is None or linear.at == "end":
+        return float(table.end.response[0])
+    of_slip, _, of_inertia = table.explicit.response
+    return float(of_slip + np.ravel(linear.acceleration)[k] * of_inertia)
 
 
 def _stiffness(model: Model, point: int, bound_law: BoundLaw, k: int) -> float:
