@@ -24,6 +24,7 @@ SCHEMES_AND_LAWS = (
     (WU, "bipenalty"),
 )
 OTHER_LAWS = (
+    ("viscous-central-difference", "lagrange"),
     (WU, "moreau-jean"),
     (CD, "paoli-schatzman"),
     (CD, "damped-penalty"),
@@ -412,6 +413,17 @@ def test_a_friction_with_state_and_its_kernel_once_a_step():
     )
     assert_same(compiled, plain, within=1e-12)
     assert 0.01 < share_of_gross_slip(plain, 0.1) < 0.9
+
+
+@pytest.mark.parametrize(("dim", "spin"), [(2, 0.3), (3, [0.1, -0.2, 0.3])])
+def test_velocity_and_spin_of_a_body_are_in_the_summary(dim, spin):
+    case = pushed_block(dim)
+    case["bodies"]["block"] |= {"spin": spin, "velocity": [0.5, -0.25, 2.0][:dim]}
+    body = ran(case | {"contacts": {}, "time": {"steps": 1, "courant": 0.1}}).summary["bodies"]["block"]
+    for axis, value in zip("xyz", case["bodies"]["block"]["velocity"], strict=False):
+        assert (body[f"velocity_{axis}_first"], body[f"velocity_{axis}"]) == pytest.approx((value, value), rel=1e-12)
+    expected = {"spin": spin} if dim == 2 else {f"spin_{axis}": value for axis, value in zip("xyz", spin, strict=True)}
+    assert {name: body[f"{name}_first"] for name in expected} == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(

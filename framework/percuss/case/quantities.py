@@ -157,6 +157,7 @@ COMPARED_BY_KIT = ("contact_force", "gap", "displacement")
 JUDGED_BY = "estimated.solution"  # path into the summary: the finer run that judged a run, if one did
 # First keys of the dotted paths into the summary of a run, such as `energy.final`.
 SUMMARY = (
+    "bodies",
     "certificate",
     "contacts",
     "dt",

@@ -105,6 +105,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "certificate": certificate,
         "fragile": None,
         "contacts": ledger.contact_summary(march, outcome),
+        "bodies": ledger.bodies_summary(march, outcome),
         "energy": energy,
         "momentum": ledger.momentum_summary(march, outcome, largest_energy),
         "angular_momentum": ledger.angular_momentum_summary(march, outcome, largest_energy),

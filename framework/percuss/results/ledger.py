@@ -32,7 +32,7 @@ from percuss.contact.points import BY_CURRENT, BY_END
 from percuss.jsonable import Data
 from percuss.march.march import March, Outcome
 from percuss.methods.interfaces import Floats
-from percuss.results.summary import ContactSummary, EnergySummary, GrowthSummary, MomentumSummary
+from percuss.results.summary import BodySummary, ContactSummary, EnergySummary, GrowthSummary, MomentumSummary
 from percuss.step.account import ROUNDING
 
 # Allowed closure error of the ledger over the largest energy, and allowed imbalance over the momentum.
@@ -376,6 +376,38 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
         for key in ("friction_work", "friction_dissipated", "friction_stored", "contact_slip") if friction else ():
             summaries[name][key] = float(friction[key][-1, number]) if friction[key].size else 0.0
     return summaries
+
+
+def bodies_summary(march: March, outcome: Outcome) -> dict[str, BodySummary]:
+    """Return velocity of the centre of mass and spin of each body, first and last.
+
+    The spin is the angular momentum about the centre of mass over the moments of inertia, with the places at the start,
+    as small strains count it; of other bodies with the places of the time.
+    """
+    model, dim = march.model, march.dim
+    states = ("_first", outcome.starting_velocity, None), ("", outcome.final_velocity, outcome.final_displacement)
+    found: dict[str, Any] = {}
+    for name, body in model.bodies.items():
+        numbers = found[name] = {}
+        for when, velocities, moved in states:
+            part = slice(body.start, body.stop)
+            velocity, places = velocities.reshape(-1, dim)[part], model.bodies.nodes[part]
+            if moved is not None and not body.of_small_strains:
+                places = places + moved.reshape(-1, dim)[part]
+            mean, middle = body.mass @ velocity / body.mass.sum(), body.mass @ places / body.mass.sum()
+            numbers |= {f"velocity_{axis}{when}": float(value) for axis, value in zip("xyz", mean, strict=False)}
+            if body.is_bar or body.spec.plane == "axisymmetric":
+                continue
+            arm, relative = np.zeros((2, body.mass.size, 3))
+            arm[:, :dim], relative[:, :dim] = places - middle, velocity - mean
+            moment = body.mass @ np.cross(arm, relative)
+            inertia = np.eye(3) * (body.mass @ (arm**2).sum(axis=1)) - (body.mass[:, None] * arm).T @ arm
+            if dim == 2:
+                numbers[f"spin{when}"] = float(moment[2] / inertia[2, 2])
+            else:
+                spin = np.linalg.solve(inertia, moment)
+                numbers |= {f"spin_{axis}{when}": float(value) for axis, value in zip("xyz", spin, strict=True)}
+    return found
 
 
 def growth_summary(march: March, outcome: Outcome, certificate: Certificate, scale: float) -> GrowthSummary:

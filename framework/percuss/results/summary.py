@@ -47,6 +47,29 @@ class ContactSummary(TypedDict):
     contact_slip: NotRequired[float]
 
 
+class BodySummary(TypedDict):
+    """Velocity of the centre of mass and spin of a body, before the first and after the last step.
+
+    A body in two dimensions has one spin, anticlockwise, one in three dimensions one about each axis. Bars and bodies
+    of revolution have none.
+    """
+
+    velocity_x: float
+    velocity_x_first: float
+    velocity_y: NotRequired[float]
+    velocity_y_first: NotRequired[float]
+    velocity_z: NotRequired[float]
+    velocity_z_first: NotRequired[float]
+    spin: NotRequired[float]
+    spin_first: NotRequired[float]
+    spin_x: NotRequired[float]
+    spin_x_first: NotRequired[float]
+    spin_y: NotRequired[float]
+    spin_y_first: NotRequired[float]
+    spin_z: NotRequired[float]
+    spin_z_first: NotRequired[float]
+
+
 class EnergySummary(TypedDict):
     """Energies and works of a run, and the error with which its ledger closes."""
 
@@ -198,6 +221,7 @@ class Summary(ExactEntries):
     certificate: Certificate
     fragile: bool | None
     contacts: dict[str, ContactSummary]
+    bodies: dict[str, BodySummary]
     energy: EnergySummary
     momentum: MomentumSummary
     angular_momentum: MomentumSummary | None

@@ -63,8 +63,8 @@ class Column:
         except CannotMeasure:
             return None
 
-    def check(self, contacts: Iterable[str]) -> None:
-        """Check that the dotted path leads to a number in the summary of a run with these contacts.
+    def check(self, names: Mapping[str, Iterable[str]]) -> None:
+        """Check that the dotted path leads to a number in the summary of a run with these ``contacts`` and ``bodies``.
 
         Entries of the certificate and times by name differ between runs: they are not checked.
 
@@ -80,7 +80,7 @@ class Column:
             known = get_type_hints(kind) if is_typeddict(kind) else {}
             if get_origin(kind) is dict:
                 inside = get_args(kind)[1]
-                known = dict.fromkeys(["*", *contacts] if is_typeddict(inside) else [part], inside)
+                known = dict.fromkeys(["*", *names[parts[n - 1]]] if is_typeddict(inside) else [part], inside)
             if part not in known:
                 message = f"the summary of a run has no '{'.'.join(parts[: n + 1])}'"
                 raise ValueError(message, suggestion(part, known, "entry"))

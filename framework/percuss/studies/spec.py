@@ -296,14 +296,15 @@ class _StudyReader:
     def column(self, at: KeyPath, measure: MeasureSection | str, cases: Mapping[str, Case]) -> Column | None:
         """Return the column of a measure, or None if the measure is wrong."""
         contacts = dict.fromkeys(name for case in cases.values() for name in case.contacts)
+        bodies = [name for case in cases.values() for name in case.bodies]
         try:
             if isinstance(measure, str):
                 made = column_by_name(measure, [case.registry for case in cases.values()])
             else:
                 for mistake in misfits(measure, contacts):
                     self.reader.report(mistake, at)
-                made = column(measure, [name for case in cases.values() for name in case.bodies])
-            made.check(contacts)
+                made = column(measure, bodies)
+            made.check({"contacts": contacts, "bodies": bodies})
         except ValueError as error:  # raised without the place in the study, which the column does not know
             message, advice, *inside = error.args
             self.reader.wrong((*at, *inside), message, advice)
