@@ -114,19 +114,6 @@ def test_the_regularised_lagrange_method_is_the_matched_bipenalty_of_wu(beta_s):
     same(one, ran((("name", "bipenalty"), ("beta_s", beta_s), ("ratio", "matched")), WU), 1e-11)
 
 
-@pytest.mark.parametrize("iterations", [2, 5])
-def test_uzawas_iteration_is_a_predictor_penalty_of_a_stiffness_that_tends_to_lagrange(iterations):
-    """Struck at a wall: stiffness (1 - (1 - theta)^k) / (dt^2 s), which is that of exact contact as k grows."""
-    wall = {**ROW, "bodies": {"a": ROW["bodies"]["a"]}, "record": {"probes": ["a.right"]}}
-    wall["contacts"] = {"end": {"body": "a.right", "wall": 1.003}}
-    one = played(case_with(wall, {"name": "uzawa", "epsilon_s": STIFFNESS, "iterations": iterations}))
-    bars, dt = assemble(wall), one.summary["dt"]
-    w = dt**2 / bars.end("a.right")[2]
-    stiffness = (1.0 - (1.0 - w * STIFFNESS) ** iterations) / w
-    assert one.provenance["resolved"]["contacts"]["end"]["theta"] == pytest.approx(w * STIFFNESS, rel=1e-12)
-    same(one, run(case_with(wall, {"name": "penalty", "epsilon_s": stiffness}, WU)), 1e-11)
-
-
 def bonded(strength, length, speed, gap=0.0, end=2.0):
     """Return a run of two bars, bonded, of which the second is pulled away at a speed."""
     bars = {"a": bar(1.0, 8, fixed=["left"]), "b": bar(1.0, 8, 1.0 + gap)}

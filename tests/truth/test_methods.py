@@ -333,23 +333,6 @@ def test_the_papers_figure():
     assert result.summary["energy"]["final"] / 5e-4 == pytest.approx(0.9957, abs=0.0015)
 
 
-@pytest.mark.parametrize("n", [10, 100])
-def test_the_lagrange_method_is_exact_at_the_magic_step(n):
-    result = run(hunek(n, courant=1.0, contact={"name": "lagrange"}))
-    time, force = result.arrays["time"], result.arrays["contact_force"][:, 0]
-    exact = np.where((time < 0.2) | ((time > 0.4) & (time < 0.6)), 0.05, 0.0)
-    for jump in (0.0, 0.2, 0.4):
-        exact[np.argmin(np.abs(time - jump))] = 0.025
-    exact[np.argmin(np.abs(time - 0.6))] = 0.0  # the release: half a step of impulse is missing
-    assert np.abs(force - exact).max() < 1e-10
-    # the left end of the short bar hears of the contact at .1 and .3: its velocity is .1, 0, ...
-    left = result.arrays["velocity"][:, 0, 0]
-    assert np.abs(left[(time > 1e-9) & (time < 0.1 - 1e-9)] - 0.1).max() < 1e-10
-    assert np.abs(left[(time > 0.1 + 1e-9) & (time < 0.5 - 1e-9)]).max() < 1e-10
-    if n == 10:
-        assert result.summary["energy"]["final"] == pytest.approx(0.0004875, rel=1e-9)
-
-
 # --------------------------------------------------------------------------------------------- critical steps
 
 

@@ -1,9 +1,7 @@
 """The time loop: records, chunks, loads switched in time, interruption, runs that are stopped, and results on disk."""
 
-import os
 import signal
 
-import netCDF4
 import numpy as np
 import pytest
 
@@ -237,27 +235,6 @@ def test_forces_in_balance_are_no_instability(integrator, load):
 
 
 # ------------------------------------------------------------------------------------------------ results on disk
-
-
-def test_a_saved_result_is_read_back_whole(tmp_path):
-    result = run(hunek(20), {"record.fields": 10})
-    path = tmp_path / "out.nc"
-    result.save(path)
-    assert os.listdir(tmp_path) == ["out.nc"]
-    with netCDF4.Dataset(path) as data:  # which others read
-        assert data.data_model == "NETCDF4"
-        assert data["contact_force"].dimensions == ("time", "contact")
-        np.testing.assert_array_equal(data["contact_force"][:], result.arrays["contact_force"])
-        assert list(data["probe"][:]) == ["short.left", "short.right", "long.left"]
-    again = percuss.open_result(path)
-    again.save(tmp_path / "again.nc")
-    for saved in (again, percuss.open_result(tmp_path / "again.nc")):
-        for name in ("summary", "provenance", "coordinates", "status"):
-            assert getattr(saved, name) == getattr(result, name)
-        for there, expected in ((saved.arrays, result.arrays), (saved.field_arrays, result.field_arrays)):
-            assert set(there) == set(expected)
-            for name, values in expected.items():
-                np.testing.assert_array_equal(there[name], values)
 
 
 @pytest.mark.parametrize("every", [1, 4])
