@@ -19,6 +19,7 @@ import pages
 import percuss
 import places
 from command_line import percuss_command
+from marks import deep
 from percuss.methods.registry import Registry
 
 ROOT = places.ROOT
@@ -149,11 +150,7 @@ def test_a_snippet_runs(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize(
     "text",
-    [
-        pytest.param(text, marks=() if text in README else pytest.mark.deep)
-        for text in YAML
-        if beginning(text).startswith("percuss")
-    ],
+    [text if text in README else deep(text) for text in YAML if beginning(text).startswith("percuss")],
     ids=beginning,
 )
 def test_what_is_shown_is_a_case_or_a_study_in_an_editor_that_reads_yaml_1_1_too(text: str, folder: Path) -> None:

@@ -19,6 +19,7 @@ import percuss
 import places
 from command_line import percuss_command
 from fake_studies import law
+from marks import deep
 from percuss.errors import InputError
 from percuss.methods.registry import Registry
 from percuss.reporting.tables import show
@@ -161,10 +162,7 @@ def test_a_sample_is_reproducible_and_within_its_box(method):
 
 @pytest.mark.parametrize(
     "path",
-    [
-        pytest.param(path, marks=pytest.mark.deep) if path.stem in {"sensitivity", "family", "solids"} else path
-        for path in SHIPPED
-    ],
+    [deep(path) if path.stem in {"sensitivity", "family", "solids"} else path for path in SHIPPED],
     ids=lambda path: path.stem,
 )
 def test_a_shipped_study_is_one(path, tmp_path):

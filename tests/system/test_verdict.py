@@ -8,6 +8,7 @@ import pytest
 import percuss
 import places
 from command_line import percuss_command
+from marks import deep
 from percuss.reporting.verdict import best_words, error_words, failures, rows_verdict, run_verdict
 from percuss.results.true_error import largest_error
 from percuss.studies.columns import metric
@@ -47,13 +48,9 @@ def test_a_run_with_a_large_error_names_the_search_for_better_methods(coarse: Pa
     ("changes", "words"),
     [
         (("time.courant=1.2",), "refused to run it: the certificate says unstable. To be stable, lower the step"),
-        pytest.param(RAMBERG_OSGOOD, "No exact solution is known", marks=pytest.mark.deep),
+        deep(RAMBERG_OSGOOD, "No exact solution is known"),
         (("refine=40", "method.contact=lagrange"), r"off by \S+ % \(exact solution known\)\.\n"),
-        pytest.param(
-            ("refine=4", *RAMBERG_OSGOOD),
-            r"`--reference refine=16`, or try `percuss recommend .*`",
-            marks=pytest.mark.deep,
-        ),
+        deep(("refine=4", *RAMBERG_OSGOOD), r"`--reference refine=16`, or try `percuss recommend .*`"),
         (("contacts={}",), "(?s)materials kept the energy put in.*is exact up to round-off"),
         (("time.courant=1.2", "time.on_unstable=warn"), r"do not trust this run\. To be stable, [^\n]*\n$"),
     ],

@@ -6,6 +6,7 @@ import pytest
 
 import percuss
 from command_line import percuss_command
+from marks import deep
 from strategies import hunek
 
 MATERIAL = {"young": 1.0, "density": 1.0, "poisson": 0.3}
@@ -49,9 +50,7 @@ def result_of(case, **record):
 LASTING = ("tri3", "tet4", "hex8")
 
 
-@pytest.fixture(
-    scope="module", params=[pytest.param(kind, marks=pytest.mark.deep) if kind in LASTING else kind for kind in KINDS]
-)
+@pytest.fixture(scope="module", params=[deep(kind) if kind in LASTING else kind for kind in KINDS])
 def written(request, tmp_path_factory):
     """A result, its file, and the size of its cells."""
     case, measure, size = KINDS[request.param]

@@ -13,6 +13,7 @@ import pytest
 import percuss
 from dense import assemble
 from formulas import STIFFNESS
+from marks import deep
 from percuss.certificate.verdict import certificate
 from percuss.contact.law_trials import trial_of
 from percuss.march.march import March
@@ -281,13 +282,7 @@ def stored(result, points):
     return 0.5 * (potentials[1:] + potentials[:-1])
 
 
-@pytest.mark.parametrize(
-    ("case", "beta_s"),
-    [
-        ("row", 50.0),
-        *(pytest.param(*deep, marks=pytest.mark.deep) for deep in [("row", 0.5), ("star", 0.5), ("star", 50.0)]),
-    ],
-)
+@pytest.mark.parametrize(("case", "beta_s"), [("row", 50.0), deep("row", 0.5), deep("star", 0.5), deep("star", 50.0)])
 def test_a_force_by_difference_quotient_keeps_energy_over_all_impacts(case, beta_s):
     """Contacts open and close, at ends in several contacts too, and may be stiffer than an explicit step allows."""
     whole = {"row": ROW, "star": STAR}[case]

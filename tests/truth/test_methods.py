@@ -13,6 +13,7 @@ import against_dense
 import dense
 import formulas
 import percuss
+from marks import deep
 from strategies import BRASS, CD, CORE, ROW, STEEL, UNIT, WU, bar, case_of, hunek, round_off, run, turned
 
 # one end that meets a wall and another bar at once: S has entries off its diagonal
@@ -46,7 +47,7 @@ def exactly_as_dense(case):
     return math.isfinite(within["contact_force"])
 
 
-@pytest.mark.parametrize("law", [pytest.param(law, marks=pytest.mark.deep) if " eps" in law else law for law in LAWS])
+@pytest.mark.parametrize("law", [deep(law) if " eps" in law else law for law in LAWS])
 @pytest.mark.parametrize("integrator", [WU, CD])
 @given(data=st.data())
 def test_runs_equal_the_dense_solver(integrator, law, data):
@@ -57,7 +58,7 @@ def test_runs_equal_the_dense_solver(integrator, law, data):
 @pytest.mark.parametrize(
     "laws",
     [
-        pytest.param(laws, marks=() if pick in {0, 5} else pytest.mark.deep)
+        laws if pick in {0, 5} else deep(laws)
         for pick, laws in enumerate(itertools.permutations(["bipenalty r=1", "penalty eps_s", "lagrange"]))
     ],
 )
@@ -141,10 +142,7 @@ def loaded(integrator, contact):
 @pytest.mark.parametrize(
     "scheme",
     # each scheme is compiled for several seconds
-    [
-        pytest.param(name, marks=() if name in {*CORE, "velocity-verlet"} else pytest.mark.deep)
-        for name in formulas.SCHEMES
-    ],
+    [name if name in {*CORE, "velocity-verlet"} else deep(name) for name in formulas.SCHEMES],
 )
 def test_multi_stage_runs_equal_full_matrices(scheme, law, make, registry):
     """In one dimension, and along a direction in three."""
@@ -389,7 +387,7 @@ def wall_limit(beta_s):
     ("beta_s", "ratio", "critical"),
     [
         (1.0, math.inf, 0.9102), (10.0, 5.0, 0.6),
-        *(pytest.param(*values, marks=pytest.mark.deep) for values in ((100.0, 2.0, 0.7169), (1.0, 1.5, 0.988))),
+        *(deep(*values) for values in ((100.0, 2.0, 0.7169), (1.0, 1.5, 0.988))),
     ],
 )  # fmt: skip
 def test_the_critical_courant_number_of_a_closed_contact_with_central_difference(beta_s, ratio, critical):

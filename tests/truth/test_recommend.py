@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 import percuss
 from command_line import percuss_command
+from marks import deep
 from percuss.case.options import options_of
 from percuss.cli.main import app
 from percuss.march.model_of_case import model_of
@@ -354,7 +355,7 @@ def test_bad_input_is_one_message(words, message, tmp_path):
 @pytest.mark.parametrize(
     ("case", "error"),
     [
-        pytest.param("hunek", 0.02, marks=pytest.mark.deep),
+        deep("hunek", 0.02),
         pytest.param("doyen-bounce", 0.01, marks=pytest.mark.nightly),
         pytest.param("unlike", 0.01, marks=pytest.mark.nightly),
     ],

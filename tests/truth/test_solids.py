@@ -5,6 +5,7 @@ import pytest
 
 import percuss
 from blocks import SEAM, alone, bar, block, impact, loaded, plane_at
+from marks import deep
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from percuss.results.ledger import angular_momentum_summary, open_accounts
@@ -81,7 +82,7 @@ def cross(place, force):
     return float((place[..., 0] * force[..., 1] - place[..., 1] * force[..., 0]).sum())
 
 
-@pytest.mark.parametrize("integrator", [pytest.param(WU, marks=pytest.mark.deep), "velocity-verlet"])
+@pytest.mark.parametrize("integrator", [deep(WU), "velocity-verlet"])
 def test_angular_momentum_is_balanced_by_the_moments_of_impulses(integrator):
     """A turned block meets another one that stands, and both have loads: of each impulse the moment is counted."""
     bodies = {
@@ -178,9 +179,7 @@ TOLD = [
     (block(0.0, 0.0, [2, 1], size=[4, 1]), 0.1, THICK, False),
     (block(0.0, 0.0, [20, 4], size=LONG, element="quad4-one-point"), 0.1, THICK, False),
     (block(1.0, 0.0, [20, 4], size=LONG, plane="axisymmetric"), 0.1, THICK, False),
-    pytest.param(
-        block(0.0, 0.0, [2, 2, 10], size=[1, 2, 20], cells="tet4"), 0.1, f"2 {THICK}", True, marks=pytest.mark.deep
-    ),
+    deep(block(0.0, 0.0, [2, 2, 10], size=[1, 2, 20], cells="tet4"), 0.1, f"2 {THICK}", True),
 ]  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import pytest
 import percuss
 from blocks import alone, bar, block, impact, loaded, plane_at
 from hertz import WHOLE, over_hertz
+from marks import deep
 from percuss.march.model_of_case import model_of
 
 WU = "wu-predictor-corrector"
@@ -143,10 +144,7 @@ def test_graded_balls_keep_the_sphere_and_the_shapes_of_cells(grading):
     assert found / before == pytest.approx(grading**-0.5, rel=0.25)
 
 
-@pytest.mark.parametrize(
-    ("cells", "elements"),
-    [pytest.param("hex8", 24, marks=pytest.mark.deep), pytest.param("tet4", 48, marks=pytest.mark.nightly)],
-)
+@pytest.mark.parametrize(("cells", "elements"), [deep("hex8", 24), pytest.param("tet4", 48, marks=pytest.mark.nightly)])
 def test_a_ball_on_a_wall_is_within_the_tolerances_of_two_programs(cells, elements):
     """Duration, force at the middle, approach and restitution, as those of the body of revolution (test_disk)."""
     body = {**ball(elements, cells, grading=16.0), "at": [0, 0, 1], "velocity": [0, 0, -0.01]}

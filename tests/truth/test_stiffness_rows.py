@@ -7,6 +7,7 @@ from scipy.sparse.linalg import splu
 
 import percuss
 from blocks import SEAM, alone, block, loaded
+from marks import deep
 from percuss.jit import compiled_function
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
@@ -71,8 +72,7 @@ def test_a_body_that_has_moved_far_keeps_the_digits_of_forces_and_energy(element
 
 
 @pytest.mark.parametrize(
-    ("element", "count", "more"),
-    [pytest.param(*kind, marks=pytest.mark.deep if kind[0] == "hex8-one-point" else ()) for kind in KINDS + ABOUT_AXIS],
+    ("element", "count", "more"), [deep(*kind) if kind[0] == "hex8-one-point" else kind for kind in KINDS + ABOUT_AXIS]
 )
 def test_a_march_has_the_ledger_closed_to_round_off(element, count, more):
     kind = {"cells": element[:4]} if element[:4] in {"tri3", "tet4"} else {}

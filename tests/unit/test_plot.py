@@ -10,6 +10,7 @@ import pytest
 from blocks import bar, block, loaded, plane_at
 from fake_studies import BAR
 from fake_studies import TWO_BARS as BARS
+from marks import deep
 from percuss.case.case import load
 from percuss.case.quantities import percent
 from percuss.errors import InputError, PercussError, RunError
@@ -95,7 +96,7 @@ def collections(axes, kind):
 # -- files -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("suffix", [".png", *(pytest.param(one, marks=pytest.mark.deep) for one in (".svg", ".pdf"))])
+@pytest.mark.parametrize("suffix", [".png", *map(deep, (".svg", ".pdf"))])
 def test_each_suffix_gives_its_kind_of_file_and_the_same_result_the_same_bytes(good, tmp_path, suffix):
     path = tmp_path / f"picture{suffix}"
     good.plot(path)
