@@ -7,7 +7,7 @@ import pytest
 
 import percuss
 import places
-from command_line import percuss_command
+from command_line import percuss_command, printed
 from marks import deep
 from percuss.reporting.verdict import best_words, error_words, failures, rows_verdict, run_verdict
 from percuss.results.true_error import largest_error
@@ -36,9 +36,8 @@ def coarse(tmp_path: Path) -> Path:
 
 
 def test_a_run_with_a_large_error_names_the_search_for_better_methods(coarse: Path) -> None:
-    done = percuss_command("run", str(coarse))
-    assert done.returncode == 0, done.stderr
-    told = re.search(rf"contact force is off by .*: try `percuss (recommend {coarse} [^`]*)`", done.stdout)
+    said = printed("run", str(coarse))
+    told = re.search(rf"contact force is off by .*: try `percuss (recommend {coarse} [^`]*)`", said)
     few = ("--runs", "10", "--contact", "lagrange", "--workers", "1")
     found = percuss_command(*told[1].split(), *few, cwd=coarse.parent)
     assert re.search("(?m)^(Cheapest: |No run meets the bounds; the nearest is )", found.stdout), found.stderr
@@ -186,9 +185,7 @@ UNKNOWN = "Whether it is stable is unknown: "
     ],
 )
 def test_a_check_begins_with_three_answers(coarse: Path, changes: tuple[str, ...], lines: list[str]) -> None:
-    done = percuss_command("check", str(coarse), *(f"--set={change}" for change in changes))
-    assert done.returncode == 0, done.stderr
-    said = done.stdout.splitlines()
+    said = printed("check", str(coarse), *(f"--set={change}" for change in changes)).splitlines()
     assert said[3] == ""
     for line, words in zip(said, lines, strict=False):
         assert re.search(words, line), line
