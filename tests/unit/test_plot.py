@@ -265,14 +265,6 @@ def test_a_comparison_overlays_the_runs_and_lists_the_others(good, unstable):
     assert axes.get_ylim()[1] < 2 * max(good.arrays["contact_force"].max(), other.arrays["contact_force"].max())
 
 
-def test_each_contact_has_its_panel_in_a_comparison():
-    result = row_of_bars(4)
-    figure = comparison_figure.comparison_figure([{"label": "a", "result": result}, {"label": "b", "result": result}])
-    assert [axes.get_ylabel() for axes in figure.axes] == ["force at c1", "force at c2", "force at c3"]
-    for k, axes in enumerate(figure.axes):
-        assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, k])
-
-
 def test_without_matplotlib_a_picture_says_what_to_install(good, tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
         monkeypatch.delitem(sys.modules, name)
