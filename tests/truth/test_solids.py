@@ -1,5 +1,7 @@
 """Blocks in two dimensions against the bars that they are, and against critical steps found by other means."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -13,19 +15,30 @@ from percuss.results.ledger import angular_momentum_summary, open_accounts
 WU = "wu-predictor-corrector"
 
 
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points", "mortar"])
-def test_triangles_tend_to_the_bar_with_the_first_order(pairing):
-    """The corner nodes of the end faces have a third and two thirds of the mass that a bar has there."""
-    errors = []
-    for count in (10, 20, 40):
-        step = 0.4 / count
-        left, right = (block(at, speed, [count, count // 5], cells="tri3") for at, speed in ((0.0, 0.5), (1.0, -0.5)))
-        found = impact({"left": left, "right": right}, WU, "regularised-lagrange", step, pairing)
-        ends = {"left": bar(0.0, 0.5, count), "right": bar(1.0, -0.5, count)}
-        expected = impact(ends, WU, "regularised-lagrange", step)
-        errors.append(np.abs(found.arrays["contact_force"] - expected.arrays["contact_force"]).max() / 0.1)
-    assert errors[0] < 0.05
-    assert np.array(errors[1:]) / errors[:-1] == pytest.approx([0.5, 0.5], rel=0.03)
+@pytest.mark.parametrize(
+    ("cells", "pairing"),
+    [
+        *(("tri3", pairing) for pairing in ("node-to-segment", "gauss-points", "mortar")),
+        *(deep("tet4", pairing) for pairing in ("node-to-segment", "gauss-points")),
+    ],
+)
+def test_simplices_tend_to_the_bar_with_the_first_order(cells, pairing):
+    """The nodes at the edges of the end faces have other masses than a bar has there; of triangles 1/3 and 2/3."""
+    counts, courant, width, largest, within = {
+        "tri3": ((10, 20, 40), 0.4, [0.2], 0.05, 0.015), "tet4": ((10, 20), 0.2, [0.2, 0.2], 0.15, 0.05),
+    }[cells]  # fmt: skip
+    errors, area = [], math.prod(width)
+    for count in counts:
+        elements, sides = [count] + [count // 5] * len(width), (("left", 0.0, 0.5), ("right", 1.0, -0.5))
+        solids = {name: block(at, speed, elements, cells=cells, size=[1.0, *width]) for name, at, speed in sides}
+        bars = {name: bar(at, speed, count, area) for name, at, speed in sides}
+        found, expected = (
+            impact(bodies, WU, "regularised-lagrange", courant / count, of).arrays["contact_force"]
+            for bodies, of in ((solids, pairing), (bars, None))
+        )
+        errors.append(np.abs(found - expected).max() / (0.5 * area))
+    assert errors[0] < largest
+    assert np.array(errors[1:]) / errors[:-1] == pytest.approx(0.5, abs=within)
 
 
 HUNDRED = {"time": {"step": 0.02, "steps": 100}, "record": {"probes": ["a.right", "a.left"]}}
