@@ -226,75 +226,10 @@ def test_a_load_on_an_edge_is_spread_and_a_support_holds_it():
     assert pulled[:, 0].max() == pytest.approx(2.0 * 0.91 * 0.01 / 0.2, rel=0.05)
 
 
-def with_load(**load):
-    return {"loads.p": {"constant": 1, "on": "left.left", **load}}
-
-
 BESIDE = {"bar": {"length": 1.0, "elements": 2}, "area": 1.0, "material": {"young": 1.0, "density": 1.0}}
-REFUSED = {
-    "an element of bars": ({"bodies.left.element": "bar"}, "expected an element for the quad cells of block"),
-    "an element of triangles": ({"bodies.left.element": "tri3"}, "found tri3, which is for triangle cells"),
-    "overlap": ({"bodies.right.at": [0.5, 0.0]}, "found an overlap of 0.5 at [1.0, 0.0] (by node-to-segment)"),
-    "overlap of a corner": (
-        {"bodies.right.angle": 5, "method.pairing": "mortar"}, "found an overlap of 0.006787 at [1.0, 0.1] (by mortar)",
-    ),
-    "faces that look the same way": (
-        {"contacts.tip.between": ["left.left", "right.right"], "method.pairing": "mortar"},
-        "found no point of one that meets the other",
-    ),
-    "apart": ({"bodies.right.at": [3.0, 5.0]}, "found no point of one that meets the other"),
-    "coupled masses": ({"method.mass": "reciprocal"}, "expected elements of two nodes with the mass reciprocal"),
-    "ends without mass": ({"method.mass": "redistributed"}, "at ends in contact with the mass redistributed"),
-    "a push along no line": (with_load(), "loads.p.direction: missing"),
-    "a pressure with a direction": (
-        with_load(**{"as": "pressure", "direction": [1, 0]}), "a pressure acts along the normal into the body",
-    ),
-    "a pressure on a body": (with_load(**{"as": "pressure", "on": "left"}), "found the whole body 'left'"),
-    "rollers at no region": (
-        {"bodies.left.fixed": [{"on": "botom", "along": "y"}]}, "the body 'left' has no region 'botom'",
-    ),
-    "a region fixed twice": (
-        {"bodies.left.fixed": ["bottom", {"on": "bottom", "along": "y"}]}, "the region 'bottom' is fixed twice",
-    ),
-    "a drive along rollers": (
-        {"bodies.left.fixed": [{"on": "left", "along": "x"}],
-         "loads.p": {"prescribed-velocity": 1, "on": "left.left", "direction": [1, 0]}},
-        "expected an end free along the direction of the drive",
-    ),
-    "a bar that turns": ({"bodies.left": BESIDE | {"spin": 1.0}}, "bar is a body along a line, which has no spin"),
-    "a probe outside": (
-        {"record.probes": [{"body": "left", "at": [0.5, 0.3]}]}, "expected a point of body 'left', found [0.5, 0.3]",
-    ),
-    "a wall on the other side": (
-        {"contacts.w": {"body": "left.left", "wall": plane_at([-0.1, 0], [-1, 0])}},
-        "contacts.w: expected bodies apart or touching, found an overlap of 0.1",
-    ),
-    "a load that follows": (
-        {"loads.p": {"absorbing": {}, "on": "left.left", "direction": [1, 0]}},
-        "expected bodies along a line with absorbing, found 'left'",
-    ),
-    "steps of their own": ({"method.integrator": "asynchronous"}, "expected another integrator for 'left'"),
-    "no compliance": ({"method.contact": "nitsche"}, "expected another law for 'left', which is no bar, found nitsche"),
-    "coupling": ({"method.contact": "uzawa"}, "expected another law for 'left', which is no bar, found uzawa"),
-    "rigid on many points": (
-        {"method.contact": "lagrange", "method.pairing": "gauss-points"},
-        "expected a law with a compliance on gauss-points, found lagrange",
-    ),
-    "a bar beside": ({"bodies.b": BESIDE}, "expected only bars or none, found the bar 'b' beside 'left'"),
-}  # fmt: skip
 
 
 def test_a_wall_that_is_oblique_to_a_bar_is_refused():
     line = {**bar(0.0, 0.5), "at": [0.0, 0.0]}
     with pytest.raises(percuss.InputError, match="expected a wall across the bar, found one of the normal"):
         model_of(alone(line, plane_at([1.1, 0.0], [1, 1])))
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_is_not_built_is_refused_with_its_reason(name):
-    changes, said = REFUSED[name]
-    bodies = {"left": block(0.0, 0.5, [4, 2]), "right": block(1.0, -0.5, [4, 2])}
-    case = loaded(bodies, SEAM, {"contact": "regularised-lagrange", "pairing": "node-to-segment"})
-    with pytest.raises(percuss.InputError) as refusal:
-        model_of(case.with_overrides(changes))
-    assert said in str(refusal.value)
