@@ -232,18 +232,6 @@ def test_the_axis_of_revolution_moves_with_its_body_and_takes_a_force():
     assert {model.bodies["a"].mesh.nodes[one.node, 0] for one in model.loads.nodal_forces} == {0.0}
 
 
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        ({"contacts": {"c": {"body": "a.left", "wall": plane_at([0, 0], [1, 0])}}}, "a surface with an area"),
-        ({"loads": {"p": {"constant": 1.0, "on": "a.left", "as": "pressure"}}}, "a region with an area"),
-    ],
-)
-def test_the_axis_of_revolution_has_no_area_for_contact_or_pressure(keys, said):
-    with pytest.raises(percuss.InputError, match=f"expected {said}, found '?a.left'? on the axis of revolution"):
-        model_of(about_the_axis(**keys))
-
-
 @dataclass(frozen=True)
 class Brittle(SolidMaterial):
     """A material without a stress beyond a strain of 0.01. Formula: ``s = e``."""

@@ -226,9 +226,6 @@ def test_a_load_on_an_edge_is_spread_and_a_support_holds_it():
     assert pulled[:, 0].max() == pytest.approx(2.0 * 0.91 * 0.01 / 0.2, rel=0.05)
 
 
-BESIDE = {"bar": {"length": 1.0, "elements": 2}, "area": 1.0, "material": {"young": 1.0, "density": 1.0}}
-
-
 def test_a_wall_that_is_oblique_to_a_bar_is_refused():
     line = {**bar(0.0, 0.5), "at": [0.0, 0.0]}
     with pytest.raises(percuss.InputError, match="expected a wall across the bar, found one of the normal"):

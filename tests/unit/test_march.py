@@ -284,21 +284,6 @@ def test_bars_that_touch_at_rest_or_graze_feel_no_force(integrator, contact):
     assert np.abs(result.arrays["contact_force"]).max() <= 1e-12 * 0.05
 
 
-DRIVE = {"prescribed-velocity": 0.1, "on": "a.right"}
-IMPOSSIBLE = {
-    "two drives fight": ({"one": DRIVE, "two": DRIVE}, {}, "two"),
-    "a contact of a held end": ({}, {"contacts": WALL, "fixed": ["right"]}, r"contacts\.w"),
-    "a contact of a driven end": ({"drive": DRIVE}, {"contacts": WALL}, r"contacts\.w"),
-}
-
-
-@pytest.mark.parametrize("what", IMPOSSIBLE)
-def test_what_nobody_can_move_is_refused(what):
-    loads, more, said = IMPOSSIBLE[what]
-    with pytest.raises(percuss.InputError, match=said):
-        run(one_bar({"steps": 10, "courant": 0.5}, loads, **more))
-
-
 @each_integrator([name for name in INTEGRATORS if name in INVISCID or name not in LEAPFROG])
 @pytest.mark.parametrize("elements", [1, 2, PIECE - 1, PIECE, 2 * PIECE + 1])
 def test_one_free_bar_vibrates_and_keeps_its_energy(integrator, elements):
