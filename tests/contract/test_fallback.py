@@ -101,20 +101,6 @@ def struck(law):
 
 @pytest.mark.deep
 @pytest.mark.parametrize("extra", EXTRAS)
-def test_a_penalty_written_as_a_kernel_is_the_penalty(tmp_path, extra):
-    file, truth = written(tmp_path, SPRING, extra), run(struck(PENALTY))
-    assert truth.summary["contacts"]["foot"]["impulse"] > 0
-    result = run_with(file, struck("spring"))
-    assert_nearly_equal(struck(PENALTY), truth, result)
-    assert_compiled(result, "spring", extra)
-    plain = run_with(file, struck("spring"), compiled=False)
-    assert_nearly_equal(struck(PENALTY), result, plain)
-    assert plain.summary["compiled"] is False
-    assert result.summary["energy"]["ledger_error"] < 1e-12
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("extra", EXTRAS)
 def test_bodies_of_unlike_materials_in_any_order(tmp_path, extra):
     """Groups of bodies run through code of their own; a group is not a run of neighbours."""
     file, case = written(tmp_path, HOOKE, extra), hunek(20, end=0.3)
@@ -135,20 +121,6 @@ def test_bodies_of_unlike_materials_in_any_order(tmp_path, extra):
         for changes in ({}, {"bodies.long.material": elastic}):
             compared = percuss.run(percuss.load(other, changes, plugins=[file]), compiled=False)
             assert max(apart(result, compared).values()) < 1e-11
-
-
-@pytest.mark.deep
-def test_an_edit_is_seen_by_the_next_run(tmp_path):
-    def peak(text):
-        result = run_with(written(tmp_path, text), hunek(10, contact="spring", integrator="central-difference"))
-        assert result.summary["compiled"] is True
-        return result.arrays["contact_force"].max()
-
-    before, after = peak(SPRING), peak(SPRING.replace("FACTOR = 1.0", "FACTOR = 2.0"))
-    # twice the stiffness is the built-in penalty at twice the stiffness
-    truth = run(hunek(10, contact={**PENALTY, "beta_s": 0.5}, integrator="central-difference"))
-    assert after == pytest.approx(truth.arrays["contact_force"].max(), rel=1e-12)
-    assert peak(SPRING) == before != after
 
 
 @pytest.mark.deep

@@ -43,3 +43,18 @@ def percuss_command(*words, cwd=None, plain=False, columns=120, together=False):
             if value is not None:
                 os.environ[name] = value
     return SimpleNamespace(returncode=code, stdout=out.getvalue(), stderr=err.getvalue())
+
+
+def refused(*words, **how):
+    """Return what a command says that is refused: it ends with 2 and one message."""
+    done = percuss_command(*words, **how)
+    assert done.returncode == 2, done.stdout
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+def printed(*words, **how):
+    """Return what a command prints that does its work."""
+    done = percuss_command(*words, **how)
+    assert done.returncode == 0, done.stderr
+    return done.stdout

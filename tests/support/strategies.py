@@ -12,6 +12,7 @@ from hypothesis import assume, event
 from hypothesis import strategies as st
 
 import percuss
+from marks import deep
 from percuss.case.options import options_of
 from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
@@ -268,14 +269,12 @@ def pair_id(pair):
 
 def each_integrator(names):
     """Parametrize a test by integrators; those that are not of the core are deep ones."""
-    return pytest.mark.parametrize(
-        "integrator", [pytest.param(name, marks=() if name in CORE else pytest.mark.deep) for name in names]
-    )
+    return pytest.mark.parametrize("integrator", [name if name in CORE else deep(name) for name in names])
 
 
 def each_pair(pairs, quick=CORE_PAIRS):
     """Parametrize a test by pairs of methods, of which all but the `quick` ones are deep."""
-    marked = [pytest.param(pair, marks=() if pair in quick else pytest.mark.deep) for pair in pairs]
+    marked = [pair if pair in quick else deep(pair) for pair in pairs]
     return pytest.mark.parametrize("pair", marked, ids=[pair_id(pair) for pair in pairs])
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import percuss
 import places
-from command_line import percuss_command
+from command_line import percuss_command, printed
 from percuss.case.json_schema import case_schema
 from percuss.certificate import maps
 from percuss.errors import PercussError
@@ -115,8 +115,7 @@ def work(tmp_path, monkeypatch):
     shutil.copy(places.SUPPORT / "bodies" / "laws.py", tmp_path / "spring.py")
     for module in ("percuss.results.runner", "percuss.studies.perform"):
         monkeypatch.setattr(f"{module}.run", lambda *given, **more: ready)
-    done = percuss_command("study", "study.yaml", "-o", "store.sqlite", "--workers", "1", cwd=tmp_path, plain=True)
-    assert done.returncode == 0, done.stderr
+    printed("study", "study.yaml", "-o", "store.sqlite", "--workers", "1", cwd=tmp_path, plain=True)
     return tmp_path
 
 

@@ -9,6 +9,7 @@ import pytest
 import percuss
 import places
 from command_line import percuss_command
+from marks import deep
 from percuss.case.mesh_file import ENCODING, mesh_in
 from percuss.errors import InputError
 from percuss_methods.shapes.mesh import MeshFromFile
@@ -164,13 +165,10 @@ def test_a_result_has_the_file_inside_and_is_made_again_without_it(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        pytest.param({}, None, marks=pytest.mark.deep),
+        deep({}, None),
         ({"bodies.plate.fixed": [{"on": "skin", "along": "y"}]}, None),
         ({"contacts.stop.body": "plate.skin"}, "'plate.skin', which is in contact, is no face across the axis"),
-        (
-            {"bodies.plate.material.poisson": 0.3},
-            "body 'plate' contracts, and no rollers hold its side at [0.25, 0.0]",
-        ),
+        ({"bodies.plate.material.poisson": 0.3}, "body 'plate' contracts, and no rollers hold its side at [0.25, 0.0]"),
     ],
 )
 def test_a_rectangle_from_a_file_is_judged_by_the_exact_solution_of_a_bar(changes, reason, tmp_path):

@@ -76,17 +76,3 @@ print(process.exitcode, signal.pthread_sigmask(signal.SIG_BLOCK, []))
 def test_ctrl_c_while_the_workers_of_a_study_start():
     done = run([sys.executable, "-c", WORKER])
     assert (done.returncode, done.stdout, done.stderr) == (0, "0 set()\n", "")
-
-
-CRASH = """
-from percuss.process import begin
-import ctypes
-begin()
-ctypes.string_at(0)
-"""
-
-
-def test_a_crash_names_the_line():
-    done = run([sys.executable, "-c", CRASH])
-    assert done.returncode < 0
-    assert 'File "<string>", line 5' in done.stderr

@@ -18,7 +18,8 @@ import notebook
 import pages
 import percuss
 import places
-from command_line import percuss_command
+from command_line import percuss_command, printed
+from marks import deep
 from percuss.methods.registry import Registry
 
 ROOT = places.ROOT
@@ -56,8 +57,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     here = tmp_path_factory.mktemp("readme")
     pages.fill(here)
     for command in NEW:
-        done = percuss_command(*shlex.split(command)[1:], cwd=here)
-        assert done.returncode == 0, done.stderr
+        printed(*shlex.split(command)[1:], cwd=here)
     return here
 
 
@@ -108,9 +108,7 @@ def test_a_command_runs(command: str, folder: Path) -> None:
         made = (f"percuss study cases/studies/{Path(file).stem}.", f"-o {file}")
         maker = next(one for one in COMMANDS if any(words in one for words in made))
         assert percuss_command(*shlex.split(maker)[1:], cwd=folder).returncode == 0
-    done = percuss_command(*words[1:], cwd=folder)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout
+    assert printed(*words[1:], cwd=folder)
 
 
 @pytest.mark.slow
@@ -149,11 +147,7 @@ def test_a_snippet_runs(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize(
     "text",
-    [
-        pytest.param(text, marks=() if text in README else pytest.mark.deep)
-        for text in YAML
-        if beginning(text).startswith("percuss")
-    ],
+    [text if text in README else deep(text) for text in YAML if beginning(text).startswith("percuss")],
     ids=beginning,
 )
 def test_what_is_shown_is_a_case_or_a_study_in_an_editor_that_reads_yaml_1_1_too(text: str, folder: Path) -> None:
@@ -209,8 +203,7 @@ def test_the_law_that_remembers_is_crushed_at_its_strength(folder: Path) -> None
 @pytest.mark.deep
 @pytest.mark.parametrize("name", ["crushing", "newton_impact"])
 def test_the_laws_shown_conform_but_where_they_say_so(folder: Path, name: str) -> None:
-    done = percuss_command("verify", "--plugin", f"{name}.py", cwd=folder)
-    assert done.returncode == 0, done.stdout
+    printed("verify", "--plugin", f"{name}.py", cwd=folder)
 
 
 @pytest.mark.deep

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import percuss
 from fake_studies import TWO_BARS, FakeStudy, drawn_study, several_cases
+from marks import deep
 from opened_page import Opened, drawn
 from percuss.reporting import page_forces, study_charts, study_data
 from percuss.reporting.study_figures import figures
@@ -335,7 +336,7 @@ def plain_rows(rows):
     }
 
 
-@pytest.mark.parametrize("statistic", ["best", pytest.param("median", marks=pytest.mark.deep)])
+@pytest.mark.parametrize("statistic", ["best", deep("median")])
 def test_the_pairs_of_each_case_are_ranked_as_its_rows_are(several, statistic):
     found = plain_rows(best_rows(print_of(several, "best-and-median", statistic)))
     assert found == wanted_rows(several.table, statistic)
@@ -362,7 +363,7 @@ def test_no_line_joins_runs_of_different_cases_or_runs_that_another_beats(severa
         assert len(points) == front.sum()
 
 
-@pytest.mark.parametrize("statistic", ["median", pytest.param("best", marks=pytest.mark.deep)])
+@pytest.mark.parametrize("statistic", ["median", deep("best")])
 def test_the_runs_over_a_varied_value_and_where_they_failed(several, statistic):
     """A ring stands on the lower edge where all runs failed, as there is no number to draw it at."""
     path = "method.contact.beta_s"
@@ -411,7 +412,7 @@ def pages(large, several, tmp_path_factory):
 @pytest.mark.parametrize(
     ("name", "scheme", "width"),
     [
-        pytest.param(name, scheme, width, marks=() if pick == 2 else pytest.mark.deep)
+        (name, scheme, width) if pick == 2 else deep(name, scheme, width)
         for pick, (name, scheme, width) in enumerate(
             itertools.product(["odd", "large"], ["light", "dark"], [390, 1280])
         )

@@ -16,6 +16,7 @@ from benchmarks import digest_cases
 import percuss
 import places
 from command_line import percuss_command
+from marks import deep
 from percuss.certificate import verdict
 from percuss.errors import PercussError
 from percuss.march import arrays, march
@@ -124,10 +125,7 @@ SOLIDS = {
 }
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name if name == "quad4" else pytest.param(name, marks=pytest.mark.deep) for name in (*SOLIDS, BARS)],
-)
+@pytest.mark.parametrize("name", [name if name == "quad4" else deep(name) for name in (*SOLIDS, BARS)])
 def test_a_killed_run_goes_on_bit_for_bit(name):
     case = SOLIDS[name] if name in SOLIDS else runs()[name].case
     assert outcome(case).status == "done"

@@ -28,22 +28,6 @@ pytestmark = pytest.mark.slow
 # ------------------------------------------------------------------------------- what can change a number is in the key
 
 
-def test_the_digest_of_a_method_is_that_of_all_its_package(tmp_path):
-    """So that a helper two modules away from a law counts; what lies beside the package does not."""
-
-    def digest_of(place, elsewhere, beside):
-        package = tmp_path / place / "theirs"
-        (package / "laws").mkdir(parents=True)
-        texts = {"__init__.py": "", "laws/__init__.py": "", "laws/mine.py": "", "elsewhere.py": elsewhere}
-        for file, text in {**texts, "../x.py": beside}.items():
-            (package / file).write_text(text)
-        return digest.source_digest(str(package / "laws" / "mine.py"))
-
-    first = digest_of("one", "SOFT = 1", "SOFT = 1")
-    assert digest_of("two", "SOFT = 1", "SOFT = 2") == first
-    assert digest_of("three", "SOFT = 2", "SOFT = 1") != first
-
-
 def test_an_edit_of_a_table_makes_the_row_again(tmp_path):
     study, case = given(tmp_path), tmp_path / "case.yaml"
     loads = {"pulse": {"table": {"file": "pulse.csv"}, "on": "short.left"}}

@@ -7,7 +7,8 @@ import pytest
 
 import percuss
 import places
-from command_line import percuss_command
+from command_line import percuss_command, printed
+from marks import deep
 from percuss.reporting.verdict import best_words, error_words, failures, rows_verdict, run_verdict
 from percuss.results.true_error import largest_error
 from percuss.studies.columns import metric
@@ -35,9 +36,8 @@ def coarse(tmp_path: Path) -> Path:
 
 
 def test_a_run_with_a_large_error_names_the_search_for_better_methods(coarse: Path) -> None:
-    done = percuss_command("run", str(coarse))
-    assert done.returncode == 0, done.stderr
-    told = re.search(rf"contact force is off by .*: try `percuss (recommend {coarse} [^`]*)`", done.stdout)
+    said = printed("run", str(coarse))
+    told = re.search(rf"contact force is off by .*: try `percuss (recommend {coarse} [^`]*)`", said)
     few = ("--runs", "10", "--contact", "lagrange", "--workers", "1")
     found = percuss_command(*told[1].split(), *few, cwd=coarse.parent)
     assert re.search("(?m)^(Cheapest: |No run meets the bounds; the nearest is )", found.stdout), found.stderr
@@ -47,13 +47,9 @@ def test_a_run_with_a_large_error_names_the_search_for_better_methods(coarse: Pa
     ("changes", "words"),
     [
         (("time.courant=1.2",), "refused to run it: the certificate says unstable. To be stable, lower the step"),
-        pytest.param(RAMBERG_OSGOOD, "No exact solution is known", marks=pytest.mark.deep),
+        deep(RAMBERG_OSGOOD, "No exact solution is known"),
         (("refine=40", "method.contact=lagrange"), r"off by \S+ % \(exact solution known\)\.\n"),
-        pytest.param(
-            ("refine=4", *RAMBERG_OSGOOD),
-            r"`--reference refine=16`, or try `percuss recommend .*`",
-            marks=pytest.mark.deep,
-        ),
+        deep(("refine=4", *RAMBERG_OSGOOD), r"`--reference refine=16`, or try `percuss recommend .*`"),
         (("contacts={}",), "(?s)materials kept the energy put in.*is exact up to round-off"),
         (("time.courant=1.2", "time.on_unstable=warn"), r"do not trust this run\. To be stable, [^\n]*\n$"),
     ],
@@ -189,9 +185,7 @@ UNKNOWN = "Whether it is stable is unknown: "
     ],
 )
 def test_a_check_begins_with_three_answers(coarse: Path, changes: tuple[str, ...], lines: list[str]) -> None:
-    done = percuss_command("check", str(coarse), *(f"--set={change}" for change in changes))
-    assert done.returncode == 0, done.stderr
-    said = done.stdout.splitlines()
+    said = printed("check", str(coarse), *(f"--set={change}" for change in changes)).splitlines()
     assert said[3] == ""
     for line, words in zip(said, lines, strict=False):
         assert re.search(words, line), line

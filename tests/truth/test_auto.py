@@ -8,6 +8,7 @@ from benchmarks.gain import row
 
 import percuss
 import places
+from marks import deep
 from percuss.certificate.verdict import certificate
 from percuss.contact.laws import parameters
 from percuss.march.model_of_case import model_of
@@ -43,7 +44,7 @@ def changed(path, integrator, contact, courant):
     return percuss.load(path, {"method": method, "time.courant": courant, "record.every": 1})
 
 
-@pytest.mark.parametrize("courant", [pytest.param(0.5, marks=pytest.mark.deep), 0.9])
+@pytest.mark.parametrize("courant", [deep(0.5), 0.9])
 @pytest.mark.parametrize("pair", PAIRS, ids="+".join)
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_auto_keeps_its_promise_on_every_case(path, pair, courant):
@@ -79,7 +80,7 @@ def test_the_promise_is_that_of_the_docstrings():
         assert not [number for number in numbers if number not in text], name
 
 
-@pytest.mark.parametrize("courant", [0.5, 0.99, *(pytest.param(one, marks=pytest.mark.deep) for one in (0.9, 0.95))])
+@pytest.mark.parametrize("courant", [0.5, 0.99, *map(deep, (0.9, 0.95))])
 @pytest.mark.parametrize("pair", PAIRS, ids="+".join)
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_the_certificate_says_yes_to_auto(path, pair, courant):
@@ -89,7 +90,7 @@ def test_the_certificate_says_yes_to_auto(path, pair, courant):
 
 
 @pytest.mark.parametrize("pair", PAIRS, ids="+".join)
-@pytest.mark.parametrize("courant", [0.98, *(pytest.param(each, marks=pytest.mark.deep) for each in (0.9, 0.99))])
+@pytest.mark.parametrize("courant", [0.98, *map(deep, (0.9, 0.99))])
 def test_auto_keeps_the_step_of_rows_of_unlike_bars(pair, courant):
     """Their faster side, which the law does not know, is at the Courant number of the case."""
     for k in range(10):

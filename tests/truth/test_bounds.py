@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from blocks import SEAM, block, loaded, plane_at
+from marks import deep
 from percuss.certificate.bounds import Bounds
 from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.criteria import RunCriterion
@@ -31,9 +32,9 @@ def boxes(contact, integrator=WU, pairing=MORTAR, dim=2, courant=0.4, own=None):
     return loaded(bodies, contacts, method, {"courant": courant, "steps": 3, "on_unstable": "warn"})
 
 
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.deep)])
-@pytest.mark.parametrize("pairing", [GAUSS, *(pytest.param(name, marks=pytest.mark.deep) for name in (NODES, MORTAR))])
-@pytest.mark.parametrize("integrator", [WU, CENTRAL, pytest.param("noh-bathe", marks=pytest.mark.deep)])
+@pytest.mark.parametrize("dim", [2, deep(3)])
+@pytest.mark.parametrize("pairing", [GAUSS, *map(deep, (NODES, MORTAR))])
+@pytest.mark.parametrize("integrator", [WU, CENTRAL, deep("noh-bathe")])
 def test_a_step_below_the_bound_is_stable_and_the_bound_is_near(integrator, pairing, dim):
     tried = 0
     for contact in LAWS:

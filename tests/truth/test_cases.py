@@ -6,6 +6,7 @@ import pytest
 
 import percuss
 import places
+from marks import deep
 from percuss.results.verify import verify
 
 CASES = sorted(places.CASES.glob("*.yaml"))
@@ -31,9 +32,7 @@ def test_the_benchmarks_are_there() -> None:
 
 
 @pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, marks=pytest.mark.deep) if path.stem in LONG else path for path in CASES],
-    ids=lambda path: path.stem,
+    "path", [deep(path) if path.stem in LONG else path for path in CASES], ids=lambda path: path.stem
 )
 def test_a_case_gives_what_it_expects(path: Path) -> None:
     case = percuss.load(path)
@@ -52,12 +51,7 @@ def test_a_case_gives_what_it_expects(path: Path) -> None:
 
 @pytest.mark.parametrize(
     "path",
-    [
-        path
-        if "bar: " in path.read_text(encoding="utf-8") and path.stem not in LONG
-        else pytest.param(path, marks=pytest.mark.deep)
-        for path in CASES
-    ],
+    [path if "bar: " in path.read_text(encoding="utf-8") and path.stem not in LONG else deep(path) for path in CASES],
     ids=lambda path: path.stem,
 )
 def test_expectations_can_fail(path: Path) -> None:

@@ -5,6 +5,7 @@ import pytest
 from numpy.polynomial import Legendre, Polynomial
 
 import percuss
+from marks import deep
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.matrices import operator_of
@@ -145,12 +146,10 @@ def test_the_error_of_a_frequency_is_of_twice_the_order(element):
 VISCOUS = {"name": "viscous-central-difference", "viscosity": 0.3}
 
 
-@pytest.mark.parametrize(
-    "integrator", ["central-difference", "velocity-verlet", pytest.param(VISCOUS, marks=pytest.mark.deep)], ids=str
-)
+@pytest.mark.parametrize("integrator", ["central-difference", "velocity-verlet", deep(VISCOUS)], ids=str)
 @pytest.mark.parametrize(
     "element",
-    [ELEMENTS[0], *(pytest.param(one, marks=pytest.mark.deep) for one in ELEMENTS[1:])],
+    [ELEMENTS[0], *map(deep, ELEMENTS[1:])],
     ids=element_id,
 )
 def test_a_run_is_that_of_dense_matrices(element, integrator):
@@ -183,9 +182,7 @@ def impact(element, law, integrator="central-difference", n=6, **more):
 
 @pytest.mark.deep
 @pytest.mark.parametrize(
-    "law",
-    [law if law["name"] in CORE_LAWS else pytest.param(law, marks=pytest.mark.deep) for law in FIRST],
-    ids=lambda law: law["name"],
+    "law", [law if law["name"] in CORE_LAWS else deep(law) for law in FIRST], ids=lambda law: law["name"]
 )
 def test_order_one_is_the_two_node_bar(law):
     integrator = next(name for name in CORE if not is_refused(name, law))
@@ -207,10 +204,8 @@ OF_CORE = [pair for pair in PAIRS if pair[1]["name"] in CORE_LAWS]
 @pytest.mark.parametrize(
     ("element", "pair"),
     [
-        *(pytest.param("quadratic-bar", pair, marks=() if pair in OF_CORE else pytest.mark.deep) for pair in PAIRS),
-        *(
-            pytest.param(SPECTRAL[2], pair, marks=pytest.mark.deep) for pair in OF_CORE
-        ),  # a law sees the ends of a body, and no element
+        *(("quadratic-bar", pair) if pair in OF_CORE else deep("quadratic-bar", pair) for pair in PAIRS),
+        *(deep(SPECTRAL[2], pair) for pair in OF_CORE),  # a law sees the ends of a body, and no element
     ],
     ids=lambda value: pair_id(value) if isinstance(value, tuple) else element_id(value),
 )
@@ -227,9 +222,7 @@ def test_impacts_keep_momentum_and_close_the_ledger(element, pair):
 
 
 @pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector"])
-@pytest.mark.parametrize(
-    "element", ["quadratic-bar", pytest.param(SPECTRAL[2], marks=pytest.mark.deep)], ids=element_id
-)
+@pytest.mark.parametrize("element", ["quadratic-bar", deep(SPECTRAL[2])], ids=element_id)
 @pytest.mark.parametrize(
     "law", [{"name": "penalty", "beta_s": 2.0}, {"name": "bipenalty", "beta_s": 2.0, "ratio": 2.0}]
 )

@@ -13,6 +13,7 @@ import corners
 import percuss
 from blocks import chain, plane_at, plate
 from corners import GAP, ORDERS, SPEED, STEEL, falling
+from marks import deep
 from pages import shown
 from percuss.march.model_of_case import model_of
 from percuss_methods.pairings.mortar import Mortar
@@ -31,7 +32,7 @@ def times_of_touch(case):
 
 
 @pytest.mark.parametrize("refine", [1, 2])
-@pytest.mark.parametrize("tilt", [1, 10, 30, *(pytest.param(tilt, marks=pytest.mark.deep) for tilt in (5, 25))])
+@pytest.mark.parametrize("tilt", [1, 10, 30, *map(deep, (5, 25))])
 @pytest.mark.parametrize(
     ("pairing", "between"), [("mortar", CORNER_FIRST), ("mortar", FACE_FIRST), ("node-to-segment", CORNER_FIRST)]
 )

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import dense
 import percuss
+from marks import deep
 from percuss import ContactLaw, Doc, Ge, Le, Unit, coupled_rate
 from percuss.certificate import verdict
 from percuss.contact.laws import ignored_couplings
@@ -113,7 +114,7 @@ def marched(case, *, compiled=False):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("compiled", [pytest.param(True, marks=pytest.mark.deep), False], ids=["compiled", "plain"])
+@pytest.mark.parametrize("compiled", [deep(True), False], ids=["compiled", "plain"])
 def test_two_contacts_at_one_end_press_as_a_dense_solution_has_it(compiled):
     """Each contact by itself would press twice as hard: of the two together the bar feels double."""
     case = {**SHARED, "method": {"integrator": CD, "contact": "newton-impact"}}

@@ -17,6 +17,7 @@ import pytest
 
 import percuss
 from blocks import SEAM, block, loaded, plane_at
+from marks import deep
 from percuss.certificate.verdict import certificate
 from percuss.march.model_of_case import model_of
 from solid_figures import BETA_S, CENTRAL, ENERGIES, FREE_STEP, GAUSS, GROWS, MATCHED, NODES, WU
@@ -83,10 +84,7 @@ def agrees(found, published, certified):
 
 @pytest.mark.parametrize(
     ("integrator", "law", "courant", "pairing", "published"),
-    [
-        *QUICK,
-        *(pytest.param(*row, marks=pytest.mark.deep) for row in TABLE if row not in QUICK),
-    ],
+    [*QUICK, *(deep(*row) for row in TABLE if row not in QUICK)],
 )
 def test_the_energy_grows_as_in_an_independent_program(integrator, law, courant, pairing, published):
     beta_s, largest = published
@@ -182,10 +180,7 @@ CELLS = [
 
 @pytest.mark.parametrize(
     ("integrator", "law", "options", "pairing", "beta_s", "published"),
-    [
-        pytest.param(*cell, marks=() if cell[2] == {"ratio": "matched"} and cell[4] == 1.0 else pytest.mark.deep)
-        for cell in CELLS
-    ],
+    [cell if cell[2] == {"ratio": "matched"} and cell[4] == 1.0 else deep(*cell) for cell in CELLS],
 )
 def test_the_largest_energy_is_that_of_an_independent_program(integrator, law, options, pairing, beta_s, published):
     """What is gained agrees to a quarter while it is small; larger gains change with any detail of the set-up.

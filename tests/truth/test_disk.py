@@ -10,6 +10,7 @@ import pytest
 import percuss
 from blocks import alone, block, loaded, plane_at
 from hertz import WHOLE, hertz, over_hertz
+from marks import deep
 from percuss import SolidMaterial
 from percuss.march.model_of_case import model_of
 from percuss.mesh import element_probe
@@ -52,12 +53,12 @@ DEEP = pytest.mark.deep
     ("speed", "elements", "grading", "near", "light"),
     [
         (1e-2, 64, 1.0, 5e-3, 5e-4),
-        pytest.param(3e-2, 64, 1.0, 5e-3, 5e-4, marks=DEEP),
-        pytest.param(1e-3, 64, 16.0, 3e-3, 3e-3, marks=DEEP),
-        pytest.param(1e-2, 128, 1.0, 3e-3, 2e-4, marks=DEEP),
-        pytest.param(3e-2, 128, 1.0, 3e-3, 2e-4, marks=DEEP),
-        pytest.param(1e-2, 64, 4.0, 3e-3, 1e-3, marks=DEEP),
-        pytest.param(1e-3, 128, 25.0, 1e-3, 1e-3, marks=DEEP),
+        deep(3e-2, 64, 1.0, 5e-3, 5e-4),
+        deep(1e-3, 64, 16.0, 3e-3, 3e-3),
+        deep(1e-2, 128, 1.0, 3e-3, 2e-4),
+        deep(3e-2, 128, 1.0, 3e-3, 2e-4),
+        deep(1e-2, 64, 4.0, 3e-3, 1e-3),
+        deep(1e-3, 128, 25.0, 1e-3, 1e-3),
     ],
 )
 def test_a_disk_on_a_wall(speed, elements, grading, near, light):
@@ -170,10 +171,10 @@ def test_graded_disks_keep_circle_and_angles_and_are_fine_at_one_point(elements,
     ("speed", "poisson", "time", "force", "depth", "elements", "grading"),
     [
         (1e-2, 0.3, 0.9375, 1.098, 0.9347, 64, 1.0),
-        pytest.param(3e-2, 0.3, 0.916, 1.146, 0.8961, 64, 1.0, marks=DEEP),
-        pytest.param(1e-2, 0.0, 0.954, 1.070, 0.9516, 64, 1.0, marks=DEEP),
-        pytest.param(1e-3, 0.3, 0.9745, 1.035, 0.9754, 64, 16.0, marks=DEEP),
-        pytest.param(1e-3, 0.3, 0.9745, 1.035, 0.9754, 96, 25.0, marks=DEEP),
+        deep(3e-2, 0.3, 0.916, 1.146, 0.8961, 64, 1.0),
+        deep(1e-2, 0.0, 0.954, 1.070, 0.9516, 64, 1.0),
+        deep(1e-3, 0.3, 0.9745, 1.035, 0.9754, 64, 16.0),
+        deep(1e-3, 0.3, 0.9745, 1.035, 0.9754, 96, 25.0),
     ],
 )
 def test_a_ball_on_a_wall_over_the_ball_of_hertz(speed, poisson, time, force, depth, elements, grading):
@@ -229,18 +230,6 @@ def test_the_axis_of_revolution_moves_with_its_body_and_takes_a_force():
     model = model_of(about_the_axis(loads={"push": {"constant": 1.0, "on": "a.left", "direction": [0.0, 1.0]}}))
     assert sum(one.force for one in model.loads.nodal_forces) == pytest.approx([0.0, 1.0], rel=1e-14)
     assert {model.bodies["a"].mesh.nodes[one.node, 0] for one in model.loads.nodal_forces} == {0.0}
-
-
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        ({"contacts": {"c": {"body": "a.left", "wall": plane_at([0, 0], [1, 0])}}}, "a surface with an area"),
-        ({"loads": {"p": {"constant": 1.0, "on": "a.left", "as": "pressure"}}}, "a region with an area"),
-    ],
-)
-def test_the_axis_of_revolution_has_no_area_for_contact_or_pressure(keys, said):
-    with pytest.raises(percuss.InputError, match=f"expected {said}, found '?a.left'? on the axis of revolution"):
-        model_of(about_the_axis(**keys))
 
 
 @dataclass(frozen=True)

@@ -208,25 +208,6 @@ def test_a_load_that_follows_during_a_part_of_the_run_has_no_certificate():
     assert "during only a part of the run" in found["why"]
 
 
-# ------------------------------------------------------------------------------------------------------ bad input
-
-
-@pytest.mark.parametrize(
-    ("loads", "message"),
-    [
-        ({"end": {"absorbing": {}, "on": "bar"}}, "expected one end to act on, as absorbing follows its motion"),
-        ({"end": {"absorbing": {}, "on": ["bar.left", "bar.right"]}}, "expected one end to act on"),
-        ({"end": {"absorbing": {}, "on": "bar.left", "as": "velocity"}}, "expected a force, as absorbing follows"),
-        ({"end": ABSORBING, "mount": mount(1.0)}, "expected an end that can follow, found the load 'end' there"),
-        ({"pull": {"prescribed-velocity": {"value": 1.0}, "on": "bar.right"}, "end": ABSORBING},
-         "expected an end that can follow, found the load 'pull' there"),
-    ],
-)  # fmt: skip
-def test_where_a_load_cannot_follow_it_is_refused(loads, message):
-    with pytest.raises(percuss.InputError, match=message):
-        model_of(percuss.load(under(loads)))
-
-
 def test_the_critical_courant_number_of_the_page_is_true():
     page = (places.ROOT / "plugins" / "STABILITY.md").read_text(encoding="utf-8")
     case = under({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5)

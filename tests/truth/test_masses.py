@@ -20,6 +20,7 @@ import percuss
 from against_dense import LEAP_FROG
 from amplification import Bodies, radius
 from formulas import SCHEMES
+from marks import deep
 from percuss import Lumping
 from percuss.certificate.verdict import certificate
 from percuss.certificate.waves import waves
@@ -358,11 +359,9 @@ def of_unlike_bars(mass, law, integrator="central-difference"):
     return case
 
 
-@pytest.mark.parametrize("consistency", [1.0, pytest.param(-1.5, marks=DEEP)])
-@pytest.mark.parametrize(
-    "law", [LAWS_OF_COUPLED[0], *(pytest.param(law, marks=DEEP) for law in LAWS_OF_COUPLED[1:]), {"name": "tied"}]
-)
-@pytest.mark.parametrize("integrator", [LEAP_FROG[0], pytest.param(LEAP_FROG[1], marks=DEEP)])
+@pytest.mark.parametrize("consistency", [1.0, deep(-1.5)])
+@pytest.mark.parametrize("law", [LAWS_OF_COUPLED[0], *map(deep, LAWS_OF_COUPLED[1:]), {"name": "tied"}])
+@pytest.mark.parametrize("integrator", [LEAP_FROG[0], deep(LEAP_FROG[1])])
 def test_the_critical_step_of_coupled_masses_is_that_of_dense_matrices(consistency, law, integrator):
     case = of_unlike_bars(reciprocal(consistency), law, integrator)
     found = certificate(model_of(percuss.load(case)))
@@ -380,7 +379,7 @@ def test_the_critical_step_of_coupled_masses_is_that_of_dense_matrices(consisten
 
 
 @pytest.mark.parametrize("law", [*LAWS_WITHOUT_MASS, {"name": "tied"}])
-@pytest.mark.parametrize("to", ["body", pytest.param("neighbour", marks=pytest.mark.deep)])
+@pytest.mark.parametrize("to", ["body", deep("neighbour")])
 def test_the_critical_step_without_mass_at_ends_is_that_of_dense_matrices(to, law):
     case = of_unlike_bars({"name": "redistributed", "moved_to": to}, law)
     found = certificate(model_of(percuss.load(case)))
@@ -536,9 +535,7 @@ BESIDE = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("mass", "change"), [pytest.param(*row, marks=() if k >= 8 else DEEP) for k, row in enumerate(BESIDE)]
-)
+@pytest.mark.parametrize(("mass", "change"), [row if k >= 8 else deep(*row) for k, row in enumerate(BESIDE)])
 def test_other_methods_balance_with_it(mass, change):
     """Viscosity, bodies that are not linear, loads that follow the motion, laws with a kernel, drives, held ends."""
     mass = reciprocal(0.9) if mass == "reciprocal" else mass
@@ -549,9 +546,7 @@ def test_other_methods_balance_with_it(mass, change):
 
 
 @pytest.mark.parametrize("law", LAWS_WITHOUT_MASS, ids=lambda law: "-".join(map(str, law.values())))
-@pytest.mark.parametrize(
-    "name", ["doyen-impact", "unlike", *(pytest.param(one, marks=DEEP) for one in ("hunek", "carpenter"))]
-)
+@pytest.mark.parametrize("name", ["doyen-impact", "unlike", *map(deep, ("hunek", "carpenter"))])
 def test_the_ledger_closes_and_both_integrators_are_one_method(name, law):
     results = [shipped(name, mass="redistributed", integrator=integrator, contact=law) for integrator in LEAP_FROG]
     for result in results:

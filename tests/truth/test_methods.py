@@ -13,6 +13,7 @@ import against_dense
 import dense
 import formulas
 import percuss
+from marks import deep
 from strategies import BRASS, CD, CORE, ROW, STEEL, UNIT, WU, bar, case_of, hunek, round_off, run, turned
 
 # one end that meets a wall and another bar at once: S has entries off its diagonal
@@ -46,7 +47,7 @@ def exactly_as_dense(case):
     return math.isfinite(within["contact_force"])
 
 
-@pytest.mark.parametrize("law", [pytest.param(law, marks=pytest.mark.deep) if " eps" in law else law for law in LAWS])
+@pytest.mark.parametrize("law", [deep(law) if " eps" in law else law for law in LAWS])
 @pytest.mark.parametrize("integrator", [WU, CD])
 @given(data=st.data())
 def test_runs_equal_the_dense_solver(integrator, law, data):
@@ -57,7 +58,7 @@ def test_runs_equal_the_dense_solver(integrator, law, data):
 @pytest.mark.parametrize(
     "laws",
     [
-        pytest.param(laws, marks=() if pick in {0, 5} else pytest.mark.deep)
+        laws if pick in {0, 5} else deep(laws)
         for pick, laws in enumerate(itertools.permutations(["bipenalty r=1", "penalty eps_s", "lagrange"]))
     ],
 )
@@ -141,10 +142,7 @@ def loaded(integrator, contact):
 @pytest.mark.parametrize(
     "scheme",
     # each scheme is compiled for several seconds
-    [
-        pytest.param(name, marks=() if name in {*CORE, "velocity-verlet"} else pytest.mark.deep)
-        for name in formulas.SCHEMES
-    ],
+    [name if name in {*CORE, "velocity-verlet"} else deep(name) for name in formulas.SCHEMES],
 )
 def test_multi_stage_runs_equal_full_matrices(scheme, law, make, registry):
     """In one dimension, and along a direction in three."""
@@ -333,23 +331,6 @@ def test_the_papers_figure():
     assert result.summary["energy"]["final"] / 5e-4 == pytest.approx(0.9957, abs=0.0015)
 
 
-@pytest.mark.parametrize("n", [10, 100])
-def test_the_lagrange_method_is_exact_at_the_magic_step(n):
-    result = run(hunek(n, courant=1.0, contact={"name": "lagrange"}))
-    time, force = result.arrays["time"], result.arrays["contact_force"][:, 0]
-    exact = np.where((time < 0.2) | ((time > 0.4) & (time < 0.6)), 0.05, 0.0)
-    for jump in (0.0, 0.2, 0.4):
-        exact[np.argmin(np.abs(time - jump))] = 0.025
-    exact[np.argmin(np.abs(time - 0.6))] = 0.0  # the release: half a step of impulse is missing
-    assert np.abs(force - exact).max() < 1e-10
-    # the left end of the short bar hears of the contact at .1 and .3: its velocity is .1, 0, ...
-    left = result.arrays["velocity"][:, 0, 0]
-    assert np.abs(left[(time > 1e-9) & (time < 0.1 - 1e-9)] - 0.1).max() < 1e-10
-    assert np.abs(left[(time > 0.1 + 1e-9) & (time < 0.5 - 1e-9)]).max() < 1e-10
-    if n == 10:
-        assert result.summary["energy"]["final"] == pytest.approx(0.0004875, rel=1e-9)
-
-
 # --------------------------------------------------------------------------------------------- critical steps
 
 
@@ -377,20 +358,10 @@ def test_the_critical_courant_number_of_a_closed_contact_with_wu(beta_s, ratio):
     assert growth(0.999) < 1.0 < growth(1.001)
 
 
-def exact_force(time, dt):
-    """The exact force of Huněk's bars, averaged over a step around each time."""
-
-    def impulse(t):
-        return 0.05 * (np.clip(t, 0.0, 0.2) + np.clip(t - 0.4, 0.0, 0.2))
-
-    return (impulse(time + 0.5 * dt) - impulse(time - 0.5 * dt)) / dt
-
-
 def test_the_papers_penalties_differ_less_among_each_other_than_from_the_truth():
     runs = {b: run(hunek(contact={"name": "bipenalty", "beta_s": b, "ratio": 1.0})) for b in (0.25, 1.0, 100.0)}
     force = {b: one.arrays["contact_force"][:, 0] for b, one in runs.items()}
-    one = runs[1.0]
-    exact = exact_force(one.arrays["time"], one.summary["dt"])
+    exact = runs[1.0].arrays["contact_force_exact"][:, 0]
     norm = np.linalg.norm(exact)
     errors = {b: np.linalg.norm(f - exact) / norm for b, f in force.items()}
     for a, b in itertools.combinations(force, 2):
@@ -406,7 +377,7 @@ def wall_limit(beta_s):
     ("beta_s", "ratio", "critical"),
     [
         (1.0, math.inf, 0.9102), (10.0, 5.0, 0.6),
-        *(pytest.param(*values, marks=pytest.mark.deep) for values in ((100.0, 2.0, 0.7169), (1.0, 1.5, 0.988))),
+        *(deep(*values) for values in ((100.0, 2.0, 0.7169), (1.0, 1.5, 0.988))),
     ],
 )  # fmt: skip
 def test_the_critical_courant_number_of_a_closed_contact_with_central_difference(beta_s, ratio, critical):

@@ -6,6 +6,7 @@ from scipy.sparse.linalg import spsolve
 
 import percuss
 from blocks import alone, block
+from marks import deep
 from percuss import BodyMesh
 from percuss.mesh.cell_stiffness import stiffness_of_cells
 from percuss.mesh.element_probe import ElementProbe
@@ -115,7 +116,7 @@ def pushed(elements, **record):
     return percuss.run(alone(body, loads={"push": load}, record=record, time={"steps": 200, "courant": 0.8}))
 
 
-@pytest.mark.parametrize("elements", [[6, 2], pytest.param([5, 2, 2], marks=pytest.mark.deep)])
+@pytest.mark.parametrize("elements", [[6, 2], deep([5, 2, 2])])
 def test_hourglass_energy_is_that_of_the_dense_form(elements):
     """It is part of the elastic energy, and the ledger closes."""
     result = pushed(elements, fields=200)

@@ -7,6 +7,7 @@ import pytest
 
 import dense
 import percuss
+from marks import deep
 from percuss.certificate.verdict import certificate, settled
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
@@ -103,7 +104,7 @@ def test_the_elements_of_a_body_that_is_not_due_are_left_alone():
     assert np.isnan(march.v[11:]).all()
 
 
-@pytest.mark.parametrize("element", ["bar", pytest.param("green-bar", marks=pytest.mark.deep)])
+@pytest.mark.parametrize("element", ["bar", deep("green-bar")])
 def test_the_ledger_closes_whatever_the_contact_does(element):
     case = three_bars("lagrange", on_unstable="warn", steps=4000)
     for body in case["bodies"].values():

@@ -7,6 +7,7 @@ import pytest
 
 import percuss
 from blocks import bar, block, loaded
+from marks import deep
 from percuss import Mesh, Region, Shape, SolidMaterial
 from percuss.contact.contact_problem import contact_problem
 from percuss.march.model_of_case import model_of
@@ -56,9 +57,7 @@ EQUAL = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.deep) if name.startswith(("with", "at")) else name for name in EQUAL]
-)
+@pytest.mark.parametrize("name", [deep(name) if name.startswith(("with", "at")) else name for name in EQUAL])
 def test_the_exact_solution_of_a_row_of_prisms_is_that_of_its_bars(name):
     prisms, bars, contacts, loads = EQUAL[name]
     found = percuss.run(case(prisms, contacts, loads))

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import percuss
 import strategies
+from marks import deep
 from percuss.certificate import verdict
 from percuss.march.model_of_case import model_of
 from strategies import (
@@ -123,9 +124,7 @@ def test_the_accounts_are_those_of_the_histories(integrator, case):
     assert np.abs(mine - work).max() <= 1e-11 * scale
 
 
-@pytest.mark.parametrize(
-    "integrator", [pytest.param(one, marks=pytest.mark.deep if one.startswith("viscous") else ()) for one in LEAPFROG]
-)
+@pytest.mark.parametrize("integrator", [deep(one) if one.startswith("viscous") else one for one in LEAPFROG])
 @given(case=rows())
 def test_lagrange_multipliers_are_complementary_to_the_gaps(integrator, case):
     result = finished(with_pair(case, (integrator, {"name": "lagrange"})), certify=verdict.unasked)

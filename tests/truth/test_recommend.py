@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 import percuss
-from command_line import percuss_command
+from marks import deep
 from percuss.case.options import options_of
 from percuss.cli.main import app
 from percuss.march.model_of_case import model_of
@@ -340,27 +340,9 @@ def test_a_bound_is_a_number_or_percent():
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--error", "abc"], "--error: expected a number, found 'abc'"),
-        (["--error", "-1"], "--error: expected a finite number greater than 0, found -1"),
-        ([], "expected a bound on the error or on the energy, found none"),
-        (["--error", "1%", "--contact", "cohesive"], "'cohesive' needs a value of strength and length, which no"),
-        (["--error", "1%", "--runs", "3"], "--runs: expected a number of at least 10, found 3"),
-    ],
-)
-def test_bad_input_is_one_message(words, message, tmp_path):
-    done = percuss_command("recommend", CASES / "hunek.yaml", *words, cwd=tmp_path)
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
     ("case", "error"),
     [
-        pytest.param("hunek", 0.02, marks=pytest.mark.deep),
+        deep("hunek", 0.02),
         pytest.param("doyen-bounce", 0.01, marks=pytest.mark.nightly),
         pytest.param("unlike", 0.01, marks=pytest.mark.nightly),
     ],

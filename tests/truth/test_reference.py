@@ -7,6 +7,7 @@ import pytest
 from support.places import CASES
 
 import percuss
+from marks import deep
 from percuss.case.quantities import by_two, percent
 from percuss.march.model_of_case import model_of
 from percuss.reporting.study_data import columns, records
@@ -25,7 +26,7 @@ def hidden(monkeypatch):
     monkeypatch.setattr("percuss.results.assemble.exact_solution", lambda *_: (None, "", "hidden"))
 
 
-@pytest.mark.parametrize("name", ["unlike", pytest.param("strip-unlike", marks=pytest.mark.deep)])
+@pytest.mark.parametrize("name", ["unlike", deep("strip-unlike")])
 def test_an_estimate_is_the_true_error_but_for_the_error_of_the_finer_run(name, monkeypatch):
     case = percuss.load(CASES / f"{name}.yaml", {"time": {"courant": 0.7, "end": 0.2}, "expect": ()})
     true = percuss.run(case)

@@ -15,6 +15,7 @@ import dense
 import formulas
 import percuss
 import places
+from marks import deep
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.linear_laws import linear_laws
 from percuss.certificate.oscillator import amplification
@@ -29,7 +30,7 @@ from strategies import CORE, INTEGRATORS, LEAPFROG, REGISTRY, UNIT, bar, case_of
 STABILITY = (places.ROOT / "plugins" / "STABILITY.md").read_text(encoding="utf-8")
 STAGED = [name for name in INTEGRATORS if name not in LEAPFROG]
 QUICK = {*CORE, "velocity-verlet"}
-EACH_STAGED = [pytest.param(name, marks=() if name in QUICK else pytest.mark.deep) for name in STAGED]
+EACH_STAGED = [name if name in QUICK else deep(name) for name in STAGED]
 PENALTY = {"name": "penalty", "beta_s": 0.5}
 BIPENALTY = {"name": "bipenalty", "beta_s": 2.0, "ratio": 1.0}
 
@@ -177,12 +178,7 @@ def test_the_scheme_of_the_page_is_of_fourth_order_up_to_the_root_of_twelve(regi
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.deep if name in {"chung-lee", "hulbert-chung"} else ())
-        for name in OPTIONS
-        if name != "noh-bathe"
-    ],
+    "name", [deep(name) if name in {"chung-lee", "hulbert-chung"} else name for name in OPTIONS if name != "noh-bathe"]
 )
 def test_lagrange_is_refused_where_its_promise_would_be_broken(name, monkeypatch):
     """Each refusal is for cause: without it the bodies overlap, or the reported force pulls."""

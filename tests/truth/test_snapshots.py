@@ -141,13 +141,3 @@ def test_units_and_dimensions_of_fields(impact):
     assert fields["velocity"].attrs["units"] == "length/time"
     assert fields["point_area"].attrs["units"] == "length^2"
     assert impact.histories["contact_area"].dims == ("time", "contact")
-
-
-def test_snapshots_that_do_not_fit_into_memory_are_refused(monkeypatch):
-    from percuss.mesh import size_limits
-
-    case = {"percuss": 1, "bodies": {"a": body()}, "time": {"courant": 0.5, "steps": 1000}, "record": {"fields": 1000}}
-    monkeypatch.setattr(size_limits, "ALWAYS_FITS", 0)
-    monkeypatch.setattr(size_limits, "memory", lambda: 4_000_000)
-    with pytest.raises(percuss.InputError, match="expected snapshots that fit into memory, found 1001"):
-        percuss.run(percuss.load(case))

@@ -1,10 +1,13 @@
 """Blocks in two dimensions against the bars that they are, and against critical steps found by other means."""
 
+import math
+
 import numpy as np
 import pytest
 
 import percuss
 from blocks import SEAM, alone, bar, block, impact, loaded, plane_at
+from marks import deep
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from percuss.results.ledger import angular_momentum_summary, open_accounts
@@ -12,19 +15,30 @@ from percuss.results.ledger import angular_momentum_summary, open_accounts
 WU = "wu-predictor-corrector"
 
 
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points", "mortar"])
-def test_triangles_tend_to_the_bar_with_the_first_order(pairing):
-    """The corner nodes of the end faces have a third and two thirds of the mass that a bar has there."""
-    errors = []
-    for count in (10, 20, 40):
-        step = 0.4 / count
-        left, right = (block(at, speed, [count, count // 5], cells="tri3") for at, speed in ((0.0, 0.5), (1.0, -0.5)))
-        found = impact({"left": left, "right": right}, WU, "regularised-lagrange", step, pairing)
-        ends = {"left": bar(0.0, 0.5, count), "right": bar(1.0, -0.5, count)}
-        expected = impact(ends, WU, "regularised-lagrange", step)
-        errors.append(np.abs(found.arrays["contact_force"] - expected.arrays["contact_force"]).max() / 0.1)
-    assert errors[0] < 0.05
-    assert np.array(errors[1:]) / errors[:-1] == pytest.approx([0.5, 0.5], rel=0.03)
+@pytest.mark.parametrize(
+    ("cells", "pairing"),
+    [
+        *(("tri3", pairing) for pairing in ("node-to-segment", "gauss-points", "mortar")),
+        *(deep("tet4", pairing) for pairing in ("node-to-segment", "gauss-points")),
+    ],
+)
+def test_simplices_tend_to_the_bar_with_the_first_order(cells, pairing):
+    """The nodes at the edges of the end faces have other masses than a bar has there; of triangles 1/3 and 2/3."""
+    counts, courant, width, largest, within = {
+        "tri3": ((10, 20, 40), 0.4, [0.2], 0.05, 0.015), "tet4": ((10, 20), 0.2, [0.2, 0.2], 0.15, 0.05),
+    }[cells]  # fmt: skip
+    errors, area = [], math.prod(width)
+    for count in counts:
+        elements, sides = [count] + [count // 5] * len(width), (("left", 0.0, 0.5), ("right", 1.0, -0.5))
+        solids = {name: block(at, speed, elements, cells=cells, size=[1.0, *width]) for name, at, speed in sides}
+        bars = {name: bar(at, speed, count, area) for name, at, speed in sides}
+        found, expected = (
+            impact(bodies, WU, "regularised-lagrange", courant / count, of).arrays["contact_force"]
+            for bodies, of in ((solids, pairing), (bars, None))
+        )
+        errors.append(np.abs(found - expected).max() / (0.5 * area))
+    assert errors[0] < largest
+    assert np.array(errors[1:]) / errors[:-1] == pytest.approx(0.5, abs=within)
 
 
 HUNDRED = {"time": {"step": 0.02, "steps": 100}, "record": {"probes": ["a.right", "a.left"]}}
@@ -81,7 +95,7 @@ def cross(place, force):
     return float((place[..., 0] * force[..., 1] - place[..., 1] * force[..., 0]).sum())
 
 
-@pytest.mark.parametrize("integrator", [pytest.param(WU, marks=pytest.mark.deep), "velocity-verlet"])
+@pytest.mark.parametrize("integrator", [deep(WU), "velocity-verlet"])
 def test_angular_momentum_is_balanced_by_the_moments_of_impulses(integrator):
     """A turned block meets another one that stands, and both have loads: of each impulse the moment is counted."""
     bodies = {
@@ -178,9 +192,7 @@ TOLD = [
     (block(0.0, 0.0, [2, 1], size=[4, 1]), 0.1, THICK, False),
     (block(0.0, 0.0, [20, 4], size=LONG, element="quad4-one-point"), 0.1, THICK, False),
     (block(1.0, 0.0, [20, 4], size=LONG, plane="axisymmetric"), 0.1, THICK, False),
-    pytest.param(
-        block(0.0, 0.0, [2, 2, 10], size=[1, 2, 20], cells="tet4"), 0.1, f"2 {THICK}", True, marks=pytest.mark.deep
-    ),
+    deep(block(0.0, 0.0, [2, 2, 10], size=[1, 2, 20], cells="tet4"), 0.1, f"2 {THICK}", True),
 ]  # fmt: skip
 
 
@@ -214,75 +226,7 @@ def test_a_load_on_an_edge_is_spread_and_a_support_holds_it():
     assert pulled[:, 0].max() == pytest.approx(2.0 * 0.91 * 0.01 / 0.2, rel=0.05)
 
 
-def with_load(**load):
-    return {"loads.p": {"constant": 1, "on": "left.left", **load}}
-
-
-BESIDE = {"bar": {"length": 1.0, "elements": 2}, "area": 1.0, "material": {"young": 1.0, "density": 1.0}}
-REFUSED = {
-    "an element of bars": ({"bodies.left.element": "bar"}, "expected an element for the quad cells of block"),
-    "an element of triangles": ({"bodies.left.element": "tri3"}, "found tri3, which is for triangle cells"),
-    "overlap": ({"bodies.right.at": [0.5, 0.0]}, "found an overlap of 0.5 at [1.0, 0.0] (by node-to-segment)"),
-    "overlap of a corner": (
-        {"bodies.right.angle": 5, "method.pairing": "mortar"}, "found an overlap of 0.006787 at [1.0, 0.1] (by mortar)",
-    ),
-    "faces that look the same way": (
-        {"contacts.tip.between": ["left.left", "right.right"], "method.pairing": "mortar"},
-        "found no point of one that meets the other",
-    ),
-    "apart": ({"bodies.right.at": [3.0, 5.0]}, "found no point of one that meets the other"),
-    "coupled masses": ({"method.mass": "reciprocal"}, "expected elements of two nodes with the mass reciprocal"),
-    "ends without mass": ({"method.mass": "redistributed"}, "at ends in contact with the mass redistributed"),
-    "a push along no line": (with_load(), "loads.p.direction: missing"),
-    "a pressure with a direction": (
-        with_load(**{"as": "pressure", "direction": [1, 0]}), "a pressure acts along the normal into the body",
-    ),
-    "a pressure on a body": (with_load(**{"as": "pressure", "on": "left"}), "found the whole body 'left'"),
-    "rollers at no region": (
-        {"bodies.left.fixed": [{"on": "botom", "along": "y"}]}, "the body 'left' has no region 'botom'",
-    ),
-    "a region fixed twice": (
-        {"bodies.left.fixed": ["bottom", {"on": "bottom", "along": "y"}]}, "the region 'bottom' is fixed twice",
-    ),
-    "a drive along rollers": (
-        {"bodies.left.fixed": [{"on": "left", "along": "x"}],
-         "loads.p": {"prescribed-velocity": 1, "on": "left.left", "direction": [1, 0]}},
-        "expected an end free along the direction of the drive",
-    ),
-    "a bar that turns": ({"bodies.left": BESIDE | {"spin": 1.0}}, "bar is a body along a line, which has no spin"),
-    "a probe outside": (
-        {"record.probes": [{"body": "left", "at": [0.5, 0.3]}]}, "expected a point of body 'left', found [0.5, 0.3]",
-    ),
-    "a wall on the other side": (
-        {"contacts.w": {"body": "left.left", "wall": plane_at([-0.1, 0], [-1, 0])}},
-        "contacts.w: expected bodies apart or touching, found an overlap of 0.1",
-    ),
-    "a load that follows": (
-        {"loads.p": {"absorbing": {}, "on": "left.left", "direction": [1, 0]}},
-        "expected bodies along a line with absorbing, found 'left'",
-    ),
-    "steps of their own": ({"method.integrator": "asynchronous"}, "expected another integrator for 'left'"),
-    "no compliance": ({"method.contact": "nitsche"}, "expected another law for 'left', which is no bar, found nitsche"),
-    "coupling": ({"method.contact": "uzawa"}, "expected another law for 'left', which is no bar, found uzawa"),
-    "rigid on many points": (
-        {"method.contact": "lagrange", "method.pairing": "gauss-points"},
-        "expected a law with a compliance on gauss-points, found lagrange",
-    ),
-    "a bar beside": ({"bodies.b": BESIDE}, "expected only bars or none, found the bar 'b' beside 'left'"),
-}  # fmt: skip
-
-
 def test_a_wall_that_is_oblique_to_a_bar_is_refused():
     line = {**bar(0.0, 0.5), "at": [0.0, 0.0]}
     with pytest.raises(percuss.InputError, match="expected a wall across the bar, found one of the normal"):
         model_of(alone(line, plane_at([1.1, 0.0], [1, 1])))
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_is_not_built_is_refused_with_its_reason(name):
-    changes, said = REFUSED[name]
-    bodies = {"left": block(0.0, 0.5, [4, 2]), "right": block(1.0, -0.5, [4, 2])}
-    case = loaded(bodies, SEAM, {"contact": "regularised-lagrange", "pairing": "node-to-segment"})
-    with pytest.raises(percuss.InputError) as refusal:
-        model_of(case.with_overrides(changes))
-    assert said in str(refusal.value)

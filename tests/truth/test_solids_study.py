@@ -5,14 +5,15 @@ import yaml
 
 import percuss
 import solids_study
+from marks import deep
 from pages import shown
 from solids_study import CD, WU
 
 SAMPLE = [
     ("tilted-blocks", "lagrange", WU, "mortar"),
     ("tilted-blocks", "bipenalty", CD, "gauss-points"),
-    pytest.param(("strip-impact", "penalty", WU, "node-to-segment"), marks=pytest.mark.deep),
-    pytest.param(("box-impact", "penalty", CD, "node-to-segment"), marks=pytest.mark.deep),
+    deep(("strip-impact", "penalty", WU, "node-to-segment")),
+    deep(("box-impact", "penalty", CD, "node-to-segment")),
 ]
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import percuss
-from blocks import alone, bar, block, impact, loaded, plane_at
+from blocks import alone, block, impact, loaded, plane_at
 from hertz import WHOLE, over_hertz
+from marks import deep
 from percuss.march.model_of_case import model_of
 
 WU = "wu-predictor-corrector"
@@ -76,26 +77,6 @@ def test_a_box_that_stands_out_over_another_keeps_its_accounts_with_mortar():
         assert found.summary["energy"]["max"] <= found.summary["energy"]["initial"] * (1.0 + 1e-12)
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
-def test_the_error_of_tetrahedra_is_of_the_first_order(pairing):
-    """The nodes of the edges of the end faces have other masses than a bar has there."""
-    errors = []
-    for count in (10, 20):
-        left, right = (
-            block(at, speed, [count, count // 5, count // 5], cells="tet4", size=(1.0, 0.2, 0.2))
-            for at, speed in ((0.0, 0.5), (1.0, -0.5))
-        )
-        bars = {name: bar(at, speed, count, 0.04) for name, at, speed in (("left", 0.0, 0.5), ("right", 1.0, -0.5))}
-        found, expected = (
-            impact(bodies, WU, "regularised-lagrange", 0.2 / count, of).arrays["contact_force"]
-            for bodies, of in (({"left": left, "right": right}, pairing), (bars, None))
-        )
-        errors.append(np.abs(found - expected).max() / 0.02)
-    assert errors[0] < 0.15
-    assert errors[1] / errors[0] == pytest.approx(0.5, abs=0.05)
-
-
 @pytest.mark.parametrize("cells", ["hex8", "tet4"])
 def test_a_body_turns_about_its_axis(cells):
     """Spin about an oblique axis: kinetic energy and momentum of a body that turns about its centre of mass."""
@@ -143,10 +124,7 @@ def test_graded_balls_keep_the_sphere_and_the_shapes_of_cells(grading):
     assert found / before == pytest.approx(grading**-0.5, rel=0.25)
 
 
-@pytest.mark.parametrize(
-    ("cells", "elements"),
-    [pytest.param("hex8", 24, marks=pytest.mark.deep), pytest.param("tet4", 48, marks=pytest.mark.nightly)],
-)
+@pytest.mark.parametrize(("cells", "elements"), [deep("hex8", 24), pytest.param("tet4", 48, marks=pytest.mark.nightly)])
 def test_a_ball_on_a_wall_is_within_the_tolerances_of_two_programs(cells, elements):
     """Duration, force at the middle, approach and restitution, as those of the body of revolution (test_disk)."""
     body = {**ball(elements, cells, grading=16.0), "at": [0, 0, 1], "velocity": [0, 0, -0.01]}

@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 import percuss
 from blocks import SEAM, block, loaded
+from marks import deep
 from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
@@ -124,11 +125,7 @@ def test_an_examined_step_leaves_state_variables_alone():
 COHESIVE = {"name": "cohesive", "strength": 0.04, "length": 0.2}
 
 
-@pytest.mark.parametrize(
-    ("law", "dim"),
-    [("walton-braun", 2), pytest.param("walton-braun", 3, marks=pytest.mark.deep), (COHESIVE, 2)],
-    ids=str,
-)
+@pytest.mark.parametrize(("law", "dim"), [("walton-braun", 2), deep("walton-braun", 3), (COHESIVE, 2)], ids=str)
 def test_the_state_of_surfaces_is_that_of_their_points_saved_read_and_drawn(law, dim, tmp_path):
     shape = {"elements": [2, 2, 1][:dim], "size": [1.0, 0.5, 0.5][:dim]}
     bodies = {"left": block(0.0, 0.1, **shape), "right": block(1.0, -0.1, **shape)}

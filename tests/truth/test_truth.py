@@ -307,18 +307,6 @@ def test_the_exact_history_itself_closes_and_opens_in_time(dt, phase):
         assert abs(found[name]) <= 0.5 * dt * (1.0 + 1e-9)
 
 
-def test_up_to_where_it_stops_it_is_the_solution(short_of_breath, monkeypatch):
-    short = exact_solution(model_of(percuss.load(many_fronts())), 12.0)[0]
-    monkeypatch.undo()
-    exact._solved.cache_clear()
-    whole = exact_solution(model_of(percuss.load(many_fronts())), 12.0)[0]
-    assert short.reached < 0.6 * whole.reached == 0.6 * 12.0
-    t = np.linspace(0.0, short.reached, 1001)
-    for name in ("force", "impulse", "gap"):
-        one, other = (getattr(solution.contacts["tip"], name)(t) for solution in (short, whole))
-        assert np.abs(one - other).max() <= 1e-11 * np.abs(other).max()
-
-
 # ------------------------------------------------------------------------------------------------ round-off
 
 

@@ -7,6 +7,7 @@ import pytest
 
 import percuss
 import places
+from marks import deep
 from percuss.case.options import options_of
 from percuss.certificate.verdict import settled
 from percuss.contact.contact_problem import contact_problem
@@ -43,9 +44,7 @@ def test_the_gap_of_a_contact_is_the_smallest_of_its_points(height):
 
 
 @pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, marks=pytest.mark.deep) if path.stem in LARGE else path for path in CASES],
-    ids=lambda path: path.stem,
+    "path", [deep(path) if path.stem in LARGE else path for path in CASES], ids=lambda path: path.stem
 )
 def test_a_check_names_all_that_a_case_will_do(path):
     case = percuss.load(path)

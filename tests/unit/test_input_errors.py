@@ -13,7 +13,10 @@ from percuss.errors import InputError
 from percuss.march.model_of_case import model_of
 from percuss.methods.registry import Registry
 
-TABLE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))
+TABLE, REFUSALS = (
+    yaml.safe_load((Path(__file__).parent / f"{name}.yaml").read_text(encoding="utf-8"))
+    for name in ("input_errors", "refusals")
+)
 
 
 @pytest.fixture
@@ -48,6 +51,13 @@ def said_of(*loaded, of=load):
     with pytest.raises(InputError) as caught:
         of(*loaded)
     return str(caught.value)
+
+
+@pytest.mark.parametrize("row", REFUSALS["rows"], ids=lambda row: row["name"])
+def test_what_is_not_built_is_refused_with_its_reason(row):
+    """The table is `refusals.yaml`."""
+    case = load(REFUSALS["bases"][row["of"]])
+    assert row["said"] in said_of(case, row["set"], of=lambda case, changes: model_of(case.with_overrides(changes)))
 
 
 def test_a_file_that_is_no_case_is_told_as_such(folder):

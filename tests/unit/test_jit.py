@@ -20,6 +20,7 @@ from numba import types
 
 import percuss
 import percuss_methods
+from marks import deep
 from percuss import cache, jit
 from percuss import digest as sources
 from percuss.jit import Binder, compiled_function, jit_disabled, plain
@@ -256,8 +257,7 @@ def test_an_option_that_numba_does_not_know_is_left_out(afresh, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "integrator",
-    [pytest.param("central-difference", marks=pytest.mark.deep), pytest.param("noh-bathe", marks=pytest.mark.nightly)],
+    "integrator", [deep("central-difference"), pytest.param("noh-bathe", marks=pytest.mark.nightly)]
 )
 def test_without_undocumented_options_the_numbers_are_the_same(integrator, afresh):
     case = percuss.load(hunek(8, integrator=integrator, contact="penalty", end=0.5))
@@ -419,7 +419,7 @@ def words(changes):
 
 
 @pytest.mark.skipif(jit_disabled(), reason="compilation is switched off")
-@pytest.mark.parametrize("changes", [*QUICK, *(pytest.param(one, marks=pytest.mark.deep) for one in DEEP)], ids=words)
+@pytest.mark.parametrize("changes", [*QUICK, *map(deep, DEEP)], ids=words)
 def test_every_registered_method_is_compiled(changes):
     """Plain Python gives the same numbers, a hundred times slower: nothing else would show that a kernel is none."""
     base = hunek(4, integrator="central-difference", contact="penalty", end=0.05)

@@ -66,6 +66,8 @@ WRONG = [
     (lambda case: percuss.study({}, plugins="my.py"), ["percuss.study: expected a list of files", "As ['my.py']"]),
     (lambda case: percuss.stability(case, vary={"refine": "1,2"}), ["a list of values for 'refine' of `vary`"]),
     (lambda case: percuss.compare(case, contacts="penalty"), ["a list of names as `contacts`, found 'penalty'"]),
+    (lambda _: percuss.check("case.yaml"), ["percuss.check: expected a case, found 'case.yaml' of type str"]),
+    (lambda _: percuss.schema(files="law.py"), ["percuss.schema: expected a list of files"]),
 ]
 
 

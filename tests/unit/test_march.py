@@ -1,9 +1,7 @@
 """The time loop: records, chunks, loads switched in time, interruption, runs that are stopped, and results on disk."""
 
-import os
 import signal
 
-import netCDF4
 import numpy as np
 import pytest
 
@@ -239,27 +237,6 @@ def test_forces_in_balance_are_no_instability(integrator, load):
 # ------------------------------------------------------------------------------------------------ results on disk
 
 
-def test_a_saved_result_is_read_back_whole(tmp_path):
-    result = run(hunek(20), {"record.fields": 10})
-    path = tmp_path / "out.nc"
-    result.save(path)
-    assert os.listdir(tmp_path) == ["out.nc"]
-    with netCDF4.Dataset(path) as data:  # which others read
-        assert data.data_model == "NETCDF4"
-        assert data["contact_force"].dimensions == ("time", "contact")
-        np.testing.assert_array_equal(data["contact_force"][:], result.arrays["contact_force"])
-        assert list(data["probe"][:]) == ["short.left", "short.right", "long.left"]
-    again = percuss.open_result(path)
-    again.save(tmp_path / "again.nc")
-    for saved in (again, percuss.open_result(tmp_path / "again.nc")):
-        for name in ("summary", "provenance", "coordinates", "status"):
-            assert getattr(saved, name) == getattr(result, name)
-        for there, expected in ((saved.arrays, result.arrays), (saved.field_arrays, result.field_arrays)):
-            assert set(there) == set(expected)
-            for name, values in expected.items():
-                np.testing.assert_array_equal(there[name], values)
-
-
 @pytest.mark.parametrize("every", [1, 4])
 @pytest.mark.parametrize("integrator", ["central-difference", "asynchronous", "noh-bathe"])
 def test_the_numbers_of_a_contact_count_the_last_record(integrator, every):
@@ -305,21 +282,6 @@ def test_bars_that_touch_at_rest_or_graze_feel_no_force(integrator, contact):
     case["bodies"]["long"] |= {"velocity": 0.1, "fixed": []}
     result = run(case)
     assert np.abs(result.arrays["contact_force"]).max() <= 1e-12 * 0.05
-
-
-DRIVE = {"prescribed-velocity": 0.1, "on": "a.right"}
-IMPOSSIBLE = {
-    "two drives fight": ({"one": DRIVE, "two": DRIVE}, {}, "two"),
-    "a contact of a held end": ({}, {"contacts": WALL, "fixed": ["right"]}, r"contacts\.w"),
-    "a contact of a driven end": ({"drive": DRIVE}, {"contacts": WALL}, r"contacts\.w"),
-}
-
-
-@pytest.mark.parametrize("what", IMPOSSIBLE)
-def test_what_nobody_can_move_is_refused(what):
-    loads, more, said = IMPOSSIBLE[what]
-    with pytest.raises(percuss.InputError, match=said):
-        run(one_bar({"steps": 10, "courant": 0.5}, loads, **more))
 
 
 @each_integrator([name for name in INTEGRATORS if name in INVISCID or name not in LEAPFROG])

@@ -10,6 +10,7 @@ import pytest
 from blocks import bar, block, loaded, plane_at
 from fake_studies import BAR
 from fake_studies import TWO_BARS as BARS
+from marks import deep
 from percuss.case.case import load
 from percuss.case.quantities import percent
 from percuss.errors import InputError, PercussError, RunError
@@ -95,7 +96,7 @@ def collections(axes, kind):
 # -- files -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("suffix", [".png", *(pytest.param(one, marks=pytest.mark.deep) for one in (".svg", ".pdf"))])
+@pytest.mark.parametrize("suffix", [".png", *map(deep, (".svg", ".pdf"))])
 def test_each_suffix_gives_its_kind_of_file_and_the_same_result_the_same_bytes(good, tmp_path, suffix):
     path = tmp_path / f"picture{suffix}"
     good.plot(path)
@@ -262,14 +263,6 @@ def test_a_comparison_overlays_the_runs_and_lists_the_others(good, unstable):
     assert "contact force of 4 of 5 runs" in told
     assert "None of the runs has a result." in words(comparison_figure.comparison_figure(rows[4:]))
     assert axes.get_ylim()[1] < 2 * max(good.arrays["contact_force"].max(), other.arrays["contact_force"].max())
-
-
-def test_each_contact_has_its_panel_in_a_comparison():
-    result = row_of_bars(4)
-    figure = comparison_figure.comparison_figure([{"label": "a", "result": result}, {"label": "b", "result": result}])
-    assert [axes.get_ylabel() for axes in figure.axes] == ["force at c1", "force at c2", "force at c3"]
-    for k, axes in enumerate(figure.axes):
-        assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, k])
 
 
 def test_without_matplotlib_a_picture_says_what_to_install(good, tmp_path, monkeypatch):

@@ -48,21 +48,6 @@ def test_a_case_is_verified_with_its_own_run_or_with_a_result(case):
     assert percuss.verify(case, result) == []
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: percuss.check("case.yaml"), "percuss.check: expected a case, found 'case.yaml' of type str"),
-        (lambda: percuss.schema(files="law.py"), "percuss.schema: expected a list of files"),
-        (lambda: percuss.report(3), "3: expected the file of a study, found nothing that can be read"),
-        (lambda: percuss.report("x", "a.pdf"), "a.pdf: expected a page ending in .html or .htm, found .pdf"),
-    ],
-)
-def test_a_wrong_argument_is_refused_with_its_name(call, words):
-    with pytest.raises(percuss.InputError) as refused:
-        call()
-    assert str(refused.value).startswith(words)
-
-
 def test_a_result_draws_itself_and_a_notebook_shows_the_figure(case, tmp_path):
     result = run(case, compiled=False)
     assert run_exact(case)._repr_png_().startswith(b"\x89PNG")
