@@ -33,7 +33,7 @@ from percuss.case.mesh_file import mesh_in, read_mesh
 from percuss.methods.registry import Registry
 
 STEPS, PLAIN_STEPS = 50, 25
-FAMILIES = ("integrators", "contacts", "masses", "elements", "materials", "loads", "shapes")
+FAMILIES = ("integrators", "contacts", "frictions", "masses", "elements", "materials", "loads", "shapes")
 KEYS = {"integrators": "integrator", "contacts": "contact", "masses": "mass"}
 
 # Methods with which the others are combined where a product is not full.
@@ -285,6 +285,22 @@ FEATURES: Mapping[str, Mapping[str, Any]] = {
 }
 
 
+SOLID = {"element": "quad4", "material": {"young": 1.0, "density": 1.0, "poisson": 0.3}}
+OBLIQUE_BLOCKS = {
+    "bodies": {
+        "a": {"block": {"size": [1.0, 0.5], "elements": [4, 2]}, "at": [0.0, 0.0], "velocity": [0.004, 0.01], **SOLID},
+        "b": {
+            "block": {"size": [1.0, 0.5], "elements": [7, 2]},
+            "at": [0.0, 0.5],
+            "velocity": [-0.004, -0.01],
+            **SOLID,
+        },
+    },
+    "contacts": {"seam": {"between": ["a.top", "b.bottom"]}},
+    "record": {"fields": 3},
+}
+
+
 class Run(NamedTuple):
     """A run whose numbers are recorded: its name, its case as `percuss.load` takes it, and how it is made."""
 
@@ -369,7 +385,7 @@ class Runs:
     def every(self) -> list[Run]:
         """Return every run, each name once."""
         parts = (self.pairs, self.product, self.materials, self.options, self.bodies, self.loads, self.shapes)
-        made = [run for part in (*parts, self.features, self.nudged) for run in part()]
+        made = [run for part in (*parts, self.frictions, self.features, self.nudged) for run in part()]
         made += list(self.as_plain_python(made))
         by_name: dict[str, Run] = {}
         for run in made:  # the same run may belong to two parts
@@ -463,6 +479,13 @@ class Runs:
             for integrator in self.names("integrators"):
                 quick = integrator == DEFAULTS["integrators"]
                 yield self.run(f"shape {shape.label}", parts, integrators=integrator, quick=quick)
+
+    def frictions(self) -> Iterator[Run]:
+        """Yield each friction with each law of two blocks that meet obliquely."""
+        for friction, law in itertools.product(self.examples("frictions"), self.names("contacts")):
+            run = self.run(f"friction {friction.label}", OBLIQUE_BLOCKS, contacts=law, quick=True)
+            run.case["method"] |= {"friction": friction.entry, "pairing": "node-to-segment"}
+            yield run
 
     def features(self) -> Iterator[Run]:
         """Yield each feature with every method, in some combinations."""

@@ -117,9 +117,14 @@ def solid(size, cells, **more):
 
 
 PUSH = {"ramp": {"value": 1e-3, "duration": 1.0}, "on": "left.left", "direction": [1.0, 0.0]}
+ALONG = {"ramp": {"value": 3e-2, "duration": 1.0}, "on": "left.left", "direction": [0.0, 1.0]}
+DECAY = {"name": "exponential-decay", "mu_static": 0.4, "mu_kinetic": 0.1, "decay": 9.0, "stiffness": 3.0}
 SOLIDS = {
     "quad4": solid([1.0, 1.0], "quad4", loads={"push": PUSH}),
     "tri3 by Gauss points": solid([1.0, 1.0], "tri3", method={"pairing": "gauss-points", "contact": "penalty"}),
+    "quad4 with friction": solid(
+        [1.0, 1.0], "quad4", loads={"along": ALONG}, method={"contact": "penalty", "friction": DECAY}
+    ),
     "hex8": solid([1.0, 1.0, 1.0], "hex8", method={"contact": "hunt-crossley"}),
     "tet4 in stages": solid([1.0, 1.0, 1.0], "tet4", method={"integrator": "noh-bathe", "contact": "penalty"}),
 }

@@ -15,6 +15,7 @@ def entries(run):
         given = [body[key] for body in bodies]
         names[family] = {entry if isinstance(entry, str) else entry.get("name", "elastic") for entry in given}
     keys = {key for load in run.case.get("loads", {}).values() for key in load}
+    names["frictions"] = {method.get("friction", {"name": ""})["name"]}
     return names | {"loads": keys, "shapes": {key for body in bodies for key in body}}
 
 

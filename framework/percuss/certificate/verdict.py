@@ -73,8 +73,9 @@ class Finding:
     dt_critical, dt_critical_free
         Critical step, and that with no contact closed but those that are tied throughout. None where it is not known;
         with bodies that are not linear it never is, because it changes with the strain. Where theta of contacts that
-        share nodes limits it, longer steps may be stable, and `why` says so. By a Lanczos run the step without contact
-        is at most 1 % too short; it is searched in runs of many steps alone.
+        share nodes limits it, longer steps may be stable, and `why` says so. A run whose step the linear laws find
+        stable has neither. By a Lanczos run the step without contact is at most 1 % too short; it is searched in runs
+        of many steps alone.
     dt_critical_why
         Why the critical step is None; empty where it is known.
     dt_proven
@@ -302,16 +303,20 @@ def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
 
 
 def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, *, search: bool) -> Finding:
-    model, free, black_box = criterion.model, criterion.free, criterion.kind is BlackBox
+    model, black_box = criterion.model, criterion.kind is BlackBox
     assessment = criterion.assess_step(model.dt)
     # Where nothing is certain about the step of the run nothing is about longer ones, and a search takes long.
     searched = assessment.conclusive and (search or not (black_box or assessment.stable))
     critical, critical_why = (criterion.critical_step, LONGER) if searched else (np.nan, NOT_ASKED)
-    if assessment.conclusive and not searched and assessment.stable:
-        if model.dt > free * (1.0 - MARGINAL_DISTANCE):
-            critical = free
-        elif not black_box and not criterion.assess_step(model.dt * (1.0 + MARGINAL_DISTANCE)).stable:
-            critical = model.dt
+    alone = assessment.conclusive and assessment.stable and not searched
+    if alone and black_box and model.dt > criterion.free * (1.0 - MARGINAL_DISTANCE):
+        critical = criterion.free
+    elif alone and not black_box and not criterion.assess_step(model.dt * (1.0 + MARGINAL_DISTANCE)).stable:
+        critical = model.dt
+    if alone and not black_box and np.isnan(critical):  # such a step is below that of the bodies alone
+        free = np.nan
+    else:
+        free = criterion.free
     if searched and np.isnan(critical) and black_box and model.period == 1:
         unsure: Answer = "no growth found" if assessment.stable else "unknown"
         assessment = dataclasses.replace(assessment, answer=unsure, doubt=NOT_LINEAR)
@@ -330,7 +335,8 @@ def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, *, search: b
         critical = np.nan  # A longer step may be stable where this one is not, so the limit is not known.
     found = _judged(criterion, laws, assessment, critical)
     energy, energy_why = _energy_guarantee(model, laws, assessment, found.stable)
-    known: dict[str, Any] = {"dt_critical_free": free, "energy": energy, "energy_why": energy_why}
+    known: dict[str, Any] = {"energy": energy, "energy_why": energy_why}
+    known["dt_critical_free"] = None if np.isnan(free) else free
     known["dt_critical_why"] = assessment.doubt or critical_why
     if not np.isnan(critical):
         margin = model.dt / critical if critical > 0 else np.inf
@@ -373,18 +379,21 @@ def _judged(criterion: RunCriterion, laws: ClosedLaws, assessment: Assessment, c
 
 def _verdict(criterion: RunCriterion, assessment: Assessment, critical: float) -> tuple[Verdict, str]:
     """Return the verdict on the closed linear step, and the reason for it in words."""
-    model, dt, free = criterion.model, criterion.model.dt, criterion.free
-    if free == 0.0:
-        return "no", f"{model.case.method.integrator.name} is unstable at any step, without contact too"
-    if dt > free * (1.0 + MARGINAL_DISTANCE):
-        courant = f"Courant number {model.courant:.6g}"
-        why = f"the step {dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow"
-        return "no", f"{why} {criterion.nothing_closed()}"
+    model, dt = criterion.model, criterion.model.dt
+    # A step that is stable is below that of the bodies alone.
+    if not (assessment.conclusive and assessment.stable and np.isnan(critical)):
+        if criterion.free == 0.0:
+            return "no", f"{model.case.method.integrator.name} is unstable at any step, without contact too"
+        if dt > criterion.free * (1.0 + MARGINAL_DISTANCE):
+            courant = f"Courant number {model.courant:.6g}"
+            why = f"the step {dt:.6g} ({courant}) is above {criterion.free:.6g}, what the bodies allow"
+            return "no", f"{why} {criterion.nothing_closed()}"
     when = ""
     if times := criterion.times(assessment):
         when = f", with the supports and drives from {times[0]:.6g} to {times[1]:.6g}"
     if not assessment.conclusive:
-        return "unknown", f"{assessment.doubt}{when}; {criterion.nothing_closed()} the bodies allow {free:.6g}"
+        allowed = f"{criterion.nothing_closed()} the bodies allow {criterion.free:.6g}"
+        return "unknown", f"{assessment.doubt}{when}; {allowed}"
     noun = "contacts" if len({criterion.names[p] for p in assessment.worst}) > 1 else "contact"
     combination = criterion.nothing_closed(assessment.stretch, "with all contacts open")
     if assessment.worst:
