@@ -55,9 +55,12 @@ def test_a_case_gives_what_it_expects(path: Path) -> None:
     ids=lambda path: path.stem,
 )
 def test_expectations_can_fail(path: Path) -> None:
-    """A case whose material is twice as stiff must not pass: its expectations are not empty words."""
+    """A case whose material or friction is twice as large must not pass: its expectations are not empty words."""
     case = percuss.load(path)
     name = next(iter(case.bodies))
-    young = case.bodies[name].material.young
-    result = percuss.run(case, {f"bodies.{name}.material.young": 2 * young})
+    if case.method.friction is not None:
+        change = {"method.friction.mu": 2 * case.method.friction.mu}
+    else:
+        change = {f"bodies.{name}.material.young": 2 * case.bodies[name].material.young}
+    result = percuss.run(case, change)
     assert any(not check.passed for check in verify(case, result))
