@@ -313,19 +313,15 @@ def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, *, search: b
         critical = criterion.free
     elif alone and not black_box and not criterion.assess_step(model.dt * (1.0 + MARGINAL_DISTANCE)).stable:
         critical = model.dt
-    if alone and not black_box and np.isnan(critical):  # such a step is below that of the bodies alone
-        free = np.nan
-    else:
-        free = criterion.free
     if searched and np.isnan(critical) and black_box and model.period == 1:
         unsure: Answer = "no growth found" if assessment.stable else "unknown"
         assessment = dataclasses.replace(assessment, answer=unsure, doubt=NOT_LINEAR)
     if assessment.conclusive and assessment.stable and not np.isnan(critical):
         # Where growth becomes ever slower at shorter steps, that of this one is too slow to be seen.
-        critical = max(critical, min(model.dt, free)) if critical > 0.0 or free == 0.0 else np.nan
+        critical = max(critical, min(model.dt, criterion.free)) if critical > 0.0 or criterion.free == 0.0 else np.nan
     if assessment.answer == "grows" and black_box and (unlike := why_unlike(model)):
         assessment = dataclasses.replace(assessment, doubt=unlike)
-    if assessment.conclusive and 0.0 < critical < free * (1.0 - MARGINAL_DISTANCE):
+    if assessment.conclusive and 0.0 < critical < criterion.free * (1.0 - MARGINAL_DISTANCE):
         # The contacts that limit the step are those with which a step just above the critical one is unstable.
         limiting = criterion.assess_step(critical * (1.0 + DISTANCE_ABOVE_CRITICAL))
         if not limiting.stable:
@@ -336,7 +332,8 @@ def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, *, search: b
     found = _judged(criterion, laws, assessment, critical)
     energy, energy_why = _energy_guarantee(model, laws, assessment, found.stable)
     known: dict[str, Any] = {"energy": energy, "energy_why": energy_why}
-    known["dt_critical_free"] = None if np.isnan(free) else free
+    if not (alone and not black_box and np.isnan(critical)):  # such a step is below that of the bodies alone
+        known["dt_critical_free"] = criterion.free
     known["dt_critical_why"] = assessment.doubt or critical_why
     if not np.isnan(critical):
         margin = model.dt / critical if critical > 0 else np.inf

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.contact.laws import bind_laws, laws_at
 from percuss.contact.model import rows_over_the_run
-from percuss.contact.points import FROM_KERNEL, PointArrays, joined
+from percuss.contact.points import PointArrays, joined
 from percuss.contact.prisms import stress_along
 from percuss.errors import Problem
 from percuss.mesh.stiffness_rows import in_order
@@ -55,66 +54,71 @@ class BoundFriction:
     predicted: Any
 
 
+class Line(NamedTuple):
+    """The line by which the points of one contact stick, as their law is evaluated; (P,) arrays."""
+
+    where: Integers  # their numbers in the order of the case
+    linear: LinearLaw | None  # the law of the normal; None of a kernel
+    compliance: Floats  # as of `BoundFriction`
+    inertia: Floats  # weight of the acceleration, the eps_m / eps_s of the normal; 0 at the end of the step
+
+
+def frictional(model: Model) -> dict[str, Friction]:
+    """Return the friction of each contact that has one; none where the model sticks by lines."""
+    if any(isinstance(law, Stick) for law in model.contact_points.laws):
+        return {}
+    found = {name: spec.friction for name, spec in model.case.contacts.items() if spec.friction is not None}
+    return {name: friction for name, friction in found.items() if friction.acts}
+
+
 def frictions_of(model: Model) -> list[BoundFriction]:
-    """Return the frictions of a model that act, each bound to its points; none where the model sticks by lines."""
-    groups: dict[Friction, list[int]] = {}
-    for p, (name, law) in enumerate(zip(model.contact_points.names, model.contact_points.laws, strict=True)):
-        if isinstance(law, Stick):
-            return []
-        if (friction := model.case.contacts[name].friction) is not None and friction.acts:
-            groups.setdefault(friction, []).append(p)
-    if not groups:
-        return []
-    law_of = _law_of(model.laws)
-    order, laws = model.law_records()
-    records = laws[np.argsort(order)]
-    points, found = model.contact_points, []
-    for friction, group in groups.items():
-        where = np.array(group, dtype=np.int64)
-        of_kernel = records["source"][where] == FROM_KERNEL
-        given = FrictionPoints(tuple(points.names[p] for p in group), read_only(points.weight[where]))
-        stiffness = np.array([_stiffness(model, p, *law_of[p]) for p in group])
-        found.append(
-            BoundFriction(
-                friction=friction,
-                where=where,
-                data=read_only(answer(friction, "bind", given, model.dt)),
-                compliance=1.0 / stiffness,
-                response=np.array([_response(model, *law_of[p]) for p in group]),
-                predicted=of_kernel | (records["sees_predicted_gap"][where] == 1),
-            )
-        )
-    return found
+    """Return the frictions of a model, each bound to its points."""
+    groups: dict[Friction, list[Line]] = {}
+    for name, friction in frictional(model).items():
+        groups.setdefault(friction, []).append(_line(model, name, model.laws))
+    return [_bound(model, friction, lines) for friction, lines in groups.items()]
 
 
-def _response(model: Model, bound_law: BoundLaw, k: int) -> float:
-    """Return w_t of a point: the response of its slip where its law is evaluated, and of the inertia that this has."""
-    linear, table = bound_law.linear, model.tables[-1]
-    if linear is None or linear.at == "end":
-        return float(table.end.response[0])
-    of_slip, _, of_inertia = table.explicit.response
-    return float(of_slip + np.ravel(linear.acceleration)[k] * of_inertia)
+def _bound(model: Model, friction: Friction, lines: Sequence[Line]) -> BoundFriction:
+    """Return a friction bound to the points of its contacts."""
+    points, table = model.contact_points, model.tables[-1]
+    where = np.concatenate([line.where for line in lines])
+    names = tuple(points.names[p] for p in where.tolist())
+    response, predicted = [], []
+    for line in lines:
+        at = table.end if line.linear is None or line.linear.at == "end" else table.explicit
+        response.append(at.response[0] + line.inertia * at.response[2])
+        predicted.append(np.full(line.where.size, at.gap == "predicted"))
+    return BoundFriction(
+        friction=friction,
+        where=where,
+        data=read_only(answer(friction, "bind", FrictionPoints(names, read_only(points.weight[where])), model.dt)),
+        compliance=np.concatenate([line.compliance for line in lines]),
+        response=np.concatenate(response),
+        predicted=np.concatenate(predicted),
+    )
 
 
-def _stiffness(model: Model, point: int, bound_law: BoundLaw, k: int) -> float:
-    """Return the stiffness of stick of a point, infinite where it sticks exactly, nan where there is none."""
-    points, linear = model.contact_points, bound_law.linear
-    compliance = float(np.ravel(linear.sigma)[k]) if linear is not None else 0.0
-    friction = model.case.contacts[points.names[point]].friction
+def _line(model: Model, contact: str, laws: Iterable[BoundLaw]) -> Line:
+    """Return the line by which the points of a contact stick, under its law among bound ones.
+
+    The compliance is 0 where they stick exactly, and nan where no line follows.
+    """
+    points, friction = model.contact_points, model.case.contacts[contact].friction
+    where = np.flatnonzero(points.contact == list(model.case.contacts).index(contact))
+    bound_law = next(one for one in laws if where[0] in one.where)
+    linear: Any = bound_law.linear  # whose arrays are broadcast to its points
+    own = np.searchsorted(bound_law.where, where)
+    at_end = linear is None or linear.at == "end"
+    sigma = linear.sigma[own] if linear is not None else np.zeros(where.size)
+    inertia = np.zeros(where.size) if at_end else linear.acceleration[own]
     given = friction.stiffness if friction is not None else None
-    if given is None:
-        given = "auto" if compliance > 0.0 else "exact"
-    if isinstance(given, str) and (given == "exact" or (compliance == 0.0 and _at_end(bound_law))):
-        return math.inf if _at_end(bound_law) else math.nan
-    if isinstance(given, str):
-        poisson = _poisson(model, points.names[point])
-        return 2.0 * (1.0 - poisson) / (2.0 - poisson) / compliance if compliance > 0.0 else math.nan
-    return float(given * points.weight[point])
-
-
-def _at_end(bound_law: BoundLaw) -> bool:
-    """Return whether a law is judged at the end of the step, as are those with a kernel."""
-    return bound_law.linear is None or bound_law.linear.at == "end"
+    if given is not None and not isinstance(given, str):
+        return Line(where, linear, 1.0 / (given * points.weight[where]), inertia)
+    if given == "exact" or not sigma.any():
+        return Line(where, linear, np.full(where.size, 0.0 if at_end else np.nan), inertia)
+    poisson = _poisson(model, contact)
+    return Line(where, linear, sigma * (2.0 - poisson) / (2.0 * (1.0 - poisson)), inertia)
 
 
 def _poisson(model: Model, contact: str) -> float:
@@ -145,42 +149,30 @@ class Stick(ContactLaw):
     summary = "Stick as a line"
 
     model: Model
-    where: Integers
-    at: Any
+    contact: str
 
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw:  # noqa: ARG002
         """Return the line of stick, which is evaluated at the same state as the normal one and has its inertia."""
-        laws = _law_of(laws_at(self.model, dt))
-        stiffness = [_stiffness(self.model, p, *laws[p]) for p in self.where.tolist()]
-        weights = [line.acceleration[k] for line, k in _lines(laws, self.where) if self.at == "explicit"]
-        return LinearLaw(self.at, 1.0 / np.array(stiffness), acceleration=np.array(weights or 0.0), active="all")
+        line = _line(self.model, self.contact, laws_at(self.model, dt))
+        at = line.linear.at if line.linear is not None else "end"
+        axes = self.model.dim - 1
+        compliance, inertia = np.tile(line.compliance, axes), np.tile(line.inertia, axes)
+        return LinearLaw(at, compliance, acceleration=inertia, active="all")
 
 
 def with_stick(model: Model) -> Model:
     """Return a model whose points with friction have further points along the surfaces, which all stick."""
-    points, laws = model.contact_points, _law_of(model.laws)
-    where = np.concatenate([bound.where for bound in frictions_of(model)])
-    explicit = np.array([line is not None and line.at == "explicit" for line, _ in _lines(laws, where)])
+    points = model.contact_points
     parts, along = [points], tangents_of(points.normal)
-    for axis in range(model.dim - 1):
-        rows = dataclasses.replace(points, value=points.share[:, None] * along[points.point, axis])
-        for at, chosen in (("end", where[~explicit]), ("explicit", where[explicit])):
-            if chosen.size:
-                parts.append(_some(rows, chosen, Stick(model, chosen, at)))
+    for name in frictional(model):
+        law, where = Stick(model, name), np.flatnonzero(points.contact == list(model.case.contacts).index(name))
+        for axis in range(model.dim - 1):
+            rows = dataclasses.replace(points, value=points.share[:, None] * along[points.point, axis])
+            parts.append(_some(rows, where, law))
     features = tuple(one for one in model.features if one.held is None)
     found = dataclasses.replace(model, contact_points=joined(parts), features=features, run=None)
     found = dataclasses.replace(found, rows=rows_over_the_run(found))
     return dataclasses.replace(found, laws=bind_laws(found, found.dt))
-
-
-def _law_of(laws: Iterable[BoundLaw]) -> dict[int, tuple[BoundLaw, int]]:
-    """Return the law of each point, and the number of the point among those of the law."""
-    return {p: (bound_law, k) for bound_law in laws for k, p in enumerate(bound_law.where)}
-
-
-def _lines(laws: Mapping[int, tuple[BoundLaw, int]], where: Integers) -> Iterator[tuple[Any, int]]:
-    """Yield the linear law of each point, None of a kernel, and the number of the point among those of the law."""
-    return ((laws[p][0].linear, laws[p][1]) for p in where.tolist())
 
 
 def _some(points: PointArrays, where: Integers, law: ContactLaw) -> PointArrays:
@@ -201,29 +193,23 @@ def _some(points: PointArrays, where: Integers, law: ContactLaw) -> PointArrays:
     )
 
 
-def stick_in_words(model: Model) -> dict[str, str]:
-    """Return for each contact with friction how its points stick, in words: those of its first point."""
-    points = model.contact_points
-    found: dict[str, str] = {}
-    for bound in frictions_of(model):
-        for p, compliance in zip(bound.where.tolist(), bound.compliance.tolist(), strict=True):
-            per_area = f"{1.0 / (compliance * points.weight[p]):.6g}" if compliance else ""
-            words = f"sticks with a stiffness of {per_area} per area" if compliance else "sticks exactly"
-            given = bound.friction.stiffness
-            if compliance and (given is None or isinstance(given, str)):
-                words += ", auto: 2 (1 - nu) / (2 - nu) of that of the law"
-            found.setdefault(points.names[p], words)
-    return found
+def stick_in_words(model: Model, contact: str) -> str:
+    """Return how the points of a contact with friction stick, in words: those of its first point."""
+    line, friction = _line(model, contact, model.laws), frictional(model)[contact]
+    if not line.compliance[0]:
+        return "sticks exactly"
+    per_area = 1.0 / (line.compliance[0] * model.contact_points.weight[line.where[0]])
+    auto = ", auto: 2 (1 - nu) / (2 - nu) of that of the law" if friction.stiffness in {None, "auto"} else ""
+    return f"sticks with a stiffness of {per_area:.6g} per area{auto}"
 
 
 def refusals(model: Model) -> Iterator[Problem]:
     """Yield what does not go with friction: bars, bonds, schemes of stages, laws that leave stick without a line."""
-    case, found = model.case, False
-    for name, spec in case.contacts.items():
-        if spec.friction is not None and spec.friction.acts and (why := _why_frictionless(model, name)):
-            found = True
-            yield case.problem(_path(model, name), why[0].format(spec.friction.name), why[1])
-    for bound in [] if found else frictions_of(model):
+    case, found = model.case, frictional(model)
+    reasons = {name: why for name in found if (why := _why_frictionless(model, name))}
+    for name, (message, advice) in reasons.items():
+        yield case.problem(_path(model, name), message.format(found[name].name), advice)
+    for bound in [] if reasons else frictions_of(model):
         exact = (bound.compliance == 0.0) & (bound.response <= 0.0)
         without = np.isnan(bound.compliance) | exact
         for name in dict.fromkeys(model.contact_points.names[p] for p in bound.where[without]):

@@ -301,6 +301,23 @@ class Body:
         return entries_of(self.stiffness[:, None, None] * TWO_NODES, cells_of(self.mesh))
 
 
+def turn_of(mass: Floats, arm: Floats, motion: Floats) -> Floats:
+    """Return the turn of a body in the mean by displacements of its nodes, or its spin by their velocities, (3,).
+
+    Parameters
+    ----------
+    mass : (nodes,) array
+    arm : (nodes, dim) array
+        Places about the centre of mass.
+    motion : (nodes, dim) array
+        Displacements or velocities.
+    """
+    arm = in_space(arm)
+    inertia = mass @ (arm**2).sum(axis=1) * np.eye(3) - np.einsum("n,ni,nj->ij", mass, arm, arm)
+    turn: Floats = np.linalg.solve(inertia, mass @ np.cross(arm, in_space(motion)))
+    return turn
+
+
 def in_space(vectors: Floats) -> Floats:
     """Return vectors in one to three dimensions as vectors in three, (n, 3)."""
     whole = np.zeros((len(vectors), 3))

@@ -13,7 +13,7 @@ from percuss.case.options import PER_AREA, options_of
 from percuss.case.quantities import in_unit
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
-from percuss.contact.frictions import stick_in_words
+from percuss.contact.frictions import frictional, stick_in_words
 from percuss.contact.laws import parameters, points_of_law
 from percuss.contact.pairs import unlike_sides
 from percuss.jsonable import Data, Entries, plain
@@ -193,9 +193,9 @@ def _contact(model: Model, name: str) -> Entries:
         "point": point,
         "row": _linear_law_data(model, number, point["s"]),
     }
-    if (stick := stick_in_words(model).get(name)) is not None and spec.friction is not None:
-        value["friction"] = {"name": spec.friction.name, "given": _options(spec.friction, with_defaults=False)}
-        value["friction"]["stick"] = stick
+    if (friction := frictional(model).get(name)) is not None:
+        given, stick = _options(friction, with_defaults=False), stick_in_words(model, name)
+        value["friction"] = {"name": friction.name, "given": given, "stick": stick}
     if (count := int(own.sum())) > 1:
         value |= {"points": count, "area": model.bodies[spec.sides[0].body].area_of(spec.sides[0].region)}
         value["covered"] = sum(points.weight[own].tolist())

@@ -11,6 +11,7 @@ from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.jsonable import Data, Entries
 from percuss.methods.interfaces import REFERENCE_CELLS, Array, Floats, Integers
 from percuss.reporting import figures
+from percuss.step.parts.friction import STICKS
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -39,7 +40,6 @@ LONGEST = 0.22  # arrow, over the geometric mean of the sides of the picture
 LEAST = 0.04  # pressure that has an arrow, over the largest
 SPACE = 0.13  # least distance between two arrows, over the length of the longest
 MOST_EDGES = 3000
-STICKS = 1.0  # `point_status` of a point that sticks
 
 
 def on_page(vectors: Floats) -> Floats:

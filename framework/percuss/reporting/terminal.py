@@ -119,9 +119,7 @@ def balances(result: Result) -> dict[str, str]:
         f"external work {number_text(energy['external_work'])}, "
         f"contact work {number_text(energy['contact_work'], 4)}; {ledger_words(energy)}",
         **{
-            with_unit(f"friction of {name}", "energy", result.units): ", ".join(
-                f"{words} {number_text(value)}" for value, words in _of_friction(contact)
-            )
+            with_unit(f"friction of {name}", "energy", result.units): _of_friction(contact)
             for name, contact in result.summary["contacts"].items()
             if "friction_dissipated" in contact
         },
@@ -129,9 +127,9 @@ def balances(result: Result) -> dict[str, str]:
     }
 
 
-def _of_friction(contact: Data) -> Iterator[tuple[float, str]]:
-    """Yield the numbers that friction has of a contact, with words."""
-    return ((contact[key], words) for key, words in OF_FRICTION.items())
+def _of_friction(contact: Data) -> str:
+    """Return the numbers that friction has of a contact, in words."""
+    return ", ".join(f"{words} {number_text(contact[key])}" for key, words in OF_FRICTION.items())
 
 
 def _error_lines(summary: Data) -> Iterator[str]:

@@ -19,7 +19,7 @@ from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP
 from percuss.contact.pairs import walls_of
 from percuss.contact.points import TOUCHING
 from percuss.march.recording import probe_nodes
-from percuss.mesh.body import in_space
+from percuss.mesh.body import turn_of
 from percuss.mesh.cells import cells_of, is_solid, pieces_of
 from percuss.methods.interfaces import REFERENCE_CELLS, Wall
 from percuss.methods.interfaces.body import some_at_a_time
@@ -135,9 +135,7 @@ def _length_of_cells_over_thickness(body: Body) -> float:
 
 def turned_by(body: Body, displacement: Floats) -> float:
     """Return the angle by which displacements of its nodes, (nodes, dim), turn a body in the mean [rad]."""
-    arm, mass = in_space(body.mesh.nodes - body.centre), body.mass
-    inertia = mass @ (arm**2).sum(axis=1) * np.eye(3) - np.einsum("n,ni,nj->ij", mass, arm, arm)
-    return float(np.linalg.norm(np.linalg.solve(inertia, mass @ np.cross(arm, in_space(displacement)))))
+    return float(np.linalg.norm(turn_of(body.mass, body.mesh.nodes - body.centre, displacement)))
 
 
 def _inside_out(body: Body, displacement: Floats, time: float) -> str:

@@ -31,6 +31,7 @@ from percuss.certificate.verdict import Certificate
 from percuss.contact.points import BY_CURRENT, BY_END
 from percuss.jsonable import Data
 from percuss.march.march import March, Outcome
+from percuss.mesh.body import turn_of
 from percuss.methods.interfaces import Floats
 from percuss.results.summary import BodySummary, ContactSummary, EnergySummary, GrowthSummary, MomentumSummary
 from percuss.step.account import ROUNDING
@@ -398,14 +399,10 @@ def bodies_summary(march: March, outcome: Outcome) -> dict[str, BodySummary]:
             numbers |= {f"velocity_{axis}{when}": float(value) for axis, value in zip("xyz", mean, strict=False)}
             if body.is_bar or body.spec.plane == "axisymmetric":
                 continue
-            arm, relative = np.zeros((2, body.mass.size, 3))
-            arm[:, :dim], relative[:, :dim] = places - middle, velocity - mean
-            moment = body.mass @ np.cross(arm, relative)
-            inertia = np.eye(3) * (body.mass @ (arm**2).sum(axis=1)) - (body.mass[:, None] * arm).T @ arm
+            spin = turn_of(body.mass, places - middle, velocity - mean)
             if dim == 2:
-                numbers[f"spin{when}"] = float(moment[2] / inertia[2, 2])
+                numbers[f"spin{when}"] = float(spin[2])
             else:
-                spin = np.linalg.solve(inertia, moment)
                 numbers |= {f"spin_{axis}{when}": float(value) for axis, value in zip("xyz", spin, strict=True)}
     return found
 

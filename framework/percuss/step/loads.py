@@ -52,15 +52,19 @@ def react_to_contact(loads: Loads, states: Records, boundary: Records, now: Row)
     """Add the reactions of supports and drives to the contact forces on their nodes; return their work."""
     work = 0.0
     for i in range(loads.shares.size):
-        share = loads.shares[i]
-        constraint = loads.constraints[share.hold]
-        previous = 0.0
-        for d in range(now.dim):
-            previous += loads.axes[constraint.axis + d] * boundary[constraint.place + d].old_v
-        reaction = -share.value * states[share.point].multiplier
-        constraint.reaction += reaction
-        work += reaction * (previous + loads.amplitudes[constraint.column])
+        work += react(loads, loads.shares[i], states[loads.shares[i].point].multiplier, boundary, now)
     return 0.5 * now.dt * work  # type: ignore[no-any-return]
+
+
+def react(loads: Loads, share: Row, force: float, boundary: Records, now: Row) -> float:
+    """Add the reaction of a support or drive to its share of a contact force; return twice its work over dt."""
+    constraint = loads.constraints[share.hold]
+    previous = 0.0
+    for d in range(now.dim):
+        previous += loads.axes[constraint.axis + d] * boundary[constraint.place + d].old_v
+    reaction = -share.value * force
+    constraint.reaction += reaction
+    return reaction * (previous + loads.amplitudes[constraint.column])  # type: ignore[no-any-return]
 
 
 def work_along(forces: Any, loads: Loads, boundary: Records, now: Row) -> float:

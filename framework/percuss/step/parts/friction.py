@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.contact.features import Feature
-from percuss.contact.frictions import Stick, frictions_of, tangents_of, with_stick
+from percuss.contact.frictions import frictional, frictions_of, tangents_of, with_stick
 from percuss.contact.points import ENTRY, FROM_LINE, Points, rows_of
 from percuss.record_arrays import Records, empty_records, record_array
 from percuss.step.actions import AFTER_CONTACT, BEFORE_ACCOUNT, CONTACT_EQUATION, LAWS, RECORD, Action
 from percuss.step.equation import is_active, right_side
+from percuss.step.loads import react
 from percuss.step.part import Part, Setting
 from percuss.step.records import SHARE, Loads
 
@@ -66,6 +67,7 @@ class Rows(NamedTuple):
     along: Floats  # (F, dim - 1, dim) unit tangents
     pushed: Floats  # (boundary,) accelerations by the contact forces found so far
     multiplier: Floats  # (F, dim - 1) of the rows of T
+    rate: Floats  # (F, dim - 1) slip rate at n - 1/2
     slip: Floats  # (F, dim - 1) elastic slip
     trial: Floats  # (F, dim - 1) slip without the forces of the step
     last: Floats  # (F, dim - 1) multipliers before the present sweep
@@ -221,11 +223,11 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     tangents["diagonal"] = np.linalg.eigvalsh(block)[:, -1]
     contacts = len(model.case.contacts)
     records = setting.record.energy.size
-    own = np.zeros((count, dim - 1))
+    per_axis = {name: np.zeros((count, dim - 1)) for name in ("multiplier", "rate", "slip", "trial", "last")}
     rows_now = Rows(
         step.points, step.boundary, step.loads, step.now, step.totals, tangents, record_array(entries, ENTRY),
-        record_array(shares, SHARE), along, np.zeros(step.boundary.size), own, own.copy(), own.copy(), own.copy(),
-        np.zeros((len(points), dim)), np.zeros(contacts), np.zeros(contacts),
+        record_array(shares, SHARE), along, np.zeros(step.boundary.size), **per_axis,
+        impulse=np.zeros((len(points), dim)), work=np.zeros(contacts), stored=np.zeros(contacts),
     )  # fmt: skip
     if before is not None:
         for name in ("rate", "state", "held", "before", "path"):
@@ -291,6 +293,7 @@ def begin(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
                 rate += entry.normal * rows.boundary[entry.place].old_v
                 predicted += entry.normal * rows.boundary[entry.place].new_v
             square += rate * rate
+            rows.rate[j, k] = rate
             rows.trial[j, k] = rows.slip[j, k] + dt * (predicted if tangent.predicted == 1 else rate)
             push_by(rows.pushed, rows.entries, start, start + tangent.width, rows.multiplier[j, k])
         tangent.rate = np.sqrt(square)
@@ -384,7 +387,7 @@ def push_along(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
     The elastic slip after the step is that of the force, with what the corrector of the scheme moves after the law was
     asked.
     """
-    now, loads, boundary, axes = rows.now[0], rows.loads, rows.boundary, rows.slip.shape[1]
+    now, boundary, axes = rows.now[0], rows.boundary, rows.slip.shape[1]
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
         tangent.held = 0.0
@@ -401,14 +404,8 @@ def push_along(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
                 boundary[rows.entries[e].place].new_v += now.dt * rows.entries[e].response * force
     work = 0.0
     for i in range(rows.shares.size):
-        share = rows.shares[i]
-        constraint = loads.constraints[share.hold]
-        previous = 0.0
-        for d in range(now.dim):
-            previous += loads.axes[constraint.axis + d] * boundary[constraint.place + d].old_v
-        reaction = -share.value * rows.multiplier[share.point // axes, share.point % axes]
-        constraint.reaction += reaction
-        work += reaction * (previous + loads.amplitudes[constraint.column])
+        j, k = divmod(rows.shares[i].point, axes)
+        work += react(rows.loads, rows.shares[i], rows.multiplier[j, k], boundary, now)
     rows.totals[0].work_of_parts += 0.5 * now.dt * work
 
 
@@ -439,13 +436,11 @@ def account_for(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
         contact = rows.points.law[tangent.point].contact
         product, square = 0.0, 0.0
         for k in range(rows.slip.shape[1]):
-            force, rate, before = rows.multiplier[j, k], 0.0, 0.0
+            force, rate = rows.multiplier[j, k], 0.0
             start = tangent.start + k * tangent.width
             for e in range(start, start + tangent.width):
-                q = rows.boundary[rows.entries[e].place]
-                rate += rows.entries[e].normal * q.new_v
-                before += rows.entries[e].normal * q.old_v
-            rows.work[contact] += 0.5 * dt * force * (before + rate)
+                rate += rows.entries[e].normal * rows.boundary[rows.entries[e].place].new_v
+            rows.work[contact] += 0.5 * dt * force * (rows.rate[j, k] + rate)
             for d in range(rows.along.shape[2]):
                 rows.impulse[tangent.number, d] += dt * force * rows.along[j, k, d]
             product -= force * (dt * rate - tangent.sigma * force)
@@ -513,11 +508,7 @@ SLIDING = "while points slide, their equations have no symmetric stiffness, and 
 
 def feature(model: Model) -> Feature | None:
     """Return what is to know of friction; None without any."""
-    if any(isinstance(law, Stick) for law in model.contact_points.laws):
-        return None
-    specs = [spec.friction for spec in model.case.contacts.values()]
-    names = dict.fromkeys(one.name for one in specs if one is not None and one.acts)
-    if not names:
+    if not (names := dict.fromkeys(friction.name for friction in frictional(model).values())):
         return None
     return Feature(
         name=f"friction {' and '.join(names)}",
