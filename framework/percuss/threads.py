@@ -18,7 +18,8 @@ from percuss.errors import wrong_input
 NO_LAYER = "numba has no threads here that several threads of Python may use: install OpenMP (libgomp) or tbb"
 FORKED = "a forked process has one thread"
 
-PARTS = 32  # of the steps, after each of which threads are compared with one
+PARTS = 64  # of the steps, after each of which threads are compared with one
+FEW = 8  # steps, of which one alone would take too long
 
 _FORKED = threading.Event()
 if hasattr(os, "register_at_fork"):
@@ -79,7 +80,7 @@ def made_faster(count: int, threads: int, advance: Callable[[int, int], int]) ->
 
     Threads wait for each other in each step: where other programs hold the cores, one thread alone is several times as
     fast. So one thread makes the first part of the steps, and all of them go on until they have lost the time of a part
-    against it. Of few steps there is no part: those of very large bodies take so long that waiting does not matter.
+    against it. Threads alone make a few steps.
 
     Parameters
     ----------
@@ -91,7 +92,7 @@ def made_faster(count: int, threads: int, advance: Callable[[int, int], int]) ->
         Makes the steps from a first number up to another, and returns how many it made before one failed.
     """
     part, done, alone, lost = max(1, count // PARTS), 0, math.inf, 0.0
-    by = 1 if count >= PARTS else threads
+    by = 1 if count >= FEW else threads
     while True:
         stop, began = min(done + part, count), time.perf_counter()
         with limited_to(by):

@@ -134,7 +134,8 @@ def test_one_thread_goes_on_where_threads_lose_time(monkeypatch, failing, pace, 
 
     monkeypatch.setattr(threads, "limited_to", limited_to)
     monkeypatch.setattr(threads.time, "perf_counter", lambda: clock[0])
-    monkeypatch.setattr(threads, "PARTS", 10 if alone else 101)  # of fewer steps none is made alone
+    monkeypatch.setattr(threads, "PARTS", 10)
+    monkeypatch.setattr(threads, "FEW", 8 if alone else 101)  # of fewer steps none is made alone
     assert threads.made_faster(100, 2, advance) == failing
     parts = {0.5: 9, 1.4: 3, 3.0: 1 if alone else 9}[pace]
     by_threads = 10 * parts if alone else 100

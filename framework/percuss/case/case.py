@@ -13,7 +13,7 @@ from percuss.case.cross_checks import CrossChecks, completed
 from percuss.case.source import Source
 from percuss.case.specs import Address, CaseSection, Spot
 from percuss.case.type_words import found
-from percuss.case.validation import Reader
+from percuss.case.validation import Checked, Reader
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem
 from percuss.files import is_file
@@ -41,6 +41,8 @@ class Case(CaseSection):
         Single-file plug-ins given beside the case.
     data_files
         Texts of the data files that the case names, by the path written there.
+    checked
+        Its checked parts, which a case with overrides has too unless they change or name files.
     """
 
     dimension: int
@@ -50,6 +52,7 @@ class Case(CaseSection):
     origin: Source = field(repr=False)
     files: tuple[Path, ...]
     data_files: Mapping[str, str] = field(repr=False)
+    checked: Checked = field(repr=False, compare=False)
 
     def __repr__(self) -> str:
         time = {name: getattr(self.time, name) for name in ("end", "courant", "step", "steps")}
@@ -116,7 +119,8 @@ class Case(CaseSection):
             If a path does not exist or the result is not a case.
         """
         registry = None if any(path.split(".")[0] == "plugins" for path in overrides) else self.registry
-        return _load(self.origin, overrides, registry, self.files, self.notes)
+        checked = self.checked if registry and not self.data_files else None
+        return _load(self.origin, overrides, registry, self.files, self.notes, checked)
 
     def with_one_law(self) -> Case:
         """Return the case with the contact law of the section `method` for every contact."""
@@ -171,6 +175,7 @@ def _load(
     registry: Registry | None,
     plugins: tuple[Path, ...],
     notes: tuple[str, ...],
+    checked: Checked | None = None,
 ) -> Case:
     if not isinstance(source.data, Mapping):
         overrides = {}  # nothing can be set in it, as its reader reports
@@ -178,7 +183,7 @@ def _load(
     if registry is None:
         registry = registry_of(source, plugins)
     source, override_notes = overriding.apply(source, overrides, registry)
-    return _read(source, registry, plugins, (*notes, *override_notes))
+    return _read(source, registry, plugins, (*notes, *override_notes), checked)
 
 
 def registry_of(source: Source, plugins: tuple[Path, ...]) -> Registry:
@@ -195,8 +200,14 @@ def registry_of(source: Source, plugins: tuple[Path, ...]) -> Registry:
     return registry
 
 
-def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: tuple[str, ...]) -> Case:
-    reader = Reader(source, registry)
+def _read(
+    source: Source,
+    registry: Registry,
+    plugins: tuple[Path, ...],
+    notes: tuple[str, ...],
+    checked: Checked | None = None,
+) -> Case:
+    reader = Reader(source, registry, checked)
     _check_version(reader)
     section = reader.read(CaseSection)
     checks = CrossChecks(reader)
@@ -212,6 +223,7 @@ def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: 
         origin=source,
         files=plugins,
         data_files=dict(reader.context.texts_read),
+        checked=reader.context.checked,
     )
 
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, cast, get_args
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias, TypeVar, cast, get_args
 
 import pydantic
 from pydantic import GetCoreSchemaHandler
@@ -46,6 +46,7 @@ NO_KEY = "\0"
 
 
 F = TypeVar("F", DataFile, MeshFile)
+Checked: TypeAlias = dict[int, tuple[Any, Any]]  # see `Context.checked`
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Context:
     given_texts
         Texts that stand in for data files, by the path written in the input.
     checked
-        Instance made from each mapping of the input without mistakes, by the mapping's ``id``.
+        Mapping without mistakes and the instance made from it, by the mapping's ``id``.
     texts_read
         Text of each data file of the input, by the path written there.
     """
@@ -69,8 +70,13 @@ class Context:
     registry: Registry
     folder: Path
     given_texts: Mapping[str, str] = field(default_factory=dict)
-    checked: dict[int, Any] = field(default_factory=dict)
+    checked: Checked = field(default_factory=dict)
     texts_read: dict[str, str] = field(default_factory=dict)
+
+    def made_of(self, mapping: object) -> Any:
+        """Return the instance made from a mapping of the input, None if there is none."""
+        checked, made = self.checked.get(id(mapping), (None, None))
+        return made if checked is mapping else None
 
     def data_file(self, path: str) -> DataFile:
         """Return the data file at a path as written in the input."""
@@ -264,6 +270,8 @@ def _mapping_schema(cls: Any, handler: GetCoreSchemaHandler) -> core_schema.Core
     def instance(value: object, check: Any, info: core_schema.ValidationInfo[Context]) -> Any:
         if not isinstance(value, Mapping):
             return check(value)  # which raises an error that the mapping around this one puts into words
+        if type(made := info.context.made_of(value)) is cls:
+            return made
         given = value
         if keyed is not None:
             names = info.context.registry.names(keyed.family)
@@ -281,7 +289,7 @@ def _mapping_schema(cls: Any, handler: GetCoreSchemaHandler) -> core_schema.Core
             raise failure(Mistake(error.path, str(error))) from None
         except ValueError as error:
             raise failure(Mistake((), said_by(error), key=True)) from None
-        info.context.checked[id(value)] = made
+        info.context.checked[id(value)] = value, made
         return made
 
     mapping = core_schema.typed_dict_schema(fields, extra_behavior="forbid", config=_STRICT, metadata={"percuss": cls})
@@ -452,14 +460,15 @@ class Reader:
     source, registry
         The source, and the registry of the components that it may name.
     context
-        Surroundings of its validation; the parts without mistakes are in it, whether others have mistakes or not.
+        Surroundings of its validation; the parts without mistakes are in it, whether others have mistakes or not, and
+        from the beginning those that have been checked before.
     problems
         Mistakes so far, each with its place in the order of the source.
     """
 
-    def __init__(self, source: Source, registry: Registry) -> None:
+    def __init__(self, source: Source, registry: Registry, checked: Checked | None = None) -> None:
         self.source, self.registry = source, registry
-        self.context = Context(registry, source.folder, source.data_files)
+        self.context = Context(registry, source.folder, source.data_files, dict(checked or {}))
         self.problems: list[tuple[tuple[int, int, int], Problem]] = []
 
     def wrong(self, path: KeyPath, message: str, advice: str = "", *, key: bool = False) -> None:
@@ -489,4 +498,4 @@ class Reader:
 
     def part(self, path: KeyPath) -> Any:
         """Return the checked section at `path`, or None if it has mistakes or is no section."""
-        return self.context.checked.get(id(self.source.get(path)))
+        return self.context.made_of(self.source.get(path))

@@ -216,9 +216,9 @@ class Operator:
 
 
 def _reach(*matrices: Any) -> int:
-    """Return how far from the diagonal sparse matrices have entries."""
-    all_entries = [matrix.tocoo(copy=False) for matrix in matrices]
-    return max(int(np.abs(entries.row - entries.col).max(initial=0)) for entries in all_entries)
+    """Return how far from the diagonal compressed sparse matrices have entries."""
+    rows = [np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr)) for matrix in matrices]
+    return max(int(np.abs(row - each.indices).max(initial=0)) for row, each in zip(rows, matrices, strict=True))
 
 
 def largest_eigenvalue(matrix: Any) -> float:

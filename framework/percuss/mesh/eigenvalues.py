@@ -22,13 +22,12 @@ RITZ_TOLERANCE = 1e-9  # of the largest residual over the Ritz value, whose own 
 
 
 def as_bands(matrix: Any) -> Floats:
-    """Return the bands of a symmetric sparse matrix, (k + 1, n)."""
-    entries = matrix.tocoo()
-    entries.sum_duplicates()  # which older versions of SciPy leave where a matrix is made of its entries
-    below = entries.row - entries.col
-    out = np.zeros((int(below.max(initial=0)) + 1, matrix.shape[0]))
-    kept = below >= 0
-    out[below[kept], entries.col[kept]] = entries.data[kept]
+    """Return the bands of a symmetric compressed sparse matrix, (k + 1, n)."""
+    size = matrix.shape[0]
+    row = np.repeat(np.arange(size), np.diff(matrix.indptr))
+    out = np.zeros((int((row - matrix.indices).max(initial=0)) + 1, size))
+    for k, band in enumerate(out):
+        band[: size - k] = matrix.diagonal(-k)
     return out
 
 
