@@ -55,6 +55,7 @@ from percuss.methods.interfaces import MeshFile as MeshFile
 from percuss.methods.interfaces import OptionError as OptionError
 from percuss.methods.interfaces import PairedPoints as PairedPoints
 from percuss.methods.interfaces import Pairing as Pairing
+from percuss.methods.interfaces import Places as Places
 from percuss.methods.interfaces import ProblemBody as ProblemBody
 from percuss.methods.interfaces import ProblemContact as ProblemContact
 from percuss.methods.interfaces import ProblemLoad as ProblemLoad

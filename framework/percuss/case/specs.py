@@ -308,6 +308,16 @@ class ContactSpec(Section):
     friction: Annotated[Friction | None, Named("frictions"), Doc("friction of this contact; else method.friction")] = (
         None
     )
+    sliding: Annotated[
+        Literal["small", "large"],
+        Doc("small: normals and partners are those of the start; large: the points find them anew in each step"),
+    ] = "small"
+    overlap: Annotated[
+        Literal["refuse", "keep", "press"],
+        Doc(
+            "of surfaces that slide, where they overlap at the start: refuse it, keep it as an offset, or let it press"
+        ),
+    ] = "refuse"
     between: (
         Annotated[
             tuple[AnAddress, AnAddress],

@@ -16,7 +16,18 @@ from percuss.case.quantities import percent
 from percuss.certificate.assessment import MARGINAL_DISTANCE, Answer, Assessment, largest_step, named, quoted
 from percuss.certificate.black_box import SMALLEST_SHARE_OF_FREE_STEP, BlackBox
 from percuss.certificate.bounds import BOUND, Bounds
-from percuss.certificate.closed_laws import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedLaws, closed_laws, why_unlike
+from percuss.certificate.closed_laws import (
+    BETWEEN,
+    BOUNDED,
+    MOVED,
+    NEVER_GROWS,
+    NOT_GUARANTEED,
+    RENEWED,
+    UNKNOWN,
+    ClosedLaws,
+    closed_laws,
+    why_unlike,
+)
 from percuss.certificate.criteria import RunCriterion, criterion_of, too_large, unknown_by_mass
 from percuss.certificate.lanczos import CHANCE, MARGIN, Lanczos, products_for
 from percuss.certificate.linear_laws import doubts_of, linear_laws
@@ -24,6 +35,7 @@ from percuss.certificate.oscillator import limit_ratio
 from percuss.contact.features import Verdict
 from percuss.contact.laws import ignored_couplings
 from percuss.contact.model import Model
+from percuss.contact.sliding import complementary, sliding
 from percuss.errors import InputError, refuse_if_any
 from percuss.jsonable import Entries
 from percuss.march.model_of_case import model_of, with_laws, with_step
@@ -239,11 +251,12 @@ def _finding(model: Model, criterion: RunCriterion | None, *, search: bool) -> F
     """Return what is found about a run: with and without the rows in which closed contacts may hold their bodies."""
     if (held := model.facts.held) is not None:
         sticking, apart = _found(held(model), criterion, search=search), _found(model, None, search=search)
-        states: dict[str, Verdict] = {"open": apart.stable, "sticking": sticking.stable, "sliding": "unknown"}
+        when, held_name, other = model.facts.held_words
+        states: dict[str, Verdict] = {"open": apart.stable, held_name: sticking.stable, other: "unknown"}
         worst = next((one for one in (apart, sticking) if one.stable == "no"), None)
         if worst is not None:
             return dataclasses.replace(worst, states=states)
-        why = f"{model.why('certificate')}. While they stick: {sticking.stable}, {sticking.why}"
+        why = f"{model.why('certificate')}. {when}: {sticking.stable}, {sticking.why}"
         return dataclasses.replace(
             sticking, stable="unknown", why=why, energy=apart.energy, energy_why=apart.energy_why, states=states
         )
@@ -424,6 +437,8 @@ def _energy_guarantee(model: Model, laws: ClosedLaws, assessment: Assessment, ve
             return NOT_GUARANTEED, f"that takes a stable closed step{more}"
         if laws.energy == NEVER_GROWS and (reason := _stiffened_contacts(model, laws)):
             return NOT_GUARANTEED, reason
+    if sliding(model.case):
+        return (BOUNDED, RENEWED) if laws.energy != UNKNOWN and complementary(model) else (NOT_GUARANTEED, MOVED)
     return laws.energy, laws.why
 
 

@@ -76,6 +76,8 @@ class Feature:
     held
         Returns the model with further rows in which closed contacts may hold their bodies, which a certificate examines
         too. It replaces the answer about the certificate where that model or the one without them is unstable.
+    held_words
+        When its contacts hold them so, in words, and the names of that state and of the one of which nothing is known.
     reasons
         Its answers, in words, to what other rooms ask; `percuss.contact.model.Model.why` returns them.
     """
@@ -94,6 +96,7 @@ class Feature:
     dissipates: bool = False
     of_all_laws: bool = False
     held: Callable[[Any], Any] | None = None
+    held_words: tuple[str, str, str] = ("While they stick", "sticking", "sliding")
     reasons: Mapping[Question, Reason] = field(default_factory=dict)
 
     def why(self, question: Question, model: Any) -> str:

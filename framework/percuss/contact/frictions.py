@@ -13,6 +13,7 @@ from percuss.contact.laws import bind_laws, laws_at
 from percuss.contact.model import rows_over_the_run
 from percuss.contact.points import PointArrays, joined
 from percuss.contact.prisms import stress_along
+from percuss.contact.sliding import with_rows_that_stay
 from percuss.errors import Problem
 from percuss.mesh.stiffness_rows import in_order
 from percuss.methods.interfaces import ContactLaw, ContactPoints, FrictionPoints, LinearLaw
@@ -162,7 +163,7 @@ class Stick(ContactLaw):
 
 def with_stick(model: Model) -> Model:
     """Return a model whose points with friction have further points along the surfaces, which all stick."""
-    points = model.contact_points
+    points = with_rows_that_stay(model).contact_points
     parts, along = [points], tangents_of(points.normal)
     for name in frictional(model):
         law, where = Stick(model, name), np.flatnonzero(points.contact == list(model.case.contacts).index(name))

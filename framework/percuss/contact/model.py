@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from percuss.contact.features import together
 from percuss.contact.limits import stiffness_limits
 from percuss.contact.points import LAW, NOTHING, PointArrays, Rows, law_records, rows_of
+from percuss.contact.sliding import at_every_position, limits_at_every_position, sliding
 from percuss.mesh.loads import acts_at, latest
 from percuss.methods.interfaces import LeapFrog, Stages
 
@@ -169,13 +170,19 @@ class Model:
 
     @cached_property
     def largest_delassus(self) -> tuple[Floats, Floats]:
-        """The largest diagonal entry of S over the run, and the largest sum of absolute values of a row, (P,) each."""
+        """The largest diagonal entry of S over the run, and the largest sum of absolute values of a row, (P,) each.
+
+        The sums are those at every position where surfaces slide.
+        """
         rows = self.rows.values()
-        return np.max([one.delassus for one in rows], axis=0), np.max([one.sums for one in rows], axis=0)
+        sums: Floats = np.max([one.sums for one in rows], axis=0)
+        return np.max([one.delassus for one in rows], axis=0), at_every_position(self, sums)
 
     @cached_property
     def stiffness_limits(self) -> Callable[[float], Floats]:
         """The function that gives `ContactPoints.stiffness_limit` for a time step, (P,) [force/length]."""
+        if sliding(self.case):
+            return partial(limits_at_every_position, self)
         return stiffness_limits(self.bodies, self.contact_points, self.rows.values())
 
     @cached_property

@@ -13,6 +13,7 @@ import numpy as np
 from percuss.case.specs import Plane
 from percuss.case.type_words import found
 from percuss.contact.points import TOUCHING, PointArrays, added_up, joined, no_points
+from percuss.contact.sliding import points_at_the_start, slides
 from percuss.errors import Problem
 from percuss.mesh.loads import ROUND_OFF
 from percuss.methods.interfaces import PairedPoints, Surface, Wall
@@ -39,6 +40,10 @@ def points_of(case: Case, bodies: Mapping[str, Body], held: Held, problems: list
     parts = [no_points(case.dimension)]
     for number, spec in enumerate(case.contacts.values()):
         sides = [bodies[side.body] for side in spec.sides]
+        if spec.sliding == "large" and any(body.is_bar for body in sides):
+            message, advice = "expected solids that slide, found bars, which meet along one line", "Drop `sliding`."
+            problems.append(case.problem(("contacts", spec.name, "sliding"), message, advice))
+            continue
         meet = _ends_that_meet if all(body.is_bar for body in sides) else _surfaces_that_meet
         paired = meet(case, spec, sides)
         if isinstance(paired, PairedPoints):
@@ -64,6 +69,8 @@ def _points_of(number: int, spec: ContactSpec, sides: Sequence[Body], paired: Pa
     # rho A h / 2 = 2 (EA/h) / omega^2; of two sides of the same stiffness that of the lighter one
     mass, _ = _smallest(2.0 * stiffness * paired.weight / frequency**2, yields & soft)
     count, node, value = _entries(paired)
+    if moves := slides(spec):  # which needs all of its entries
+        count, node, value = np.diff(paired.start), paired.node, paired.value
     met = surfaces[-1].surface
     return PointArrays(
         names=(spec.name,) * points,
@@ -81,6 +88,7 @@ def _points_of(number: int, spec: ContactSpec, sides: Sequence[Body], paired: Pa
         equal_sides=(soft & slow | ~yields).all(axis=0),
         weight=paired.weight,
         facet=np.ptp(met.positions[met.facets], axis=1).max(axis=1)[paired.facets[:, len(surfaces) - 1]],
+        slides=np.full(points, moves),
     )
 
 
@@ -210,16 +218,20 @@ def _surfaces_that_meet(case: Case, spec: ContactSpec, sides: Sequence[Body]) ->
         return problem
     second = surfaces[1].surface if len(surfaces) > 1 else wall_of(spec, first)
     paired: PairedPoints = answer(pairing, "points", first, second)
-    if not paired.gap.size:
+    places = answer(pairing, "places", first, second) if slides(spec) else None
+    if slides(spec) and places is None:
+        message = f"expected a pairing whose points keep their places on the first surface, found {pairing.name}"
+        return case.problem((*path, "sliding"), message, "It slides small. Take node-to-segment or gauss-points.")
+    if not (paired.gap.size or places):
         return case.problem(path, "expected surfaces that face each other, found no point of one that meets the other")
-    deepest = float(paired.gap.min())
-    if deepest < -TOUCHING * _height(surfaces):
+    deepest = float(paired.gap.min(initial=0.0))
+    if spec.overlap == "refuse" and deepest < -TOUCHING * _height(surfaces):
         place = found(np.round(_place_of(paired, int(paired.gap.argmin()), first), 9).tolist())
         message = (
             f"expected bodies apart or touching, found an overlap of {-deepest:.6g} at {place} (by {pairing.name})"
         )
         return case.problem(path, message, f"Move them apart by {-deepest:.12g}, or drop the contact.")
-    return paired
+    return points_at_the_start(places, first, second) if places and isinstance(second, Surface) else paired
 
 
 def _why_not_paired(case: Case, spec: ContactSpec, surfaces: Sequence[BodySurface]) -> Problem | None:

@@ -60,6 +60,8 @@ class PointArrays:
     stiffness, frequency, mass, equal_sides, weight : (P,) arrays
     facet : (P,) array
         Size of the facet that the point met at the start, at a wall of its own; 0 at the end of a bar [length].
+    slides : (P,) bool array
+        Whether a step writes its entries anew.
     """
 
     names: tuple[str, ...]
@@ -77,6 +79,7 @@ class PointArrays:
     equal_sides: Any
     weight: Floats
     facet: Floats
+    slides: Any
 
     def __len__(self) -> int:
         return len(self.names)
@@ -126,6 +129,7 @@ def no_points(dim: int) -> PointArrays:
     return PointArrays(
         names=(), laws=(), contact=whole, count=whole, node=whole, value=vectors, normal=vectors, at_wall=flags,
         gap=real, stiffness=real, frequency=real, mass=real, equal_sides=flags, weight=real, facet=real,
+        slides=flags,
     )  # fmt: skip
 
 
@@ -359,6 +363,7 @@ class Points(NamedTuple):
     contacts: Records  # CONTACT
     entries: Records  # ENTRY
     others: Records  # OTHER
+    normal: Floats  # (P, dim) unit vectors from the first surface to the second, or to the wall
 
 
 def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
@@ -455,7 +460,8 @@ def point_records(laws: Any, points: PointArrays, order: Sequence[int], rows: Ro
     entries["normal"] = rows.normal.ravel()
     entries["response"] = np.where(rows.beside[:, None] < 0, rows.response, 0.0).ravel()
     others["point"], others["value"] = rows.other, rows.coupling
-    return Points(law, row, state, sums, contacts, entries, others)
+    row["other_stop"][points.slides[list(order)]] += 1  # any other point may share a node with one that slides
+    return Points(law, row, state, sums, contacts, entries, others, points.normal[list(order)])
 
 
 def carry_over(before: Points, after: Points) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.contact.points import NEVER, carry_over, point_records
+from percuss.contact.sliding import sliding, surfaces_of
 from percuss.contact.state_variables import StateVariables
 from percuss.march.parts import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
@@ -166,12 +167,12 @@ class Arrays:
             (self.place[support.node], i * dim, model.bodies.mass_held(support.node), first + support.column, 0.0)
             for i, (_, support) in enumerate(constraints)
         ]
-        touched, point = set(rows.node.tolist()), rows.point
+        touched, point, stays = set(rows.node.tolist()), rows.point, ~model.contact_points.slides[self.order]
         shares = [
             (i, int(point[k]), float(constraint.direction @ rows.normal[k]))
             for i, (_, constraint) in enumerate(constraints)
             if constraint.node in touched and constraint.active(midpoint)
-            for k in np.flatnonzero(rows.node == constraint.node)
+            for k in np.flatnonzero((rows.node == constraint.node) & stays[point])
         ]
         forces = [
             (self.place[force.node], i * dim, model.bodies.mobility(force.node), force.column)
@@ -284,7 +285,8 @@ def _places(model: Model) -> dict[int, int]:
         for node in model.bodies.at(end).response(end)
     ]
     probed = [node for nodes in probe_nodes(model) for node, _ in nodes]
-    nodes = dict.fromkeys([*contact_nodes, *acted_nodes, *beside, *probed])
+    slid = [surface.nodes for spec in sliding(model.case).values() for surface in surfaces_of(spec, model.bodies)]
+    nodes = dict.fromkeys([*contact_nodes, *acted_nodes, *beside, *probed, *(n for one in slid for n in one.tolist())])
     return {node: k * model.dim for k, node in enumerate(nodes)}
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from percuss.contact import frictions
+from percuss.contact import frictions, sliding
 from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
 from percuss.step.parts import coupled_masses, ends_without_mass, followers, friction, own_steps, viscosity
+from percuss.step.parts import sliding as slides
 from percuss.step.parts.internal_work import InternalWork
 from percuss.step.parts.of_surfaces import SurfacesRecorded
 from percuss.step.parts.state_variables import StateVariablesKept
@@ -25,6 +26,7 @@ PARTS: tuple[type[Part[Any]], ...] = (
     InternalWork,
     viscosity.Viscosity,
     own_steps.OwnSteps,
+    slides.Sliding,
     friction.Frictions,
     StateVariablesKept,
     SurfacesRecorded,
@@ -38,10 +40,11 @@ FEATURES: tuple[Callable[[Model], Feature | None], ...] = (
     ends_without_mass.feature,
     followers.feature,
     friction.feature,
+    slides.feature,
 )
 # What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
 BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)
-WITH_LAWS = (ends_without_mass.refusals, laws_refused, frictions.refusals)
+WITH_LAWS = (ends_without_mass.refusals, laws_refused, sliding.refusals, frictions.refusals)
 
 
 def features_of(model: Model) -> tuple[Feature, ...]:

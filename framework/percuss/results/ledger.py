@@ -26,7 +26,7 @@ from typing import Any, cast
 import numpy as np
 
 from percuss.case.quantities import percent
-from percuss.certificate.closed_laws import BETWEEN, NEVER_GROWS
+from percuss.certificate.closed_laws import BETWEEN, BOUNDED, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
 from percuss.contact.points import BY_CURRENT, BY_END
 from percuss.jsonable import Data
@@ -278,8 +278,12 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
         of_points = outcome.sums.impulse[points.point][:, None] * points.value
         if (along := outcome.histories.get("friction_impulse")) is not None:
             of_points += points.share[:, None] * along[points.point]
+        of_points[points.slides[points.point]] = 0.0  # whose impulses are those on nodes
         moments = bodies.with_moment(bodies.nodes[points.node], of_points)[:, dim:]
         pressed = np.stack([np.bincount(points.point, column, len(points)) for column in moments.T], axis=1)
+        if points.slides.any():
+            nodes, pushes = list(march.arrays.place), outcome.histories["pushes"].reshape(-1, dim)
+            pressed = np.concatenate([pressed, bodies.with_moment(bodies.nodes[nodes], pushes)[:, dim:]])
     before, after, supports, contacts = (moments.sum(axis=0) for moments in (*momenta, held, pressed))
     loads = outcome.load_impulse[dim:]
     inertia = float(bodies.mass @ ((bodies.nodes - bodies.centre) ** 2).sum(axis=1))
@@ -422,6 +426,8 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
     total = outcome.totals
     rise, drift = (float(value) / scale if scale > 0 else 0.0 for value in (total.rise, total.largest_drift))
     measured = {NEVER_GROWS: rise, BETWEEN: drift}.get(certificate["energy"])
+    if certificate["energy"] == BOUNDED:
+        measured = float(outcome.histories["excess"].max()) / scale if scale > 0 else 0.0
     allowed = _allowed(outcome, ALLOWED_GROWTH, scale)
     if not math.isfinite(allowed):  # a motion that is no longer finite has no round-off
         measured = None
@@ -462,6 +468,8 @@ def growth_notes(march: March, outcome: Outcome, growth: GrowthSummary) -> list[
         return []
     laws = " and ".join(dict.fromkeys(law.name for law in march.model.contact_points.laws))
     pair = f"{march.model.case.method.integrator.name} with {laws}"
+    if growth["guarantee"] == BOUNDED:
+        return [f"the contacts added more energy than the renewal of rows explains, which {pair} does not allow"]
     if growth["guarantee"] == NEVER_GROWS:
         return [
             f"energy grew by {percent(growth['largest'])} of the largest energy at step {growth['step']}, time "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from percuss import REFERENCE_CELLS, Doc, Ge, Le, PairedPoints, Pairing, Unit
+from percuss import REFERENCE_CELLS, Doc, Ge, Le, PairedPoints, Pairing, Places, Unit
 from percuss_methods.pairings._closest import paired
 
 if TYPE_CHECKING:
@@ -40,10 +40,14 @@ class GaussPoints(Pairing):
 
     def points(self, first: Surface, second: Surface | Wall) -> PairedPoints:
         """Return the Gauss points that have a partner."""
+        return paired(first, second, *self.places(first, second))
+
+    def places(self, first: Surface, second: Surface | Wall) -> Places:  # noqa: ARG002
+        """Return the Gauss points."""
         of_facet, weight = rule(first.facets.shape[1], self.points_on_facet)
         count = len(first.facets)
         shares, facets = np.tile(of_facet, (count, 1)), np.repeat(np.arange(count), weight.size)
-        return paired(first, second, facets, shares, first.spread(facets, shares) * np.tile(weight, count))
+        return Places(facets, shares, first.spread(facets, shares) * np.tile(weight, count))
 
 
 def rule(corners: int, along: int) -> tuple[Floats, Floats]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss import PairedPoints, Pairing
+from percuss import PairedPoints, Pairing, Places
 from percuss_methods.pairings._closest import areas_of_nodes, paired
 
 if TYPE_CHECKING:
@@ -35,8 +35,12 @@ class NodeToSegment(Pairing):
 
     def points(self, first: Surface, second: Surface | Wall) -> PairedPoints:
         """Return the nodes that have a partner."""
+        return paired(first, second, *self.places(first, second))
+
+    def places(self, first: Surface, second: Surface | Wall) -> Places:
+        """Return the nodes."""
         width = first.facets.shape[1]
         facets, places = np.zeros((2, len(first.nodes)), dtype=np.int64)
         for place in range(width):  # any facet at a node serves
             facets[first.facets[:, place]], places[first.facets[:, place]] = np.arange(len(first.facets)), place
-        return paired(first, second, facets, np.eye(width)[places], areas_of_nodes(first, second))
+        return Places(facets, np.eye(width)[places], areas_of_nodes(first, second))

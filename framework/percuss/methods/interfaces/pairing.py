@@ -172,10 +172,30 @@ class PairedPoints(NamedTuple):
     value: Floats
 
 
+class Places(NamedTuple):
+    """Contact points that keep their places on the first surface.
+
+    Attributes
+    ----------
+    facets : (P,) array
+        Facet on which each point lies.
+    shares : (P, nodes of a facet) array
+        Shape functions of that facet at the point.
+    weight : (P,) array
+        Area of the surface that belongs to the point [length^2].
+    """
+
+    facets: Integers
+    shares: Floats
+    weight: Floats
+
+
 class Pairing(Component, contract="pairings"):
     """A way to make contact points of two surfaces of bodies that are not lines.
 
-    Pairing and normals are those of the start; displacements are small.
+    Pairing and normals are those of the start; displacements are small. Where a contact has ``sliding: large``, the
+    points stay at their `places`, and the framework finds in each step what they meet: the nearest facet of the second
+    surface.
 
     Attributes
     ----------
@@ -206,3 +226,13 @@ class Pairing(Component, contract="pairings"):
         second
             The surface or the wall that it meets.
         """
+
+    def places(self, first: Surface, second: Surface | Wall) -> Places | None:  # noqa: ARG002
+        """Return the points of the first surface that keep their places on it, in the order of `points`.
+
+        All of them, whether they meet anything at the start or not. None, as here, where a pairing has no such points:
+        it does not slide.
+
+        Parameters are those of `points`.
+        """
+        return None

@@ -17,6 +17,7 @@ import numpy as np
 from percuss.contact.features import Feature
 from percuss.contact.frictions import frictional, frictions_of, tangents_of, with_stick
 from percuss.contact.points import ENTRY, FROM_LINE, Points, rows_of
+from percuss.contact.sliding import mobilities
 from percuss.record_arrays import Records, empty_records, record_array
 from percuss.step.actions import AFTER_CONTACT, BEFORE_ACCOUNT, CONTACT_EQUATION, LAWS, RECORD, Action
 from percuss.step.equation import is_active, right_side
@@ -43,6 +44,7 @@ TANGENT = np.dtype(
         ("diagonal", "f8"),  # largest eigenvalue of the block of S of its rows
         ("predicted", "i8"),  # 1 if slip is taken after the bulk update, 0 if at t_n
         ("weight", "f8"),  # area
+        ("moves", "i8"),  # 1 if a step writes its rows
         # what a step changes
         ("rate", "f8"),  # slip rate at n - 1/2
         ("state", "i8"),  # OPEN, STICKS or SLIDES
@@ -72,6 +74,12 @@ class Rows(NamedTuple):
     trial: Floats  # (F, dim - 1) slip without the forces of the step
     last: Floats  # (F, dim - 1) multipliers before the present sweep
     impulse: Floats  # (points of the model, dim) along the surfaces
+    moving: Integers  # index in the loop of each point whose rows a step writes
+    turned: Floats  # (F, dim) normals across which the tangents are
+    mobility: Floats  # (nodes, dim, dim) acceleration by a force; of no node where all rows stay
+    force: Floats  # (nodes * dim) of the points whose rows move
+    held: Records  # SHARE, of supports and drives: the node, as a point, has a force
+    pushes: Floats  # (nodes * dim) impulse of the points whose rows move
     work: Floats  # (contacts,) of friction so far
     stored: Floats  # (contacts,) energy that stick stores
 
@@ -91,7 +99,6 @@ class History(NamedTuple):
     """Where friction is recorded."""
 
     rows: Rows
-    normal: Floats  # (points of the loop, dim)
     work: Floats  # (R, contacts)
     stored: Floats  # (R, contacts)
     slid: Floats  # (R, contacts) longest slide of a point so far
@@ -124,9 +131,9 @@ class Frictions(Part[History]):
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
-        """Return the part, None without friction."""
+        """Return the part, None without friction where all rows stay."""
         bound = frictions_of(setting.model)
-        if not bound:
+        if not bound and not setting.model.contact_points.slides.any():
             return None
         history = _history(setting, bound, before.data if before is not None else None)
         return cls(history, list(_groups(setting, bound, history.rows, before.groups if before is not None else [])))
@@ -138,6 +145,9 @@ class Frictions(Part[History]):
     def actions(self) -> Iterator[Action]:
         """Yield the actions of a step."""
         rows = self.data.rows
+        if rows.moving.size:
+            yield Action(LAWS, turn, rows, order=1)
+            yield Action(AFTER_CONTACT, push_nodes, rows, order=1)
         yield Action(LAWS, begin, rows, order=1)
         for group, friction in self.groups:
             if friction is None:
@@ -159,6 +169,7 @@ class Frictions(Part[History]):
         """Return the forces, slips, sums and states of the points."""
         rows = self.data.rows
         own = [rows.tangents, rows.multiplier, rows.slip, rows.impulse, rows.work, rows.stored]
+        own += [rows.along, rows.turned, rows.pushes]
         return own + [group.before for group, _ in self.groups if group.before.size]
 
     def results(self) -> Mapping[str, Floats]:
@@ -177,8 +188,8 @@ class Frictions(Part[History]):
         }
 
     def sums(self) -> Mapping[str, Floats]:
-        """Return the impulse of each point of the model along the surfaces, (P, dim)."""
-        return {"friction_impulse": self.data.rows.impulse}
+        """Return the impulses along the surfaces, (P, dim), and those on boundary nodes of points whose rows move."""
+        return {"friction_impulse": self.data.rows.impulse, "pushes": self.data.rows.pushes}
 
 
 # ------------------------------------------------------------------------------------------------------------ its data
@@ -187,7 +198,7 @@ class Frictions(Part[History]):
 def _history(setting: Setting, bound: list[BoundFriction], before: History | None) -> History:
     model, step = setting.model, setting.step
     order, points = np.array(setting.order, dtype=np.int64), model.contact_points
-    where = np.concatenate([one.where for one in bound])
+    where = np.concatenate([np.zeros(0, dtype=np.int64), *(one.where for one in bound)])
     along, count, dim = tangents_of(points.normal[where]), len(where), model.dim
     constraints = [model.loads.constraints[k] for k in model.active_constraints(setting.midpoint)]
     of_axes = [
@@ -199,10 +210,9 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     ]  # fmt: skip
     tangents = empty_records(count, TANGENT)
     tangents["point"], tangents["number"] = np.argsort(order)[where], where
-    tangents["sigma"] = np.concatenate([one.compliance for one in bound])
-    tangents["response"] = np.concatenate([one.response for one in bound])
-    tangents["predicted"] = np.concatenate([one.predicted for one in bound])
-    tangents["weight"] = points.weight[where]
+    for name, values in (("sigma", "compliance"), ("response", "response"), ("predicted", "predicted")):
+        tangents[name] = np.concatenate([np.zeros(0), *(getattr(one, values) for one in bound)])
+    tangents["weight"], tangents["moves"] = points.weight[where], points.slides[where]
     block = np.zeros((count, dim - 1, dim - 1))
     entries: list[tuple[int, float, float]] = []
     shares: list[tuple[int, int, float]] = []
@@ -218,21 +228,27 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
                 (i, j * (dim - 1) + k, float(constraint.direction @ rows.normal[e]))
                 for i, constraint in enumerate(constraints)
                 for e in range(at.start, at.stop)
-                if rows.node[e] == constraint.node
+                if rows.node[e] == constraint.node and not points.slides[p]
             ]
     tangents["diagonal"] = np.linalg.eigvalsh(block)[:, -1]
+    moving = np.flatnonzero(points.slides[order])
+    mobility = mobilities(model, setting.place, setting.midpoint) if moving.size else np.zeros((0, dim, dim))
+    held = [(i, setting.place[one.node], 1.0) for i, one in enumerate(constraints) if one.node in setting.place]
     contacts = len(model.case.contacts)
     records = setting.record.energy.size
     per_axis = {name: np.zeros((count, dim - 1)) for name in ("multiplier", "rate", "slip", "trial", "last")}
     rows_now = Rows(
         step.points, step.boundary, step.loads, step.now, step.totals, tangents, record_array(entries, ENTRY),
         record_array(shares, SHARE), along, np.zeros(step.boundary.size), **per_axis,
-        impulse=np.zeros((len(points), dim)), work=np.zeros(contacts), stored=np.zeros(contacts),
+        impulse=np.zeros((len(points), dim)), work=np.zeros(contacts), stored=np.zeros(contacts), moving=moving,
+        turned=points.normal[where], mobility=mobility, force=np.zeros(mobility.size // dim),
+        held=record_array(held if moving.size else [], SHARE), pushes=np.zeros(mobility.size // dim),
     )  # fmt: skip
     if before is not None:
         for name in ("rate", "state", "held", "before", "path"):
             tangents[name] = before.rows.tangents[name]
-        kept = {name: getattr(before.rows, name) for name in ("multiplier", "slip", "impulse", "work", "stored")}
+        names = ("multiplier", "slip", "impulse", "work", "stored", "along", "turned", "pushes")
+        kept = {name: getattr(before.rows, name) for name in names}
         return before._replace(rows=rows_now._replace(**kept))
     empty = np.full((records, contacts), np.nan)
     copies = (empty, empty.copy(), empty.copy(), empty.copy(), empty.copy())
@@ -240,7 +256,7 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     force, traction = np.full((records, contacts, dim), np.nan), np.full((snapshots, len(points), dim), np.nan)
     of_points = np.full((snapshots, len(points)), np.nan)
     return History(
-        rows_now, points.normal[order], *copies, force, setting.record.field_every, order, points.weight[order],
+        rows_now, *copies, force, setting.record.field_every, order, points.weight[order],
         traction, of_points, of_points.copy(),
     )  # fmt: skip
 
@@ -270,6 +286,87 @@ def bound_of(friction: object, point: int, force: float, rate: float, before: Fl
 def renew(friction: object, point: int, force: float, rate: float, before: Floats, after: Floats) -> None:
     """Write the state variables of a point after a step (slot for the kernel of the friction)."""
     raise NotImplementedError
+
+
+def turn(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Turn the tangents of points whose normals have turned, by the least rotation, and write their rows.
+
+    The components of forces and slips along them stay as they are, and so do their lengths.
+    """
+    points, axes, dim = rows.points, rows.slip.shape[1], rows.turned.shape[1]
+    for j in range(rows.tangents.size):
+        tangent = rows.tangents[j]
+        if tangent.moves == 0:
+            continue
+        row, cosine = points.row[tangent.point], 1.0
+        for d in range(dim):
+            cosine += rows.turned[j, d] * points.normal[tangent.point, d]
+        for k in range(axes):
+            off, square = 0.0, 0.0
+            for d in range(dim):
+                off += rows.along[j, k, d] * points.normal[tangent.point, d]
+            for d in range(dim):
+                both = rows.turned[j, d] + points.normal[tangent.point, d]
+                rows.along[j, k, d] -= off / cosine * both if cosine > 0.0 else 0.0
+                square += rows.along[j, k, d] * rows.along[j, k, d]
+            for d in range(dim):
+                rows.along[j, k, d] /= np.sqrt(square)
+        for d in range(dim):
+            rows.turned[j, d] = points.normal[tangent.point, d]
+        write_along(rows, j, row.start, tangent.width)
+
+
+def write_along(rows: Rows, j: int, start: int, width: int) -> None:
+    """Write the rows of T of a point from its row of N, and the largest eigenvalue of their block of S."""
+    tangent, axes, dim = rows.tangents[j], rows.slip.shape[1], rows.turned.shape[1]
+    first, cross, last = 0.0, 0.0, 0.0
+    for e in range(0, width, dim):
+        place, share = rows.points.entries[start + e].place, 0.0
+        for d in range(dim):
+            share += rows.points.entries[start + e + d].normal * rows.turned[j, d]
+        for k in range(axes):
+            for d in range(dim):
+                entry = rows.entries[tangent.start + k * width + e + d]
+                entry.place = place + d
+                entry.normal = share * rows.along[j, k, d]
+                entry.response = 0.0
+                for c in range(dim):
+                    entry.response += rows.mobility[place // dim, d, c] * share * rows.along[j, k, c]
+        for d in range(dim):
+            one, other = rows.entries[tangent.start + e + d], rows.entries[tangent.start + (axes - 1) * width + e + d]
+            first += one.normal * one.response
+            cross += one.normal * other.response
+            last += other.normal * other.response
+    tangent.diagonal = 0.5 * (first + last) + np.sqrt(0.25 * (first - last) * (first - last) + cross * cross)
+    if axes == 1:
+        tangent.diagonal = first
+
+
+def push_nodes(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Find the forces on nodes of the points whose rows move, add up their impulses, and let supports react to them."""
+    now, dim, axes = rows.now[0], rows.turned.shape[1], rows.slip.shape[1]
+    for i in range(rows.force.size):
+        rows.force[i] = 0.0
+    for k in range(rows.moving.size):
+        i = rows.moving[k]
+        row, force = rows.points.row[i], rows.points.state[i].multiplier
+        for e in range(row.start, row.stop):
+            rows.force[rows.points.entries[e].place] += force * rows.points.entries[e].normal
+    for j in range(rows.tangents.size):
+        tangent = rows.tangents[j]
+        for k in range(axes if tangent.moves == 1 else 0):
+            start = tangent.start + k * tangent.width
+            for e in range(start, start + tangent.width):
+                rows.force[rows.entries[e].place] += rows.multiplier[j, k] * rows.entries[e].normal
+    for i in range(rows.force.size):
+        rows.pushes[i] += now.dt * rows.force[i]
+    work = 0.0
+    for i in range(rows.held.size):
+        share, along = rows.held[i], 0.0
+        for d in range(dim):
+            along += rows.loads.axes[rows.loads.constraints[share.hold].axis + d] * rows.force[share.point + d]
+        work += react(rows.loads, share, along, rows.boundary, now)
+    rows.totals[0].work_of_parts += 0.5 * now.dt * work
 
 
 def begin(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -466,7 +563,7 @@ def record(data: History, n: int, u: Floats, v: Floats, a: Floats) -> None:
             data.force[r, c, d] = 0.0
     for i in range(rows.points.law.size):
         for d in range(data.force.shape[2]):
-            data.force[r, rows.points.law[i].contact, d] -= data.normal[i, d] * rows.points.state[i].multiplier
+            data.force[r, rows.points.law[i].contact, d] -= rows.points.normal[i, d] * rows.points.state[i].multiplier
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
         c = rows.points.law[tangent.point].contact
@@ -490,7 +587,7 @@ def record_points(data: History, n: int, u: Floats, v: Floats, a: Floats) -> Non
         data.slip[r, p] = 0.0
         data.status[r, p] = OPEN if rows.points.state[i].multiplier == 0.0 else SLIDES
         for d in range(data.traction.shape[2]):
-            data.traction[r, p, d] = -data.normal[i, d] * rows.points.state[i].multiplier / data.weight[i]
+            data.traction[r, p, d] = -rows.points.normal[i, d] * rows.points.state[i].multiplier / data.weight[i]
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
         data.slip[r, tangent.number] = tangent.path

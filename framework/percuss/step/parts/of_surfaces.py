@@ -113,7 +113,7 @@ def _slides(setting: Setting, contacts: int) -> Slides:
         node=points.node[entry],
         share=points.share[entry],
         normal=points.normal[order],
-        facet=np.where(points.at_wall, np.inf, points.facet)[order],
+        facet=np.where(points.at_wall | points.slides, np.inf, points.facet)[order],
         slid=np.tile([0.0, np.nan], (contacts, 1)),
         now=setting.step.now,
     )

@@ -1,0 +1,171 @@
+"""Contacts whose surfaces slide far: which they are, their points at the start, and what holds at every position."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from percuss.errors import Problem
+from percuss.mesh.loads import directions_at_nodes
+from percuss.methods.interfaces import PairedPoints
+
+if TYPE_CHECKING:
+    from percuss.case.case import Case
+    from percuss.case.specs import ContactSpec
+    from percuss.contact.model import Model
+    from percuss.mesh.body import Body
+    from percuss.methods.interfaces import Floats, Places, Surface
+
+
+def slides(spec: ContactSpec) -> bool:
+    """Return whether the rows of a contact move. At a plane wall they stay as they are, however far a body slides."""
+    return spec.sliding == "large" and spec.wall is None
+
+
+def sliding(case: Case) -> dict[str, ContactSpec]:
+    """Return the contacts of a case whose rows move."""
+    return {name: spec for name, spec in case.contacts.items() if slides(spec)}
+
+
+def surfaces_of(spec: ContactSpec, bodies: Mapping[str, Body]) -> tuple[Surface, Surface]:
+    """Return both surfaces of a contact of two bodies."""
+    first, second = (bodies[side.body].surface(side.region).surface for side in spec.sides)
+    return first, second
+
+
+def points_at_the_start(places: Places, first: Surface, second: Surface) -> PairedPoints:
+    """Return all points of a surface that slides against the facets that are nearest at the start.
+
+    Each has entries for its own nodes and for all nodes of a facet, which a step writes anew.
+    """
+    own = first.facets[places.facets]
+    at = np.einsum("pa,pad->pd", places.shares, first.positions[own])
+    facet, share = second.nearest(at)
+    out = second.outward(facet, share)
+    out /= np.linalg.norm(out, axis=1)[:, None]
+    met = np.einsum("pa,pad->pd", share, second.positions[second.facets[facet]])
+    value = np.concatenate([places.shares, -share], axis=1)[..., None] * out[:, None]
+    node = np.concatenate([first.nodes[own], second.nodes[second.facets[facet]]], axis=1)
+    kept = np.concatenate([places.shares != 0.0, np.ones(share.shape, dtype=bool)], axis=1)
+    start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
+    gap = np.einsum("pd,pd->p", at - met, out)
+    return PairedPoints(
+        gap, places.weight, -out, np.stack([places.facets, facet], axis=1), start, node[kept], value[kept]
+    )
+
+
+def largest_response(model: Model, name: str) -> float:
+    """Return a bound of the largest eigenvalue of S W of a contact at every position, W the areas of its points [1/mass].
+
+    With convex shares it is ``max A_a / m_a + max (A_b + w) / m_b`` over the nodes a of the first surface and b of the
+    second one, of areas A and masses m: the areas of points near a node add up to its own area, but for that of one
+    point, w at most. At the end of a line of nodes that is half of the area that is taken here.
+    """
+    points = model.contact_points
+    where = points.contact == list(model.case.contacts).index(name)
+    first, second = surfaces_of(model.case.contacts[name], model.bodies)
+    of_point = where[points.point] & np.isin(points.node, first.nodes)
+    share = np.abs(points.share[of_point]) * points.weight[points.point[of_point]]
+    area = np.bincount(points.node[of_point], share, model.bodies.n_nodes)[first.nodes]
+    of_nodes = np.bincount(second.facets.ravel(), second.of_nodes().ravel(), len(second.nodes))
+    mass = model.bodies.mass
+    widest = float(points.weight[where].max())
+    return float((area / mass[first.nodes]).max() + ((of_nodes + widest) / mass[second.nodes]).max())
+
+
+def with_rows_that_stay(model: Model) -> Model:
+    """Return a model whose points keep the rows of the start."""
+    points = model.contact_points
+    points = dataclasses.replace(points, slides=np.zeros_like(points.slides))
+    features = tuple(one for one in model.features if one.held is None)
+    return dataclasses.replace(model, contact_points=points, features=features)
+
+
+def complementary(model: Model) -> bool:
+    """Return whether the law of each point that slides is a complementarity problem at the end of the step."""
+    of_points = [one.linear for one in model.laws if model.contact_points.slides[list(one.where)].any()]
+    predicted = model.tables[-1].explicit.gap == "predicted"
+    return all(
+        one is not None and one.active == "all" and one.sign == ">= 0" and (one.at == "end" or predicted)
+        for one in of_points
+    )
+
+
+def at_every_position(model: Model, sums: Floats) -> Floats:
+    """Return the sums of the rows of S, (P,), those of points that slide as the bound at every position has them."""
+    found = sums.copy()
+    for name in sliding(model.case):
+        where = model.contact_points.contact == list(model.case.contacts).index(name)
+        bound = largest_response(model, name) / model.contact_points.weight[where]
+        found[where] = np.maximum(bound, sums[where])
+    return found
+
+
+def limits_at_every_position(model: Model, dt: float) -> Floats:
+    """Return the stiffness of each point for which central difference is stable at every position, (P,) [force/length].
+
+    It is that of ``omega^2 + b <= 4 / dt^2``, omega the highest frequency of the cells and b the sum of what the
+    stiffness of each contact adds at most.
+    """
+    points, (_, sums) = model.contact_points, model.largest_delassus
+    total = sum((sums * points.weight)[points.contact == number].max() for number in range(len(model.case.contacts)))
+    limits: Floats = points.weight * (max(4.0 / dt**2 - model.bodies.omega**2, 0.0) / total)
+    return limits
+
+
+def refusals(model: Model) -> Iterator[Problem]:
+    """Yield what does not go with surfaces that slide far."""
+    case = model.case
+    for name, spec in case.contacts.items():
+        path = ("contacts", name)
+        if spec.sliding == "large" and (found := _why_small(model, spec)):
+            message, advice = found
+            yield case.problem((*path, "sliding"), message, advice)
+        if spec.overlap != "refuse" and not slides(spec):
+            message = f"expected an overlap of surfaces that slide, found overlap: {spec.overlap} with rows that stay"
+            yield case.problem((*path, "overlap"), message, "Add `sliding: large`, or move the bodies apart.")
+
+
+def _why_small(model: Model, spec: ContactSpec) -> tuple[str, str] | None:
+    """Return why the surfaces of a contact cannot slide far, and what to do; None if they can."""
+    bodies = [model.bodies[side.body] for side in spec.sides]
+    if spec.wall is not None:
+        return None
+    if len({side.body for side in spec.sides}) == 1:
+        return "expected two bodies, found one that meets itself", "Contact of a body with itself is not built."
+    if any(body.view.plane == "axisymmetric" for body in bodies):
+        return "expected bodies in the plane or in space, found bodies of revolution", "Take `sliding: small`."
+    if model.multistage:
+        scheme = model.case.method.integrator.name
+        return f"expected a leap-frog scheme, found {scheme}", "Take central-difference, or `sliding: small`."
+    if model.bodies.couples_nodes:
+        return "expected a mass of each node, found a mass that couples nodes", "Take the lumped mass."
+    where = {p for p, name in enumerate(model.contact_points.names) if name == spec.name}
+    if any(one.bonds for one in model.laws if not where.isdisjoint(one.where)):
+        return f"expected a law that lets bodies part, found {spec.law.name}", "A bond does not slide: drop `sliding`."
+    return None
+
+
+def mobilities(model: Model, place: Mapping[int, int], midpoint: float) -> Floats:
+    """Return M^-1 of each of some nodes, which move in no direction in which a constraint holds them, (n, dim, dim).
+
+    Parameters
+    ----------
+    model
+        The model.
+    place
+        The nodes, in their order.
+    midpoint
+        Time at which the constraints act.
+    """
+    nodes = list(place)
+    acting = (model.loads.constraints[k] for k in model.active_constraints(midpoint))
+    found: Floats = np.eye(model.dim) / model.bodies.mass[nodes][:, None, None]
+    number = {node: k for k, node in enumerate(nodes)}
+    for node, directions in directions_at_nodes(acting).items():
+        for direction in directions:
+            found[number[node]] -= np.outer(direction, direction @ found[number[node]])
+    return found

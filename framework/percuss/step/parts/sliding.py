@@ -1,0 +1,322 @@
+"""Surfaces that slide far: contact points find in each step what they meet, and their rows are those of this step.
+
+N and the gap g(x_n) are those of the places x_n. The predicted gap is ``g(x_n) + N^T (u* - u_n)``, and the ledger counts
+the work by the rows of the step.
+
+A point that comes back to a surface which it had left, and lies inside it, takes an offset: its gap counts from there,
+and the offset falls as the point comes out. Nothing is thrown out. The energy is bounded by a number that the run
+computes: with ``d_n = max(0, -sigma lambda_n-2 - g(x_n) + N_n^T (u_n - u_n-1))`` of each point, contact work and stored
+energy ``sigma / 4 (lambda_n^2 + lambda_n-1^2)`` never exceed ``R = sum of lambda_n d_n / 2`` under a law that is a
+complementarity problem at the end of the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+
+from percuss.contact.features import Feature
+from percuss.contact.near import MOST, NOBODY, Partners, enclose, meet, search
+from percuss.contact.points import BY_END, FROM_LINE, Points
+from percuss.contact.sliding import mobilities, sliding, surfaces_of, with_rows_that_stay
+from percuss.record_arrays import Records, empty_records
+from percuss.step.actions import BEFORE_ACCOUNT, BEFORE_CONTACT, RECORD, Action
+from percuss.step.part import Part, Setting
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from percuss.contact.model import Model
+    from percuss.methods.interfaces import Array, Floats, Integers
+
+# What a contact that slides sums up.
+BOOKS = np.dtype(
+    [
+        ("returned", "i8"),  # points that came back inside the other surface
+        ("work", "f8"),  # contact work of points whose law is a complementarity problem
+        ("stored", "f8"),  # what these store after the step
+        ("renewal", "f8"),  # R
+        ("excess", "f8"),  # largest value of work + stored - R
+        ("term", "f8"),  # largest term of R, its point in the loop and its time
+        ("point", "i8"),
+        ("time", "f8"),
+        ("stiffness", "f8"),  # largest bound of what its stiffness adds to a squared frequency
+    ]
+)
+
+
+class Slides(NamedTuple):
+    """The contact points whose rows move."""
+
+    points: Points
+    boundary: Records  # percuss.step.records.BOUNDARY_DOF
+    now: Records  # percuss.step.records.NOW
+    partners: Partners
+    which: Integers  # (S,) index of each in the loop
+    own: Integers  # (S,) number of its own nodes, whose entries come first
+    share: Floats  # (S, w) in the place of the point
+    node: Integers  # (S, w) of the first surface, as a row of `start`
+    start: Floats  # (nodes, dim) places of the boundary nodes at t = 0
+    mobility: Floats  # (nodes, dim, dim) acceleration by a force
+    watched: Integers  # nodes of the surfaces, as rows of `start`
+    made: Floats  # (nodes, dim) places at the last search
+    allowed: Floats  # (1,) how far nodes may be from there
+    presses: Integers  # (S,) 1 where an overlap at the start is to press
+    offset: Floats  # (S,)
+    last: Floats  # (S,) multipliers of the last step and of the one before
+    before: Floats
+    books: Records  # (contacts,) BOOKS
+    renewal: Floats  # (R, contacts) history of R
+
+
+class Sliding(Part[Slides]):
+    """The part of a step whose surfaces slide far."""
+
+    @classmethod
+    def of(cls, setting: Setting, before: Self | None) -> Self | None:
+        """Return the part, None where all rows stay."""
+        if not setting.model.contact_points.slides.any():
+            return None
+        step = setting.step
+        found = before.data if before is not None else _slides(setting)
+        mobility = mobilities(setting.model, setting.place, setting.midpoint)
+        return cls(found._replace(points=step.points, boundary=step.boundary, now=step.now, mobility=mobility))
+
+    def actions(self) -> Iterator[Action]:
+        """Yield the actions of a step."""
+        yield Action(BEFORE_CONTACT, renew_rows, self.data, order=1)
+        yield Action(BEFORE_ACCOUNT, bound_energy, self.data)
+        yield Action(RECORD, record_renewal, self.data)
+
+    def changing_arrays(self) -> list[Array]:
+        """Return partners and candidates, offsets, multipliers and sums."""
+        data, partners = self.data, self.data.partners
+        found = [partners.candidates, partners.candidate_count, partners.partner, data.made, data.allowed]
+        return [*found, data.offset, data.last, data.before, data.books, data.points.normal]
+
+    def sums(self) -> Mapping[str, Floats]:
+        """Return what each contact has summed up."""
+        return {str(name): np.asarray(self.data.books[name], dtype=float) for name in BOOKS.names or ()}
+
+    def results(self) -> Mapping[str, Floats]:
+        """Return the bound R of each contact."""
+        return {"renewal": self.data.renewal}
+
+
+# ------------------------------------------------------------------------------------------------------------ its data
+
+
+def _slides(setting: Setting) -> Slides:
+    """Return the points that slide, and the facets that they may meet, with all sums at zero."""
+    model, dim, place = setting.model, setting.model.dim, setting.place
+    loop, points = np.argsort(np.array(setting.order, dtype=np.int64)), model.contact_points
+    number = np.zeros(model.bodies.n_nodes, dtype=np.int64)
+    number[list(place)] = np.array(list(place.values()), dtype=np.int64) // dim
+    facets: list[Any] = []
+    of_points: dict[str, list[Any]] = {name: [] for name in ("which", "own", "share", "node", "span", "presses")}
+    watched = []
+    for name, spec in sliding(model.case).items():
+        first, second = surfaces_of(spec, model.bodies)
+        where = np.flatnonzero(points.contact == list(model.case.contacts).index(name))
+        begin = sum(len(one) for one, *_ in facets)
+        facets.append((number[second.nodes[second.facets]], *_rims(second.facets), _size(second)))
+        width = second.facets.shape[1]
+        own = points.count[where] - width
+        share, node = np.zeros((where.size, 4)), np.zeros((where.size, 4), dtype=np.int64)
+        for s, p in enumerate(where.tolist()):
+            entries = slice(points.start[p], points.start[p] + own[s])
+            share[s, : own[s]], node[s, : own[s]] = -points.share[entries], number[points.node[entries]]
+        of_points["which"].append(loop[where])
+        of_points["own"].append(own)
+        of_points["share"].append(share)
+        of_points["node"].append(node)
+        of_points["span"].append(np.tile([begin, begin + len(second.facets)], (where.size, 1)))
+        of_points["presses"].append(np.full(where.size, int(spec.overlap == "press")))
+        watched += [number[first.nodes], number[second.nodes]]
+    joined = {name: np.concatenate(arrays) for name, arrays in of_points.items()}
+    count, contacts = joined["which"].size, len(model.case.contacts)
+    most = max(one.shape[1] for one, *_ in facets)
+    widths = np.concatenate([np.full(len(one), one.shape[1]) for one, *_ in facets])
+
+    def wide(k: int) -> Integers:
+        """Return arrays of all contacts, (F, most), with zeros where facets have fewer nodes."""
+        padded = (np.pad(one[k], ((0, 0), (0, most - one[k].shape[1]))) for one in facets)
+        return np.concatenate(list(padded)).astype(np.int64)
+
+    start = np.zeros((len(place), dim))
+    start[:] = model.bodies.nodes[list(place)]
+    sizes = np.concatenate([np.full(len(of), one[3]) for of, one in zip(of_points["which"], facets, strict=True)])
+    partners = Partners(
+        node=wide(0), width=widths, rim=wide(1), corner=wide(2), at=start.copy(), skin=sizes,
+        candidates=np.zeros((count, MOST[dim]), dtype=np.int64), candidate_count=np.zeros(count, dtype=np.int64),
+        partner=np.full(count, NOBODY), first=joined["span"][:, 0].copy(), last=joined["span"][:, 1].copy(),
+        low=np.zeros((widths.size, dim)), high=np.zeros((widths.size, dim)), share=np.zeros(most), trial=np.zeros(most),
+        point=np.zeros(dim), out=np.zeros(dim), place=np.zeros(dim), other=np.zeros(dim),
+    )  # fmt: skip
+    return Slides(
+        points=setting.step.points, boundary=setting.step.boundary, now=setting.step.now, partners=partners,
+        which=joined["which"], own=joined["own"], share=joined["share"], node=joined["node"], start=start,
+        mobility=np.zeros((len(place), dim, dim)), watched=np.unique(np.concatenate(watched)), made=start.copy(),
+        allowed=np.full(1, -1.0), presses=joined["presses"], offset=np.zeros(count), last=np.zeros(count),
+        before=np.zeros(count), books=empty_records(contacts, BOOKS),
+        renewal=np.full((setting.record.energy.size, contacts), np.nan),
+    )  # fmt: skip
+
+
+def _size(surface: Any) -> float:
+    """Return the middle one of the sizes of the facets of a surface."""
+    return float(np.median(np.ptp(surface.positions[surface.facets], axis=1).max(axis=1)))
+
+
+def _rims(facets: Integers) -> tuple[Integers, Integers]:
+    """Return where edges and nodes of facets are on the rim of their surface, (F, nodes of a facet) each."""
+    if facets.shape[1] == 2:
+        alone = np.bincount(facets.ravel())[facets] == 1
+        return np.zeros_like(facets), alone.astype(np.int64)
+    edges = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
+    _, number, counts = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    rim = (counts[number.ravel()] == 1).reshape(facets.shape)
+    on_rim = np.zeros(facets.max() + 1, dtype=bool)
+    on_rim[edges.reshape(*facets.shape, 2)[rim].ravel()] = True
+    return rim.astype(np.int64), on_rim[facets].astype(np.int64)
+
+
+# ------------------------------------------------------------------------------------------------------------- kernels
+
+
+def renew_rows(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Find what each point meets at t_n, and write its row."""
+    partners = data.partners
+    searches = move(data)
+    enclose(partners)
+    for s in range(data.which.size):
+        for d in range(partners.point.size):
+            partners.point[d] = 0.0
+            for k in range(data.own[s]):
+                partners.point[d] += data.share[s, k] * partners.at[data.node[s, k], d]
+        if searches:
+            data.allowed[0] = min(data.allowed[0], search(partners, s))
+        had = partners.partner[s] != NOBODY
+        gap = meet(partners, s)
+        if partners.partner[s] == NOBODY:
+            data.offset[s] = 0.0
+            no_row(data, s)
+            continue
+        overlap = max(0.0, -gap)
+        if had:
+            data.offset[s] = min(data.offset[s], overlap)
+        else:
+            data.offset[s] = 0.0 if n == 0 and data.presses[s] == 1 else overlap
+            if n > 0 and overlap > 0.0:
+                data.books[data.points.law[data.which[s]].contact].returned += 1
+        write_row(data, s, gap + data.offset[s])
+
+
+def move(data: Slides) -> bool:
+    """Set the places of the nodes to those at t_n; return whether candidates are to be searched anew."""
+    at, dim, farthest = data.partners.at, data.start.shape[1], 0.0
+    for k in range(data.watched.size):
+        r, square = data.watched[k], 0.0
+        for d in range(dim):
+            at[r, d] = data.start[r, d] + data.boundary[r * dim + d].old_u
+            moved = at[r, d] - data.made[r, d]
+            square += moved * moved
+        farthest = max(farthest, square)
+    if data.allowed[0] >= 0.0 and farthest <= data.allowed[0] * data.allowed[0]:
+        return False
+    data.allowed[0] = np.inf
+    for k in range(data.watched.size):
+        for d in range(dim):
+            data.made[data.watched[k], d] = at[data.watched[k], d]
+    return True
+
+
+def no_row(data: Slides, s: int) -> None:
+    """Write the row of a point that meets nothing: no force follows, and its gap is that to a facet farther on."""
+    row = data.points.row[data.which[s]]
+    for e in range(row.start, row.stop):
+        data.points.entries[e].normal = 0.0
+        data.points.entries[e].response = 0.0
+    row.delassus = 1.0
+    row.initial_gap = data.partners.skin[s]
+
+
+def write_row(data: Slides, s: int, gap: float) -> None:
+    """Write the entries, the gap and the diagonal of S of a point."""
+    i = data.which[s]
+    points, partners, dim = data.points, data.partners, data.start.shape[1]
+    law, row, f = points.law[i], points.row[i], data.partners.partner[s]
+    for d in range(dim):
+        points.normal[i, d] = -partners.out[d]
+    row.delassus = 0.0
+    row.initial_gap = gap
+    for k in range(data.own[s] + partners.width[f]):
+        if k < data.own[s]:
+            r, share = data.node[s, k], data.share[s, k]
+        else:
+            r, share = partners.node[f, k - data.own[s]], -partners.share[k - data.own[s]]
+        for d in range(dim):
+            entry = points.entries[row.start + k * dim + d]
+            entry.place = r * dim + d
+            entry.normal = share * partners.out[d]
+            entry.response = 0.0
+            for c in range(dim):
+                entry.response += data.mobility[r, d, c] * share * partners.out[c]
+            row.delassus += entry.normal * entry.response
+            row.initial_gap -= entry.normal * data.boundary[entry.place].old_u
+    if row.delassus == 0.0:  # all nodes are held
+        row.delassus = 1.0
+    if law.stores == BY_END:
+        row.kappa = law.weight_gap / (law.sigma + law.surplus * row.delassus)
+
+
+def bound_energy(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add up the contact work of points under a complementarity law, what they store, and the bound R of both."""
+    points, now = data.points, data.now[0]
+    for c in range(data.books.size):
+        data.books[c].stored = 0.0
+    for s in range(data.which.size):
+        i = data.which[s]
+        law, row, state = points.law[i], points.row[i], points.state[i]
+        if law.source == FROM_LINE and law.always == 1 and law.never_pulls == 1 and law.sees_predicted_gap == 1:
+            book, sigma, force = data.books[law.contact], law.sigma / law.weight_gap, state.multiplier
+            drop = -sigma * data.before[s] - (state.gap - now.dt * state.rate)
+            term = 0.5 * force * max(0.0, drop)
+            rate = 0.0
+            for e in range(row.start, row.stop):
+                rate += points.entries[e].normal * data.boundary[points.entries[e].place].new_v
+            book.work += 0.5 * now.dt * force * (state.rate + rate)
+            book.stored += 0.25 * sigma * (force * force + data.last[s] * data.last[s])
+            book.renewal += term
+            if term > book.term:
+                book.term, book.point, book.time = term, i, now.time
+            data.before[s] = data.last[s]
+            data.last[s] = force
+    for c in range(data.books.size):
+        book = data.books[c]
+        book.excess = max(book.excess, book.work + book.stored - book.renewal)
+
+
+def record_renewal(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Record the bound R of each contact."""
+    for c in range(data.books.size):
+        data.renewal[data.now[0].row, c] = data.books[c].renewal
+
+
+# ------------------------------------------------------------------------------------------------------- what it says
+
+MOVES = "rows of contacts that slide change from step to step, and nothing is known of the product of such steps"
+
+
+def feature(model: Model) -> Feature | None:
+    """Return what is to know of surfaces that slide far; None where all rows stay."""
+    if not model.contact_points.slides.any():
+        return None
+    return Feature(
+        name="sliding surfaces",
+        held=with_rows_that_stay,
+        held_words=("With the rows of the start", "closed at the start", "closed later"),
+        reasons={"certificate": MOVES, "plain bars": "surfaces that slide are no bars"},
+    )
