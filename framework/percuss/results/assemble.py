@@ -91,6 +91,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         *doubts(march, outcome, arrays),
         *slow_step(model, certificate),
         *ledger.growth_notes(march, outcome, growth),
+        *ledger.renewal_notes(march, outcome, largest_energy),
         *ledger.hourglass_notes(arrays, march.noise),
     ]
     summary: Summary = {

@@ -29,6 +29,7 @@ from percuss.case.quantities import percent
 from percuss.certificate.closed_laws import BETWEEN, BOUNDED, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
 from percuss.contact.points import BY_CURRENT, BY_END
+from percuss.contact.sliding import slides
 from percuss.jsonable import Data
 from percuss.march.march import March, Outcome
 from percuss.mesh.body import turn_of
@@ -41,6 +42,7 @@ CLOSURE_TOLERANCE, MOMENTUM_TOLERANCE = 1e-9, 1e-9
 # Allowed difference of the internal work and the energies that bodies store and dissipate, over the largest energy.
 BODIES_TOLERANCE = 0.05
 ALLOWED_HOURGLASS = 0.05  # of the largest elastic energy
+TOLD_RENEWAL = 0.01  # of the largest energy
 ALLOWED_GROWTH = 1e-12  # allowed energy growth over the largest energy or work, beside round-off
 # Error of a step in rounding units. A gap is the sum of two displacements and a distance, each rounded to half a unit,
 # and work takes the difference of two gaps: up to three units, and one more from the sums over the steps. The bound
@@ -194,6 +196,7 @@ def energy_summary(
         "ledger_error": error,
         "ledger_allowed": allowed if judged else None,
         "ledger_closed": bool(error <= allowed and agree) if judged else None,
+        **({"renewal": float(renewal.sum())} if (renewal := outcome.histories.get("renewal_so_far")) is not None else {}),
     }
 
 
@@ -281,7 +284,7 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
         of_points[points.slides[points.point]] = 0.0  # whose impulses are those on nodes
         moments = bodies.with_moment(bodies.nodes[points.node], of_points)[:, dim:]
         pressed = np.stack([np.bincount(points.point, column, len(points)) for column in moments.T], axis=1)
-        if points.slides.any():
+        if points.slides.any() and outcome.done > 0:
             nodes, pushes = list(march.arrays.place), outcome.histories["pushes"].reshape(-1, dim)
             pressed = np.concatenate([pressed, bodies.with_moment(bodies.nodes[nodes], pushes)[:, dim:]])
     before, after, supports, contacts = (moments.sum(axis=0) for moments in (*momenta, held, pressed))
@@ -380,7 +383,28 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
         }
         for key in ("friction_work", "friction_dissipated", "friction_stored", "contact_slip") if friction else ():
             summaries[name][key] = float(friction[key][-1, number]) if friction[key].size else 0.0
+        if "renewal_so_far" in outcome.histories and slides(model.case.contacts[name]):
+            returned, renewal = (float(outcome.histories[key][number]) for key in ("returned", "renewal_so_far"))
+            summaries[name] |= {"returned_points": int(returned), "renewal": renewal}
     return summaries
+
+
+def renewal_notes(march: March, outcome: Outcome, largest_energy: float) -> Iterator[str]:
+    """Yield notes on contacts that slide: points that came back, and energy that the renewal of rows may have brought."""
+    books, points, order = outcome.histories, march.model.contact_points, march.arrays.order
+    for number, name in enumerate(march.model.case.contacts if "renewal_so_far" in books else ()):
+        renewal, returned = float(books["renewal_so_far"][number]), int(books["returned"][number])
+        if returned:
+            yield (
+                f"points of contact '{name}' came back {returned} times to a surface that they had left, and lay inside "
+                "it: each keeps that overlap as an offset, which falls as the point comes out"
+            )
+        if renewal > TOLD_RENEWAL * largest_energy:
+            point = order[int(books["point"][number])] - int(np.argmax(points.contact == number))
+            yield (
+                f"as the rows of contact '{name}' change they may bring {percent(renewal / largest_energy)} of the "
+                f"largest energy: most at point {point} at time {float(books['time'][number]):.6g}. Finer facets bring less"
+            )
 
 
 def bodies_summary(march: March, outcome: Outcome) -> dict[str, BodySummary]:
@@ -426,7 +450,7 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
     total = outcome.totals
     rise, drift = (float(value) / scale if scale > 0 else 0.0 for value in (total.rise, total.largest_drift))
     measured = {NEVER_GROWS: rise, BETWEEN: drift}.get(certificate["energy"])
-    if certificate["energy"] == BOUNDED:
+    if certificate["energy"] == BOUNDED and "excess" in outcome.histories:
         measured = float(outcome.histories["excess"].max()) / scale if scale > 0 else 0.0
     allowed = _allowed(outcome, ALLOWED_GROWTH, scale)
     if not math.isfinite(allowed):  # a motion that is no longer finite has no round-off

@@ -33,6 +33,7 @@ class ContactSummary(TypedDict):
 
     The times are None if it never closed, that of the opening also if it is still closed at the end. With friction in
     the case: its work, the energy that it has dissipated, the energy that stick stores, the longest slide of a point.
+    Of surfaces that slide far: how often a point came back inside, and the energy that the renewal of rows may bring.
     """
 
     impulse: float
@@ -45,6 +46,8 @@ class ContactSummary(TypedDict):
     friction_dissipated: NotRequired[float]
     friction_stored: NotRequired[float]
     contact_slip: NotRequired[float]
+    returned_points: NotRequired[int]
+    renewal: NotRequired[float]
 
 
 class BodySummary(TypedDict):
@@ -86,6 +89,7 @@ class EnergySummary(TypedDict):
     ledger_error: float
     ledger_allowed: float | None
     ledger_closed: bool | None
+    renewal: NotRequired[float]
 
 
 class MomentumSummary(TypedDict):

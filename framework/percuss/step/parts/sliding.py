@@ -37,7 +37,7 @@ BOOKS = np.dtype(
         ("returned", "i8"),  # points that came back inside the other surface
         ("work", "f8"),  # contact work of points whose law is a complementarity problem
         ("stored", "f8"),  # what these store after the step
-        ("renewal", "f8"),  # R
+        ("renewal_so_far", "f8"),  # R
         ("excess", "f8"),  # largest value of work + stored - R
         ("term", "f8"),  # largest term of R, its point in the loop and its time
         ("point", "i8"),
@@ -289,20 +289,20 @@ def bound_energy(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
                 rate += points.entries[e].normal * data.boundary[points.entries[e].place].new_v
             book.work += 0.5 * now.dt * force * (state.rate + rate)
             book.stored += 0.25 * sigma * (force * force + data.last[s] * data.last[s])
-            book.renewal += term
+            book.renewal_so_far += term
             if term > book.term:
                 book.term, book.point, book.time = term, i, now.time
             data.before[s] = data.last[s]
             data.last[s] = force
     for c in range(data.books.size):
         book = data.books[c]
-        book.excess = max(book.excess, book.work + book.stored - book.renewal)
+        book.excess = max(book.excess, book.work + book.stored - book.renewal_so_far)
 
 
 def record_renewal(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Record the bound R of each contact."""
     for c in range(data.books.size):
-        data.renewal[data.now[0].row, c] = data.books[c].renewal
+        data.renewal[data.now[0].row, c] = data.books[c].renewal_so_far
 
 
 # ------------------------------------------------------------------------------------------------------- what it says

@@ -1,0 +1,297 @@
+"""Surfaces that slide far: identities with small sliding, balances, the bound of the energy, points that come back."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.contact.sliding import surfaces_of
+from percuss.march.march import March
+from percuss.march.model_of_case import model_of
+from percuss.step.loop import keep
+from percuss.step.parts import sliding
+
+DEEP = pytest.mark.deep
+WU, CD = "wu-predictor-corrector", "central-difference"
+COULOMB = {"name": "coulomb", "mu": 0.3}
+SOLID = {"young": 1.0, "density": 1.0, "poisson": 0.3}
+
+
+def ran(case, **changes):
+    return percuss.run(percuss.load(case, changes))
+
+
+def balanced(result):
+    """Return a result whose accounts close to round-off and whose guarantee is kept, without a note that doubts it."""
+    summary = result.summary
+    assert summary["energy"]["ledger_error"] < 1e-13
+    assert summary["momentum"]["error"] < 1e-12
+    assert summary["angular_momentum"]["error"] < 1e-12
+    assert summary["energy_growth"]["kept"] is not False
+    assert not [note for note in summary["notes"] if "not a valid result" in note]
+    return result
+
+
+def two_blocks(
+    pairing="node-to-segment",
+    law="lagrange",
+    scheme=WU,
+    *,
+    sliding="large",
+    velocity=(0.3, -0.05),
+    at=(0.1, 0.5),
+    elements=((10, 3), (7, 3)),
+    sizes=((2.0, 0.5), (1.0, 0.5)),
+    friction="none",
+    end=2.0,
+    courant=0.5,
+    turn=0.0,
+    material=SOLID,
+    **more,
+):
+    """Return a block that slides over another one; `turn` tilts the upper one about its lower left corner."""
+    lower = {"block": {"size": list(sizes[0]), "elements": list(elements[0])}, "at": [0.0, 0.0], "material": material}
+    upper = {"block": {"size": list(sizes[1]), "elements": list(elements[1])}, "at": list(at), "material": material}
+    if turn:
+        upper["angle"] = turn
+    return {
+        "percuss": 1,
+        "bodies": {"lower": lower, "upper": upper | {"velocity": list(velocity)}},
+        "contacts": {"seam": {"between": ["upper.bottom", "lower.top"], "sliding": sliding, "friction": friction}},
+        "method": {"integrator": scheme, "contact": law, "pairing": pairing},
+        "time": {"end": end, "courant": courant},
+        **more,
+    }
+
+
+# ------------------------------------------------------------------------------------------- identities with small sliding
+
+
+def wave(sliding, pairing, law, scheme, poisson):
+    """Return two blocks that meet head on, held across by rollers where they would widen."""
+    rollers = {"fixed": [{"on": "left", "along": "x"}, {"on": "right", "along": "x"}]} if poisson else {}
+    case = two_blocks(
+        pairing, law, scheme, sliding=sliding, velocity=(0.0, -0.1), at=(0.0, 1.0), elements=((4, 8), (4, 8)),
+        sizes=((0.4, 1.0), (0.4, 1.0)), end=3.0, courant=0.9, material=SOLID | {"poisson": poisson},
+    )  # fmt: skip
+    for body in case["bodies"].values():
+        body |= rollers
+    return case
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize(
+    ("scheme", "law"), [(WU, "regularised-lagrange"), (CD, {"name": "penalty", "beta_s": 0.25}), (WU, "lagrange")]
+)
+def test_without_a_slide_it_is_small_sliding(poisson, pairing, scheme, law):
+    """A plane wave moves no point along its surface: the rows of each step are those of the start."""
+    if (law, pairing) == ("lagrange", "gauss-points"):
+        return
+    small, large = (ran(wave(sliding, pairing, law, scheme, poisson)) for sliding in ("small", "large"))
+    for name in ("contact_force", "kinetic_energy", "gap"):
+        of_small, of_large = small.arrays[name], large.arrays[name]
+        assert np.abs(of_small - of_large).max() < 2e-12 * np.abs(of_small).max(), name
+    assert balanced(large).arrays["contact_force"].max() > 0.0
+
+
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("friction", ["none", COULOMB])
+def test_a_held_body_is_a_wall_however_far_a_block_slides(pairing, friction):
+    """It slides over eleven facets of another mesh, all of whose nodes are held."""
+    case = two_blocks(
+        pairing, "regularised-lagrange", velocity=(1.0, -0.05), sizes=((4.0, 0.5), (1.0, 0.5)),
+        elements=((17, 1), (4, 2)), friction=friction, end=2.5,
+    )  # fmt: skip
+    case["bodies"]["lower"] |= {"fixed": ["left", "right", "top", "bottom"]}
+    at_wall = {**case, "bodies": {"upper": case["bodies"]["upper"]}}
+    wall = {"point": [0, 0.5], "normal": [0, 1]}
+    at_wall["contacts"] = {"seam": {"body": "upper.bottom", "wall": wall, "friction": friction, "sliding": "large"}}
+    on_body, on_wall = balanced(ran(case)), balanced(ran(at_wall))
+    for name in ("contact_force", "kinetic_energy"):
+        of_wall = on_wall.arrays[name]
+        assert np.abs(of_wall - on_body.arrays[name]).max() < 1e-11 * np.abs(of_wall).max(), name
+    assert on_wall.arrays["contact_force"].max() > 0.0
+    impulses = (on_body.summary["momentum"]["impulse_of_supports"], on_wall.summary["momentum"]["impulse_of_walls"])
+    assert np.allclose(*impulses, rtol=1e-9, atol=1e-12)
+
+
+# ---------------------------------------------------------------------------------------------------- balances and energy
+
+
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize(
+    ("scheme", "law"),
+    [(WU, "lagrange"), (CD, "lagrange"), (WU, "regularised-lagrange"), (CD, "penalty"), (WU, "penalty"),
+     (CD, "bipenalty"), (WU, "bipenalty"), (CD, "damped-penalty"), (CD, "hunt-crossley")],
+)  # fmt: skip
+@pytest.mark.parametrize("friction", ["none", COULOMB])
+def test_accounts_close_while_blocks_slide(pairing, scheme, law, friction):
+    if (law, pairing) == ("lagrange", "gauss-points"):
+        return
+    result = balanced(ran(two_blocks(pairing, law, scheme, friction=friction, turn=2.0, at=(0.1, 0.52))))
+    assert result.arrays["contact_force"].max() > 0.0
+    assert result.summary["bodies"]["upper"]["velocity_x"] < 0.3 or friction == "none"
+
+
+DRAWN = list(itertools.product(("node-to-segment", "gauss-points"), ("lagrange", "regularised-lagrange"), range(5)))
+
+
+@pytest.mark.parametrize(("pairing", "law", "seed"), DRAWN)
+@pytest.mark.parametrize("friction", ["none", pytest.param(COULOMB, marks=DEEP)])
+def test_energy_is_bounded_by_the_renewal_of_rows(pairing, law, seed, friction):
+    """Of drawn tilted blocks, work and stored energy of the contact never exceed the bound that the run computes."""
+    if (law, pairing) == ("lagrange", "gauss-points"):
+        return
+    random = np.random.default_rng(seed)
+    turn, shift = random.uniform(-4.0, 4.0), random.uniform(0.9, 1.6)
+    case = two_blocks(
+        pairing, law, velocity=(random.uniform(0.1, 0.6), -random.uniform(0.05, 0.2)), turn=turn, friction=friction,
+        at=(shift, 0.5 + 1.01 * abs(np.sin(np.radians(turn)))), end=4.0, elements=((9, 3), (random.integers(3, 8), 3)),
+    )  # fmt: skip
+    result = balanced(ran(case))
+    growth, energy = result.summary["energy_growth"], result.summary["energy"]
+    assert growth["guarantee"] == "bounded by the renewal of rows"
+    assert growth["kept"] is True
+    assert result.arrays["contact_force"].max() > 0.0
+    assert energy["renewal"] >= 0.0
+
+
+# ------------------------------------------------------------------------------------------------------------ partners
+
+
+def solids(dim, first, second, **more):
+    """Return two bodies near each other, the first one with its points on all of its boundary."""
+    bodies = {"a": first | {"material": SOLID}, "b": second | {"material": SOLID}}
+    contacts = {"seam": {"between": [more.pop("on", "a.skin"), more.pop("of", "b.skin")], "sliding": "large"}}
+    method = {"contact": "regularised-lagrange", "pairing": "node-to-segment"}
+    time = {"steps": 1, "courant": 0.5}
+    return {"percuss": 1, "bodies": bodies, "contacts": contacts, "method": method, "time": time, **more}
+
+
+MEETINGS = {
+    "disks": solids(
+        2, {"disk": {"radius": 1, "elements": 8}, "at": [0, 0]}, {"disk": {"radius": 0.7, "elements": 6}, "at": [1.1, 1.4]}
+    ),
+    "corner": solids(
+        2, {"block": {"size": [1, 1], "elements": [5, 5]}, "at": [0, 0]},
+        {"block": {"size": [1, 1], "elements": [3, 3]}, "at": [1.22, 0.4], "angle": 40.0}, on="a.right", of="b.left",
+    ),
+    "balls": solids(
+        3, {"ball": {"radius": 1, "elements": 4}, "at": [0, 0, 0]},
+        {"ball": {"radius": 0.8, "elements": 6}, "at": [1.2, 1.1, 0.9]},
+    ),
+    "tetrahedra": solids(
+        3, {"block": {"size": [1, 1, 1], "elements": [3, 3, 3], "cells": "tet4"}, "at": [0, 0, 0]},
+        {"block": {"size": [1, 1, 1], "elements": [2, 2, 2], "cells": "tet4"}, "at": [0.3, 0.2, 1.1]}, on="a.top",
+        of="b.bottom",
+    ),
+}  # fmt: skip
+
+
+def the_part(march):
+    """Return what slides of a march."""
+    (data,) = (one.data for one in march.arrays.parts if isinstance(one, sliding.Sliding))
+    return data
+
+
+def rows_now(case, pairing, moved=None):
+    """Return a model, and the points that slide, in a step that begins with displacements `moved`."""
+    model = model_of(percuss.load(case, {"method.pairing": pairing}))
+    march = March(model, compiled=False)
+    if moved is not None:
+        march.u[:] = moved
+    keep(march.arrays.step.boundary, march.u, march.v)
+    sliding.renew_rows(the_part(march), 0, march.u, march.v, march.v)
+    return model, the_part(march)
+
+
+def as_paired(model, moved):
+    """Return the points that the pairing finds on the surfaces where they are."""
+    (spec,) = model.case.contacts.values()
+    surfaces = surfaces_of(spec, model.bodies)
+    first, second = (one._replace(positions=one.positions + moved[one.nodes]) for one in surfaces)
+    out = second.outward(np.arange(len(second.facets)), np.full(second.facets.shape, 1.0 / second.facets.shape[1]))
+    return spec.pairing.points(first, second._replace(normals=out / np.linalg.norm(out, axis=1)[:, None]))
+
+
+def assert_as_paired(model, data, moved):
+    """Assert that gaps and rows of all points that have a partner are those that the pairing finds.
+
+    A point that is farther away than the next search has but one candidate.
+    """
+    expected, points, dofs = as_paired(model, moved.reshape(-1, model.dim)), data.points, data.boundary["dof"]
+    rows = np.zeros((expected.gap.size, model.bodies.n_nodes, model.dim))
+    for p in range(expected.gap.size):
+        entries = slice(expected.start[p], expected.start[p + 1])
+        np.add.at(rows[p], expected.node[entries], expected.value[entries])
+    has = np.flatnonzero(data.partners.partner != sliding.NOBODY)
+    assert has.size == expected.gap.size
+    for s, row, gap in zip(has, rows, expected.gap, strict=True):
+        mine = points.row[data.which[s]]
+        if gap > 0.5 * data.partners.skin[s]:
+            continue
+        entries = points.entries[mine.start : mine.stop]
+        value = np.zeros(moved.size)
+        np.add.at(value, dofs[entries["place"]], entries["normal"])
+        assert np.abs(value - row.ravel()).max() < 1e-9
+        assert mine.initial_gap + value @ moved.ravel() - data.offset[s] == pytest.approx(gap, abs=1e-12)
+
+
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("name", MEETINGS)
+@pytest.mark.parametrize("size", [0.0, 0.02])
+def test_rows_of_a_step_are_those_that_the_pairing_finds_there(pairing, name, size):
+    """At corners and edges too, on moved and distorted surfaces."""
+    model = model_of(percuss.load(MEETINGS[name], {"method.pairing": pairing}))
+    moved = size * np.random.default_rng(1).standard_normal(model.bodies.n_nodes * model.dim)
+    assert_as_paired(*rows_now(MEETINGS[name], pairing, moved), moved)
+
+
+def bodies_on_their_way(name):
+    """Return bodies that pass each other, touching, some facets wide."""
+    case = MEETINGS[name]
+    speed = [0.6, -0.3] if case["bodies"]["a"].get("disk") else [0.7, -0.1, 0.2][: len(case["bodies"]["a"]["at"])]
+    if len(speed) < len(case["bodies"]["a"]["at"]):
+        speed = [0.6, -0.1, -0.2]
+    bodies = {**case["bodies"], "b": case["bodies"]["b"] | {"velocity": speed, "material": SOLID | {"young": 30.0}}}
+    return {**case, "bodies": bodies, "time": {"end": 0.9, "courant": 0.5}}
+
+
+@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("name", MEETINGS)
+def test_no_candidate_is_missed_on_the_way(pairing, name):
+    """After many steps with few searches the partners are still the nearest of all facets."""
+    model = model_of(percuss.load(bodies_on_their_way(name), {"method.pairing": pairing}))
+    march = March(model)
+    outcome = march.run()
+    assert outcome.status == "done"
+    assert_as_paired(model, the_part(march), outcome.final_displacement)
+
+
+@pytest.mark.parametrize("name", ["disks", "balls"])
+def test_the_gap_changes_along_its_row(name):
+    """The derivative of the gap by displacements is the row of the point, away from where its partner changes."""
+    random = np.random.default_rng(2)
+    model = model_of(percuss.load(MEETINGS[name]))
+    way, step = random.standard_normal(model.bodies.n_nodes * model.dim), 1e-6
+    gaps = []
+    for moved in (-step, step):
+        _, data = rows_now(MEETINGS[name], "node-to-segment", moved * way)
+        rows = data.points.row[data.which]
+        gaps.append([row.initial_gap + along(data.points, row, data.boundary, moved * way) for row in rows])
+    _, data = rows_now(MEETINGS[name], "node-to-segment")
+    points = data.points
+    slopes = (np.array(gaps[1]) - np.array(gaps[0])) / (2.0 * step)
+    rows = np.array([along(points, row, data.boundary, way) for row in points.row[data.which]])
+    has = data.partners.partner != sliding.NOBODY
+    agrees = np.abs(slopes - rows)[has] < 1e-4 * np.abs(way).max()
+    assert agrees.mean() > 0.9  # at a few points the partner changes
+    assert has.sum() > 15
+
+
+def along(points, row, boundary, motion):
+    """Return what the row of a point measures of a motion."""
+    entries = points.entries[row.start : row.stop]
+    return entries["normal"] @ motion[boundary["dof"][entries["place"]]]
