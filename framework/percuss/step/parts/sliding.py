@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.contact.features import Feature
-from percuss.contact.near import MOST, NOBODY, Partners, enclose, meet, search
+from percuss.contact.near import MOST, NOBODY, Partners, enclose, enclose_groups, meet, search
 from percuss.contact.points import BY_END, FROM_LINE, Points
 from percuss.contact.sliding import mobilities, sliding, surfaces_of, with_rows_that_stay
 from percuss.record_arrays import Records, empty_records
@@ -110,6 +110,8 @@ class Sliding(Part[Slides]):
 
 def _slides(setting: Setting) -> Slides:
     """Return the points that slide, and the facets that they may meet, with all sums at zero."""
+    from scipy.spatial import cKDTree
+
     model, dim, place = setting.model, setting.model.dim, setting.place
     loop, points = np.argsort(np.array(setting.order, dtype=np.int64)), model.contact_points
     number = np.zeros(model.bodies.n_nodes, dtype=np.int64)
@@ -121,7 +123,9 @@ def _slides(setting: Setting) -> Slides:
         first, second = surfaces_of(spec, model.bodies)
         where = np.flatnonzero(points.contact == list(model.case.contacts).index(name))
         begin = sum(len(one) for one, *_ in facets)
-        facets.append((number[second.nodes[second.facets]], *_rims(second.facets), _size(second)))
+        order = cKDTree(second.positions[second.facets].mean(axis=1)).indices
+        of_facets = (number[second.nodes[second.facets]], *_rims(second.facets), np.arange(len(order)))
+        facets.append((*(one[order] for one in of_facets), _size(second)))
         width = second.facets.shape[1]
         own = points.count[where] - width
         share, node = np.zeros((where.size, 4)), np.zeros((where.size, 4), dtype=np.int64)
@@ -147,10 +151,11 @@ def _slides(setting: Setting) -> Slides:
 
     start = np.zeros((len(place), dim))
     start[:] = model.bodies.nodes[list(place)]
-    sizes = np.concatenate([np.full(len(of), one[3]) for of, one in zip(of_points["which"], facets, strict=True)])
+    sizes = np.concatenate([np.full(len(of), one[4]) for of, one in zip(of_points["which"], facets, strict=True)])
     partners = Partners(
-        node=wide(0), width=widths, rim=wide(1), corner=wide(2), at=start.copy(), skin=sizes,
-        candidates=np.zeros((count, MOST[dim]), dtype=np.int64), candidate_count=np.zeros(count, dtype=np.int64),
+        rank=np.concatenate([one[3] for one in facets]), group_low=np.zeros((widths.size, dim)),
+        group_high=np.zeros((widths.size, dim)), node=wide(0), width=widths, rim=wide(1), corner=wide(2), at=start.copy(), skin=sizes,
+        candidates=np.tile(joined["span"][:, :1], MOST[dim]), candidate_count=np.zeros(count, dtype=np.int64),
         partner=np.full(count, NOBODY), first=joined["span"][:, 0].copy(), last=joined["span"][:, 1].copy(),
         low=np.zeros((widths.size, dim)), high=np.zeros((widths.size, dim)), share=np.zeros(most), trial=np.zeros(most),
         point=np.zeros(dim), out=np.zeros(dim), place=np.zeros(dim), other=np.zeros(dim),
@@ -191,6 +196,9 @@ def renew_rows(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
     partners = data.partners
     searches = move(data)
     enclose(partners)
+    for s in range(data.which.size if searches else 0):
+        if s == 0 or partners.first[s] != partners.first[s - 1]:
+            enclose_groups(partners, partners.first[s], partners.last[s])
     for s in range(data.which.size):
         for d in range(partners.point.size):
             partners.point[d] = 0.0
