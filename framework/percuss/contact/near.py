@@ -238,13 +238,8 @@ def is_on_rim(data: Partners, f: int, share: Floats) -> bool:
 
 
 @called
-def search(data: Partners, s: int) -> float:
-    """Find the candidates of a point; return how far nodes may move before it needs others.
-
-    If no node moves by more than that, a facet that is no candidate cannot become the nearest one: the distances of the
-    point change by twice the motion. A point so far away that it touches nothing before then has the nearest one alone.
-    """
-    most, skin, best = data.candidates.shape[1], data.skin[s], data.candidates[s, 0]
+def nearest(data: Partners, s: int, best: int) -> tuple[float, int]:
+    """Return the square of the least distance of a point from all facets, and the facet; `best` is looked at first."""
     square = place_on(data, best, data.trial)
     for begin in range(data.first[s], data.last[s], GROUP):
         if outside(data.point, data.group_low[begin], data.group_high[begin]) < square:
@@ -253,6 +248,18 @@ def search(data: Partners, s: int) -> float:
                     found = place_on(data, f, data.trial)
                     if found < square:
                         square, best = found, f
+    return square, best
+
+
+@called
+def search(data: Partners, s: int) -> float:
+    """Find the candidates of a point; return how far nodes may move before it needs others.
+
+    If no node moves by more than that, a facet that is no candidate cannot become the nearest one: the distances of the
+    point change by twice the motion. A point so far away that it touches nothing before then has the nearest one alone.
+    """
+    most, skin, best = data.candidates.shape[1], data.skin[s], data.candidates[s, 0]
+    square, best = nearest(data, s, best)
     near = np.sqrt(square)
     data.candidates[s, 0], data.candidate_count[s] = best, 1
     if near > skin:
@@ -352,6 +359,6 @@ def at_corner(data: Partners, s: int, best: int, gap: float, limit: float) -> fl
             length += data.out[d] * data.out[d]
         for d in range(dim):
             data.out[d] /= np.sqrt(length)
-        return gap if touches else apart  # type: ignore[no-any-return]
+        return gap if touches else apart
     set_out(data, best, data.share, data.out)
     return gap
