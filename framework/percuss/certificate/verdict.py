@@ -47,6 +47,7 @@ BY_LANCZOS = (
     "the highest frequency with closed contacts that a Lanczos run finds leaves the step stable; it misses a higher "
     f"one that does not with a probability below {CHANCE:g}"
 )
+TOLD = " (`percuss check` tells how fast they grow)"
 NOT_LINEAR = "the closed step is not linear at longer steps"
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or evaluate contact at the current gap"
 
@@ -243,7 +244,7 @@ def _finding(model: Model, criterion: RunCriterion | None, *, search: bool) -> F
         worst = next((one for one in (apart, sticking) if one.stable == "no"), None)
         if worst is not None:
             return dataclasses.replace(worst, states=states)
-        why = f"{model.why('certificate')}. While they stick: {sticking.stable}, {sticking.why}"
+        why = f"{model.why('certificate')}{'' if search else TOLD}. While they stick: {sticking.stable}, {sticking.why}"
         return dataclasses.replace(
             sticking, stable="unknown", why=why, energy=apart.energy, energy_why=apart.energy_why, states=states
         )
