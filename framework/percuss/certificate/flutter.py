@@ -123,7 +123,7 @@ def _fastest_of_all(model: Model) -> Flutter:
 
 
 def _directions(model: Model, held: Model) -> Iterator[tuple[str, Floats]]:
-    """Yield each direction of slip that is tried, in words, with its -mu d: (rows of T, P)."""
+    """Yield each direction in which the first sides are tried to slide, in words, with its -mu d: (rows of T, P)."""
     points, dim, contacts = model.contact_points, model.dim, list(model.case.contacts)
     own = [np.flatnonzero(points.contact == contacts.index(name)) for name in frictional(model)]
     point = np.concatenate([np.tile(where, dim - 1) for where in own])  # of each row of T, as `with_stick` has them
@@ -137,7 +137,7 @@ def _directions(model: Model, held: Model) -> Iterator[tuple[str, Floats]]:
         bound, state = type(one.friction).bound, np.zeros(one.friction.state)
         mu[one.where] = [bound(one.data, j, 1.0, rate[p], state) for j, p in enumerate(one.where.tolist())]
     for k, sign in itertools.product(range(dim), (1.0, -1.0)):
-        across = sign * tangents_of(points.normal)[point, axis, k]
+        across = -sign * tangents_of(points.normal)[point, axis, k]
         direction = np.where(slides, slip, across)
         length = np.sqrt(np.bincount(point, direction**2, len(points)))[point]
         unit = np.divide(direction, length, out=np.zeros(point.size), where=length > SMALL * length.max())
