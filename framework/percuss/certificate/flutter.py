@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from percuss.contact.model import Model
     from percuss.methods.interfaces import Floats
 
-MOST_MOTIONS = 2000  # nodes times dimensions up to which all frequencies are found, in about 5 s a direction
+MOST_MOTIONS = 2000  # nodes times dimensions up to which all frequencies are found, in about 7 s a direction
 SMALL = 1e-9  # share of the largest one below which a slip, or what supports leave of a row, is round-off
 NO_STEP = "no smaller step cures that"
 
