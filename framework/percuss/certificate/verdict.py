@@ -60,6 +60,7 @@ BY_LANCZOS = (
     "the highest frequency with closed contacts that a Lanczos run finds leaves the step stable; it misses a higher "
     f"one that does not with a probability below {CHANCE:g}"
 )
+TOLD = " (`percuss check` tells how fast they grow)"
 NOT_LINEAR = "the closed step is not linear at longer steps"
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or evaluate contact at the current gap"
 
@@ -261,8 +262,9 @@ def _finding(model: Model, criterion: RunCriterion | None, *, search: bool) -> F
         worst = next((one for one in (apart, sticking) if one.stable == "no"), None)
         if worst is not None:
             return dataclasses.replace(worst, states=states)
-        why = f"{model.why('certificate')}. {when}: {sticking.stable}, {sticking.why}"
-        if model.contact_points.slides.any():
+        told = TOLD if frictional(model) and not search else ""
+        why = f"{model.why('certificate')}{told}. {when}: {sticking.stable}, {sticking.why}"
+        if slides:
             why = f"{why}. {capitalised(of_every_step(model))}"
         return dataclasses.replace(
             sticking, stable="unknown", why=why, energy=apart.energy, energy_why=apart.energy_why, states=states
