@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from percuss import ContactLaw, Doc, Gt, LinearLaw, Unit, coupled_rate
+from percuss import ContactLaw, Doc, Gt, LinearLaw, Places, Unit, coupled_rate
 from percuss_methods.contacts.penalty import Penalty
 from percuss_methods.contacts.uzawa import Uzawa
 from percuss_methods.elements._full_cell import plane_forces
@@ -23,6 +23,7 @@ from percuss_methods.loads.ramp import Ramp
 from percuss_methods.masses.lumped import Lumped
 from percuss_methods.materials.elastic import Elastic
 from percuss_methods.measures.ripple import Ripple
+from percuss_methods.pairings._closest import paired
 from percuss_methods.pairings.mortar import Mortar
 from percuss_methods.pairings.node_to_segment import NodeToSegment
 from percuss_methods.shapes.bar import Bar
@@ -296,6 +297,43 @@ plant("promises-too-much", "patch-test", "pressures at nodes are wrong by", Node
 plant("shy", "shares", "has the share -0.", Mortar, convex=True, passes_patch_test=False, dimensions=(2,))
 plant("half-of-the-area", "pairing", "in all, not 0.8", NodeToSegment, points=half_of_the_area)
 plant("pulls-one-side", "pairing", "does not change by the distance", NodeToSegment, points=pulls_one_side)
+
+places_of = NodeToSegment.places
+
+
+def places(name, said, wrong, check="places"):
+    """Plant a pairing with other places than those of its points."""
+
+    def wrong_places(self, first, second):
+        return wrong(places_of(self, first, second))
+
+    def right_points(self, first, second):
+        return paired(first, second, *places_of(self, first, second))
+
+    plant(name, check, said, NodeToSegment, places=wrong_places, points=right_points)
+
+
+beyond = {"facets": np.zeros(2, dtype=np.int64), "shares": np.array([[1.5, -0.5], [0.5, 0.5]]), "weight": np.ones(2)}
+places("beside-its-facet", "has the share -0.5: it is not on its facet", lambda at: at._replace(**beyond))
+places("half-a-place", "shares of a place add up to 0.5", lambda at: at._replace(shares=0.5 * at.shares))
+places("a-place-too-few", "places and", lambda at: Places(*(each[1:] for each in at)))
+places("areas-of-others", "other areas than points", lambda at: at._replace(weight=at.weight[::-1]))
+moved = "not those of the points in their order"
+places("other-order", moved, lambda at: at._replace(facets=at.facets[::-1], shares=at.shares[::-1]))
+places("on-the-next-facet", moved, lambda at: at._replace(facets=np.roll(at.facets, 1)))
+places("slides-with-half", "`sliding: small` differs by", lambda at: at._replace(weight=0.5 * at.weight), "slides-far")
+
+
+def across_its_own(self, first, second):
+    """Points that meet what lies across their own facet, not what is nearest."""
+    at, out = first.positions, -first.normals[0]
+    facet, share = second.nearest(at)
+    met = np.einsum("pa,pad->pd", share, second.positions[second.facets[facet]])
+    normal = second.normals[facet]
+    return nodes_of(self, first, second)._replace(gap=np.einsum("pd,pd->p", at - met, normal) / -(normal @ out))
+
+
+plant("across-its-own", "places", "does not meet the facet nearest to its place", NodeToSegment, points=across_its_own)
 
 
 # ---------------------------------------------------------------------------------------------------- frictions

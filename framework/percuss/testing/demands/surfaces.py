@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from percuss.contact.sliding import points_at_the_start
+from percuss.jsonable import Entries
 from percuss.mesh.cells import cells_of
 from percuss.mesh.surfaces import surface_of
 from percuss.methods.interfaces import BodyMesh, Floats, Integers, Mesh, PairedPoints, Region, Surface, Wall
 from percuss.methods.plugin_calls import answer
 from percuss.testing.demands.bodies import SPIN, uneven
+from percuss.testing.draws import largest_difference, must_balance, must_compile
 from percuss.testing.subject import ROUND_OFF, CheckFailed, NotApplicable, Subject, demand, must, must_vanish
 
 UNIFORM = 1e-10  # largest relative deviation of a pressure
@@ -220,6 +223,106 @@ def check_shares(subject: Subject) -> None:
         nodes, points = len(first.nodes), found.gap.size
         words = f"{nodes} nodes have {points} points: declare `more_points_than_nodes = True`"
         must(points <= nodes or pairing.more_points_than_nodes, words)
+
+
+@demand("pairings")
+def check_places(subject: Subject) -> None:
+    """The places of points that slide are those of the points.
+
+    Each place is on its facet: its shares are at least 0 and add up to 1. Where all points of `places` have a partner,
+    they are those of `points` in the same order, with the same nodes, shares and areas, and the gaps and rows that the
+    framework finds of them at the start are those of `points`: the facet nearest to a point is the one that it meets.
+    """
+    for pairing, dim in [(made, dim) for _, made in subject.made() for dim in made.dimensions]:
+        for tilt in (0.0, 0.1):
+            first, second = _surfaces(0.1, np.eye(dim), wide=1.25, tilt=tilt)
+            places = answer(pairing, "places", first, second)
+            if places is None:
+                raise NotApplicable("it has no `places`: it does not slide")
+            least, sums = places.shares.min(), places.shares.sum(axis=1)
+            must(least >= -ROUND_OFF, f"a place has the share {least:.3g}: it is not on its facet")
+            words = f"the shares of a place add up to {sums[np.abs(sums - 1.0).argmax()]:.3g}, expected 1"
+            must_vanish(sums - 1.0, words)
+            found, points = _points(pairing, first, second), places.weight.size
+            must(found.gap.shape == (points,), f"there are {points} places and {found.gap.size} points")
+            must_vanish(places.weight - found.weight, "places have other areas than points")
+            own = np.zeros((points, 1 + first.nodes.max()))
+            np.add.at(own, (np.arange(points)[:, None], first.nodes[first.facets[places.facets]]), places.shares)
+            rows = _rows(found, first, second)
+            of_points = -np.einsum("pnd,pd->pn", rows, found.normal)[:, first.nodes]
+            must_vanish(own[:, first.nodes] - of_points, "places are not those of the points in their order")
+            at_start = points_at_the_start(places, first, second)
+            must_vanish(at_start.gap - found.gap, "a point does not meet the facet nearest to its place")
+            must_vanish(
+                _rows(at_start, first, second) - rows, "a point meets the facet nearest to its place by other rows"
+            )
+
+
+@demand("pairings")
+def check_slides_far(subject: Subject) -> None:
+    """Surfaces that slide far are like those that slide little where they do, and like a wall where one is.
+
+    Two blocks of one mesh that meet head on give the numbers of `sliding: small`. A block that slides over many facets
+    of a body of another mesh, all of whose nodes are held, gives those of a wall. The accounts are balanced.
+    """
+    for options, pairing in subject.made():
+        dim = pairing.dimensions[0]
+        if answer(pairing, "places", *_surfaces(0.1, np.eye(dim))) is None:
+            raise NotApplicable("it has no `places`: it does not slide")
+        small, large = (subject.run(subject.placed(_head_on(dim, far), options)) for far in ("small", "large"))
+        must_compile(large)
+        must_balance(large)
+        apart = largest_difference(small.arrays, large.arrays)
+        must(apart <= ROUND_OFF, f"where blocks meet head on, `sliding: small` differs by {apart:.3g} of its peak")
+        on_body = subject.run(subject.placed(_over(dim), options))
+        must_balance(on_body)
+        on_wall = subject.run(subject.placed(_over(dim, at_wall=True), options))
+        for name in ("contact_force", "kinetic_energy"):
+            one, other = on_body.arrays[name], on_wall.arrays[name]
+            apart = np.abs(one - other).max() / np.abs(other).max()
+            must(apart <= ROUND_OFF, f"on a held body {name} differs from that on a wall by {apart:.3g} of its peak")
+
+
+def _head_on(dim: int, sliding: str) -> Entries:
+    """Return two blocks of one mesh that meet head on, held at their sides."""
+    sides: list[Any] = [{"on": side, "along": "x"} for side in ("left", "right")]
+    sides += [{"on": side, "along": "y"} for side in ("front", "back")][: 2 * dim - 4]
+    below = _block([1.0, 0.5, 0.5], [4, 2, 2], [0.0, 0.0, -0.5], [0.0, 0.0, 0.0], sides, dim)
+    return _on(below, _block([1.0, 0.5, 0.5], [4, 2, 2], [0.0, 0.0, 0.0], [0.0, 0.0, -0.05], sides, dim), sliding)
+
+
+def _over(dim: int, *, at_wall: bool = False) -> Entries:
+    """Return a block that slides over a body all of whose nodes are held, or on a wall in its place."""
+    below = _block([4.0, 1.0, 0.5], [17, 3, 1], [-0.5, -0.25, -0.5], [0.0, 0.0, 0.0], ["top", "bottom"], dim)
+    case = _on(below, _block([1.0, 0.5, 0.5], [4, 2, 2], [0.0, 0.0, 0.0], [1.0, 0.0, -0.05], [], dim), "large")
+    if at_wall:
+        wall = {"point": [0.0] * dim, "normal": [0.0] * (dim - 1) + [1.0]}
+        case |= {
+            "bodies": {"upper": case["bodies"]["upper"]},
+            "contacts": {"seam": {"body": "upper.bottom", "wall": wall}},
+        }
+    return case
+
+
+def _block(
+    size: list[float], elements: list[int], at: list[float], velocity: list[float], held: list[Any], dim: int
+) -> Entries:
+    """Return a block in space, or without its second direction in the plane."""
+    size, elements, at, velocity = ([each[0], *each[4 - dim :]] for each in (size, elements, at, velocity))
+    material = {"young": 1.0, "density": 1.0, "poisson": 0.3}
+    shape = {"size": size, "elements": elements}
+    return {"block": shape, "at": at, "velocity": velocity, "fixed": held, "material": material}
+
+
+def _on(lower: Entries, upper: Entries, sliding: str) -> dict[str, Any]:
+    """Return a block that moves on another one."""
+    return {
+        "percuss": 1,
+        "bodies": {"upper": upper, "lower": lower},
+        "contacts": {"seam": {"between": ["upper.bottom", "lower.top"], "sliding": sliding}},
+        "method": {"contact": "regularised-lagrange"},
+        "time": {"end": 2.0, "courant": 0.5},
+    }
 
 
 def _faced(subject: Subject, gap: float) -> Iterator[tuple[Any, Surface, Surface, PairedPoints]]:
