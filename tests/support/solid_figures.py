@@ -60,6 +60,21 @@ ENERGIES: list[tuple[str, dict[str, str], float, tuple[Any, ...], tuple[Any, ...
     (WU, MATCHED, 0.9, (1, 1, 1, 1), (1, 1, 1, 1)),
 ]
 
+# Growth rates of a block of 1 x .5 at a rigid wall, its lower nodes slide: E = rho = 1, plane strain, penalty beta_s 1.
+# By nu and mu, for so many cells along the wall, in as many digits as the program gave.
+CELLS = (4, 8, 16, 24)
+RATES = {
+    (0.0, 0.1): ("0", ".019", ".026", ".034"),
+    (0.0, 0.3): ("0", ".067", ".11", ".19"),
+    (0.0, 1.0): (".28", ".56", "1.2", "1.8"),
+    (0.3, 0.1): (".012", ".040", ".19", ".34"),
+    (0.3, 0.3): (".080", ".21", ".59", ".97"),
+    (0.3, 1.0): (".52", ".91", "1.9", "2.8"),
+    (0.45, 0.1): (".046", ".10", ".29", ".53"),
+    (0.45, 0.3): (".25", ".35", "1.0", "2.0"),
+    (0.45, 1.0): (".83", "2.1", "5.1", "8.0"),
+}
+
 Rows = tuple[tuple[str, ...], Iterator[tuple[str, ...]]]
 
 
@@ -107,6 +122,12 @@ def energies() -> Rows:
         for integrator, law, courant, nodes, points in ENERGIES
     )
     return ("methods", *(f"β_s = {value:g}" for value in BETA_S)), lines
+
+
+def rates() -> Rows:
+    """Return head and lines of the table of growth rates."""
+    lines = ((f"ν = {poisson:g}, μ = {mu:g}", *values) for (poisson, mu), values in RATES.items())
+    return ("block", *(f"{cells} cells" for cells in CELLS)), lines
 
 
 def _growth(value: float | None) -> str:

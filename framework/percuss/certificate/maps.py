@@ -18,6 +18,7 @@ from percuss.case.case import expect_case
 from percuss.case.overrides import as_given_by
 from percuss.certificate.black_box import BlackBox
 from percuss.certificate.criteria import Criterion, RunCriterion
+from percuss.certificate.flutter import flutter_of
 from percuss.certificate.linear_laws import doubts_of, linear_laws
 from percuss.certificate.verdict import settled
 from percuss.contact.model import Model
@@ -64,8 +65,8 @@ def stability(
     -------
     list of dict
         For each combination and criterion the varied paths, ``courant_critical``, ``dt_critical``, ``by``, ``reason``
-        where there is no number or a doubt about it, and where the step is varied ``margin`` (step over the
-        critical step) and ``theta``.
+        where there is no number or a doubt about it, where the step is varied ``margin`` (step over the critical
+        step) and ``theta``, and with friction ``flutter``, the growth rate while all points slide.
 
     Raises
     ------
@@ -97,7 +98,11 @@ def stability(
                 before = None
             doubts = doubts_of(model)
             ways_here = by or ("black-box" if doubts else "linear-laws",)
-            rows += [_critical_row(model, varied, way, doubts) for way in ways_here]
+            found = [_critical_row(model, varied, way, doubts) for way in ways_here]
+            if (flutter := flutter_of(model)) is not None:
+                unknown = flutter.told if flutter.rate is None else ""
+                found = [row | {"flutter": flutter.rate, "reason": unknown or row["reason"]} for row in found]
+            rows += found
         if progress is not None:
             progress(done, count)
     if len(errors) == count:

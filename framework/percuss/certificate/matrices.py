@@ -50,7 +50,7 @@ def operator_of(model: Model) -> Operator:
     rows = model.contact_points.matrix(model.bodies.n_nodes)
     ties = rows[:, list(model.tied_points)] if model.tied_points and model.period == 1 else None
     if ties is not None:
-        basis = basis @ _without(ties.T @ basis)
+        basis = basis @ motions_without(ties.T @ basis)
     transposed = csr_array(basis.T)
     stiffness, normals = transposed @ _stiffness(model) @ basis, csr_array(transposed @ rows)
     if not model.bodies.couples_nodes:
@@ -164,7 +164,7 @@ def _directions(axes: Iterable[Floats], held: Iterable[Floats], dim: int) -> Flo
     return np.array(kept).reshape(-1, dim)
 
 
-def _without(ties: Any) -> Any:
+def motions_without(ties: Any) -> Any:
     """Return the motions that leave the rows `ties` at zero, one a column: most of them move one degree of freedom."""
     ties = csr_array(ties)
     count = ties.shape[1]

@@ -33,9 +33,10 @@ from percuss.certificate.lanczos import CHANCE, MARGIN, Lanczos, products_for
 from percuss.certificate.linear_laws import doubts_of, linear_laws
 from percuss.certificate.oscillator import limit_ratio
 from percuss.contact.features import Verdict
+from percuss.contact.frictions import frictional
 from percuss.contact.laws import ignored_couplings
 from percuss.contact.model import Model
-from percuss.contact.sliding import complementary, sliding
+from percuss.contact.sliding import complementary, of_every_step, sliding, with_rows_that_stay
 from percuss.errors import InputError, refuse_if_any
 from percuss.jsonable import Entries
 from percuss.march.model_of_case import model_of, with_laws, with_step
@@ -59,6 +60,7 @@ BY_LANCZOS = (
     "the highest frequency with closed contacts that a Lanczos run finds leaves the step stable; it misses a higher "
     f"one that does not with a probability below {CHANCE:g}"
 )
+TOLD = " (`percuss check` tells how fast they grow)"
 NOT_LINEAR = "the closed step is not linear at longer steps"
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or evaluate contact at the current gap"
 
@@ -250,13 +252,20 @@ def _unknown(model: Model, laws: ClosedLaws, why: str, **known: Any) -> Finding:
 def _finding(model: Model, criterion: RunCriterion | None, *, search: bool) -> Finding:
     """Return what is found about a run: with and without the rows in which closed contacts may hold their bodies."""
     if (held := model.facts.held) is not None:
-        sticking, apart = _found(held(model), criterion, search=search), _found(model, None, search=search)
+        slides = model.contact_points.slides.any()
+        sticking = _found(held(model), criterion, search=search)
+        # Where rows move those of the start are examined: without friction that is the same question.
+        apart = sticking if slides and not frictional(model) else None
+        apart = apart or _found(with_rows_that_stay(model) if slides else model, None, search=search)
         when, held_name, other = model.facts.held_words
         states: dict[str, Verdict] = {"open": apart.stable, held_name: sticking.stable, other: "unknown"}
         worst = next((one for one in (apart, sticking) if one.stable == "no"), None)
         if worst is not None:
             return dataclasses.replace(worst, states=states)
-        why = f"{model.why('certificate')}. {when}: {sticking.stable}, {sticking.why}"
+        told = TOLD if frictional(model) and not search else ""
+        why = f"{model.why('certificate')}{told}. {when}: {sticking.stable}, {sticking.why}"
+        if slides:
+            why = f"{why}. {capitalised(of_every_step(model))}"
         return dataclasses.replace(
             sticking, stable="unknown", why=why, energy=apart.energy, energy_why=apart.energy_why, states=states
         )

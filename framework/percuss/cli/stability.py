@@ -40,4 +40,5 @@ def stability(
         answer.write(out, maps.save, rows, out)
         answer.draw(plot, stability_figure, rows, axes, families, loaded.title, common.methods_in_words(loaded))
         answer.show({"title": loaded.title, "rows": rows}, stability_lines(loaded.title, rows))
-        answer.exit_code = 0 if any(row["courant_critical"] for row in rows) else 1
+        known = any(row["courant_critical"] or row.get("flutter") is not None for row in rows)
+        answer.exit_code = 0 if known else 1

@@ -96,7 +96,7 @@ class Feature:
     dissipates: bool = False
     of_all_laws: bool = False
     held: Callable[[Any], Any] | None = None
-    held_words: tuple[str, str, str] = ("While they stick", "sticking", "sliding")
+    held_words: tuple[str, str, str] = ("", "", "")
     reasons: Mapping[Question, Reason] = field(default_factory=dict)
 
     def why(self, question: Question, model: Any) -> str:

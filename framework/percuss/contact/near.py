@@ -17,12 +17,14 @@ if TYPE_CHECKING:
 
 AT_AN_END = 1e-8  # of the size of a facet: a point that lies so far beyond the end of a surface is still inside
 MOST = {2: 12, 3: 64}  # candidates of a point, by the dimension of space
+GROUP = 16  # facets, side by side, that a search looks at together
 NOBODY = -1  # partner of a point that has none
 
 
 class Partners(NamedTuple):
     """Facets that contact points may meet, and the candidates of each point; facets of all contacts in one row."""
 
+    rank: Integers  # (F,) number of each facet on its surface; here they stand so that neighbours are near each other
     node: Integers  # (F, w) of each facet, as a row of `at`
     width: Integers  # (F,) number of its nodes
     rim: Integers  # (F, w) 1 where the edge from this node to the next one is the rim of an open surface
@@ -30,6 +32,8 @@ class Partners(NamedTuple):
     at: Floats  # (nodes, dim) places of the nodes at t_n
     low: Floats  # (F, dim) corners of the box around each facet
     high: Floats
+    group_low: Floats  # (F, dim) corners of the box around each `GROUP` facets of a contact, in the place of the first
+    group_high: Floats
     candidates: Integers  # (S, most)
     candidate_count: Integers  # (S,)
     partner: Integers  # (S,) facet that each point met last, NOBODY for none
@@ -47,9 +51,14 @@ class Partners(NamedTuple):
 
 def beyond(data: Partners, f: int) -> float:
     """Return the square of the distance of the point from the box around a facet."""
+    return outside(data.point, data.low[f], data.high[f])
+
+
+def outside(point: Floats, low: Floats, high: Floats) -> float:
+    """Return the square of the distance of a point from a box."""
     square = 0.0
-    for d in range(data.point.size):
-        apart = max(data.low[f, d] - data.point[d], data.point[d] - data.high[f, d], 0.0)
+    for d in range(point.size):
+        apart = max(low[d] - point[d], point[d] - high[d], 0.0)
         square += apart * apart
     return square
 
@@ -64,10 +73,22 @@ def enclose(data: Partners) -> None:
                 data.high[f, d] = max(data.high[f, d], data.at[data.node[f, a], d])
 
 
+def enclose_groups(data: Partners, first: int, last: int) -> None:
+    """Find the boxes around the groups of facets of a contact."""
+    for begin in range(first, last, GROUP):
+        for d in range(data.point.size):
+            data.group_low[begin, d], data.group_high[begin, d] = data.low[begin, d], data.high[begin, d]
+            for f in range(begin, min(begin + GROUP, last)):
+                data.group_low[begin, d] = min(data.group_low[begin, d], data.low[f, d])
+                data.group_high[begin, d] = max(data.group_high[begin, d], data.high[f, d])
+
+
 @called
 def place_on(data: Partners, f: int, share: Floats) -> float:
     """Set the shape functions of a facet at its place nearest to the point; return the square of the distance."""
     width, dim, least, best, part = data.width[f], data.point.size, np.inf, 0, 0.0
+    if width > 2 and inside(data, f, share):
+        return apart_from(data, f, share)
     for a in range(1 if width == 2 else width):
         p, q = data.node[f, a], data.node[f, (a + 1) % width]
         across, along = 0.0, 0.0
@@ -82,20 +103,22 @@ def place_on(data: Partners, f: int, share: Floats) -> float:
             square += apart * apart
         if square < least:
             least, best, part = square, a, on_edge
-    if width > 2 and inside(data, f, share):
-        square = 0.0
-        for d in range(dim):
-            apart = data.point[d]
-            for a in range(width):
-                apart -= share[a] * data.at[data.node[f, a], d]
-            square += apart * apart
-        if square < least:
-            return square
     for a in range(width):
         share[a] = 0.0
     share[best] = 1.0 - part
     share[(best + 1) % width] = part
     return least
+
+
+def apart_from(data: Partners, f: int, share: Floats) -> float:
+    """Return the square of the distance of the point from the place of a facet with these shape functions."""
+    square = 0.0
+    for d in range(data.point.size):
+        apart = data.point[d]
+        for a in range(data.width[f]):
+            apart -= share[a] * data.at[data.node[f, a], d]
+        square += apart * apart
+    return square
 
 
 def shares_at(width: int, x: float, y: float, share: Floats) -> None:
@@ -215,57 +238,73 @@ def is_on_rim(data: Partners, f: int, share: Floats) -> bool:
 
 
 @called
+def nearest(data: Partners, s: int, best: int) -> tuple[float, int]:
+    """Return the square of the least distance of a point from all facets, and the facet; `best` is looked at first."""
+    square = place_on(data, best, data.trial)
+    for begin in range(data.first[s], data.last[s], GROUP):
+        if outside(data.point, data.group_low[begin], data.group_high[begin]) < square:
+            for f in range(begin, min(begin + GROUP, data.last[s])):
+                if beyond(data, f) < square:
+                    found = place_on(data, f, data.trial)
+                    if found < square:
+                        square, best = found, f
+    return square, best
+
+
+@called
 def search(data: Partners, s: int) -> float:
     """Find the candidates of a point; return how far nodes may move before it needs others.
 
     If no node moves by more than that, a facet that is no candidate cannot become the nearest one: the distances of the
     point change by twice the motion. A point so far away that it touches nothing before then has the nearest one alone.
     """
-    near, best, most, skin = np.inf, 0, data.candidates.shape[1], data.skin[s]
-    for f in range(data.first[s], data.last[s]):
-        if beyond(data, f) < near:
-            square = place_on(data, f, data.trial)
-            if square < near:
-                near, best = square, f
-    near = np.sqrt(near)
+    most, skin, best = data.candidates.shape[1], data.skin[s], data.candidates[s, 0]
+    square, best = nearest(data, s, best)
+    near = np.sqrt(square)
+    data.candidates[s, 0], data.candidate_count[s] = best, 1
     if near > skin:
-        data.candidates[s, 0], data.candidate_count[s] = best, 1
         return 0.25 * skin  # type: ignore[no-any-return]
     margin = skin
     for _ in range(60):
-        count = 0
-        reach = (near + margin) * (near + margin)
-        for f in range(data.first[s], data.last[s]):
-            if beyond(data, f) <= reach:
-                if count < most:
-                    data.candidates[s, count] = f
-                count += 1
+        count, reach = 1, (near + margin) * (near + margin)
+        for begin in range(data.first[s], data.last[s], GROUP):
+            if outside(data.point, data.group_low[begin], data.group_high[begin]) <= reach:
+                for f in range(begin, min(begin + GROUP, data.last[s])):
+                    if f != best and beyond(data, f) <= reach:
+                        if count < most:
+                            data.candidates[s, count] = f
+                        count += 1
         if count <= most:
-            break
+            data.candidate_count[s] = count
+            return 0.25 * margin  # type: ignore[no-any-return]
         margin = 0.5 * margin
-    data.candidate_count[s] = min(count, most)
-    return 0.25 * margin if count <= most else 0.0  # type: ignore[no-any-return]
+    data.candidate_count[s] = most
+    return 0.0
 
 
 @called
 def meet(data: Partners, s: int) -> float:
     """Find partner, shape functions and normal of a point; return its gap, infinite where it has no partner.
 
-    Of facets that are equally near the first one counts. Where facets meet, the gap is the distance, along the vector
-    to the point; of points that touch along the mean of their normals.
+    Of facets that are equally near the first one of the surface counts. Where facets meet, the gap is the distance,
+    along the vector to the point; of points that touch along the mean of their normals. The candidate that was nearest
+    last is looked at first, and stays the first one.
     """
-    dim, size, least = data.point.size, data.skin[s], np.inf
-    even = EVEN * size
-    for k in range(data.candidate_count[s]):
+    dim, size = data.point.size, data.skin[s]
+    even, best, place = EVEN * size, data.candidates[s, 0], 0
+    least = place_on(data, best, data.share)
+    for k in range(1, data.candidate_count[s]):
         f = data.candidates[s, k]
-        if beyond(data, f) < least:
-            least = min(least, place_on(data, f, data.trial))
+        if beyond(data, f) <= (np.sqrt(least) + even) * (np.sqrt(least) + even):
+            square = place_on(data, f, data.trial)
+            nearer = np.sqrt(square) < np.sqrt(least) - even
+            if nearer or (np.sqrt(square) <= np.sqrt(least) + even and data.rank[f] < data.rank[best]):
+                best, place = f, k
+                for a in range(data.width[f]):
+                    data.share[a] = data.trial[a]
+            least = min(least, square)
+    data.candidates[s, place], data.candidates[s, 0] = data.candidates[s, 0], best
     limit = (np.sqrt(least) + even) * (np.sqrt(least) + even)
-    best = NOBODY
-    for k in range(data.candidate_count[s]):
-        f = data.candidates[s, k]
-        if best == NOBODY and beyond(data, f) <= limit and place_on(data, f, data.share) <= limit:
-            best = f
     data.partner[s] = best
     set_out(data, best, data.share, data.out)
     set_place(data, best, data.share, data.place)
@@ -320,6 +359,6 @@ def at_corner(data: Partners, s: int, best: int, gap: float, limit: float) -> fl
             length += data.out[d] * data.out[d]
         for d in range(dim):
             data.out[d] /= np.sqrt(length)
-        return gap if touches else apart  # type: ignore[no-any-return]
+        return gap if touches else apart
     set_out(data, best, data.share, data.out)
     return gap

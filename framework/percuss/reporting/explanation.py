@@ -12,6 +12,7 @@ import numpy as np
 from percuss.case.options import PER_AREA, options_of
 from percuss.case.quantities import in_unit
 from percuss.case.type_words import found
+from percuss.certificate.flutter import flutter_of
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.frictions import frictional, stick_in_words
 from percuss.contact.laws import parameters, points_of_law
@@ -49,6 +50,7 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
         The criterion with which its step was chosen, if it was (`percuss.certificate.verdict.settled`).
     """
     case, verdict = model.case, certificate(recordable(model), criterion)
+    flutter = flutter_of(model)
     engine, _, why_not_exact = engine_for(model, (model.steps + 1) * model.dt)
     name, refused = engine.name if engine else "", case.time.on_unstable == "stop"
     dt = in_unit(model.dt, 6, "time", case.data.get("units") or {})
@@ -63,6 +65,7 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
         "estimate": {"seconds": seconds_of_steps(model), "bytes": bytes_of_run(model)},
         "nodes": model.bodies.n_nodes,
         "certificate": verdict,
+        "flutter": flutter._asdict() if flutter is not None else None,
         "measured": _measured_energy(model, verdict["energy"]),
         "exact": {"name": name, "why": why_not_exact},
         "methods": {f"{component.family}/{component.name}": _method(component) for component in used},

@@ -21,6 +21,7 @@ from percuss.case.quantities import (
     ranking,
     with_unit,
 )
+from percuss.certificate.flutter import NO_STEP
 from percuss.jsonable import Data, Entries
 from percuss.reporting.tables import Column, Piece, Table, Unbroken, words
 from percuss.reporting.verdict import apart_of, is_number
@@ -277,7 +278,7 @@ def stability_lines(title: str, rows: list[Entries]) -> Iterator[Piece]:
     """Yield critical Courant numbers: for each criterion the least and the largest, and a table of some lines."""
     criteria = list(dict.fromkeys(row["by"] for row in rows))
     paths = [key for key in rows[0] if "." in key or key == "refine"]
-    extra_columns = [key for key in ("margin", "theta") if any(key in row for row in rows)]
+    extra_columns = [key for key in ("margin", "theta", "flutter") if any(key in row for row in rows)]
     lines: dict[tuple[object, ...], Entries] = {}
     for row in rows:
         lines.setdefault(tuple(row[path] for path in paths), {})[row["by"]] = row
@@ -296,6 +297,8 @@ def stability_lines(title: str, rows: list[Entries]) -> Iterator[Piece]:
     reasons = Counter(f"{row['by']}: {row['reason']}" for row in rows if row["reason"])
     for reason, count in reasons.most_common(STABILITY_REASONS):
         yield f"{f'{count} times ' if count > 1 else ''}{reason}"
+    if any(row.get("flutter") for row in rows):
+        yield f"flutter: how fast the equations themselves grow while all points with friction slide; {NO_STEP}"
     for criterion in criteria:
         yield _summary_of(criterion, [row for row in rows if row["by"] == criterion], paths)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, permutations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from percuss.case.quantities import percent
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP
 from percuss.contact.pairs import walls_of
 from percuss.contact.points import TOUCHING
+from percuss.contact.sliding import points_at_the_start, sliding, surfaces_of
 from percuss.march.recording import probe_nodes
 from percuss.mesh.body import turn_of
 from percuss.mesh.cells import cells_of, is_solid, pieces_of
@@ -277,13 +278,14 @@ def _unseen_by_contacts(model: Model, sights: Sequence[Sight], slid: Floats) -> 
     slid : (contacts, 2) array
         Largest slide of a point of each contact over its facet, and the time at which one first exceeded 1.
     """
-    from scipy.sparse import csr_array
-
-    points, contacts = model.contact_points, model.case.contacts
-    shares: Any = csr_array((points.share, (points.point, points.node)), shape=(len(points), model.bodies.n_nodes))
-    gaps = [points.gap + ((shares @ sight.displacement) * points.normal).sum(axis=1) for sight in sights]
-    seeing = [(one.multiplier != 0.0) | (gap <= TOLD * points.facet) for one, gap in zip(sights, gaps, strict=True)]
-    yield from _hidden_nodes(model, sights, [abs(shares).T @ sees.astype(float) == 0.0 for sees in seeing])
+    points, contacts, unseen, gaps = model.contact_points, model.case.contacts, [], []
+    for sight in sights:
+        node, gap = _rows_at(model, sight)
+        sees = (sight.multiplier != 0.0) | (gap <= TOLD * points.facet)
+        touched = np.bincount(node, np.abs(points.share) * sees[points.point], model.bodies.n_nodes)
+        unseen.append(touched == 0.0)
+        gaps.append(gap)
+    yield from _hidden_nodes(model, sights, unseen)
     for number, (name, spec) in enumerate(contacts.items()):
         if spec.wall is not None:
             continue
@@ -305,6 +307,20 @@ def _unseen_by_contacts(model: Model, sights: Sequence[Sight], slid: Floats) -> 
                 f"contact '{name}' presses from time {slid[number, 1]:.6g} on at points that have slid along their "
                 f"surface by more than a facet, by {slid[number, 0]:.3g} facets at most: {OF_THE_START}"
             )
+
+
+def _rows_at(model: Model, sight: Sight) -> tuple[Integers, Floats]:
+    """Return the node of each entry of the contact points, and the gap of each point, of surfaces that slide anew."""
+    points = model.contact_points
+    node, moved = points.node.copy(), points.share[:, None] * sight.displacement[points.node]
+    along = np.vecdot(moved, points.normal[points.point])
+    gap = points.gap + np.bincount(points.point, along, len(points))
+    for name, spec in sliding(model.case).items():
+        where, surfaces = points.contact == list(model.case.contacts).index(name), surfaces_of(spec, model.bodies)
+        places = cast("Any", spec.pairing).places(*surfaces)
+        paired = points_at_the_start(places, *(_moved(surface, sight) for surface in surfaces))
+        node[where[points.point]], gap[where] = paired.node, paired.gap
+    return node, gap
 
 
 def _hidden_nodes(model: Model, sights: Sequence[Sight], unseen: Sequence[Any]) -> Iterator[str]:

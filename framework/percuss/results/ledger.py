@@ -29,7 +29,7 @@ from percuss.case.quantities import percent
 from percuss.certificate.closed_laws import BETWEEN, BOUNDED, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
 from percuss.contact.points import BY_CURRENT, BY_END
-from percuss.contact.sliding import slides
+from percuss.contact.sliding import share_of_limit, slides
 from percuss.jsonable import Data
 from percuss.march.march import March, Outcome
 from percuss.mesh.body import turn_of
@@ -182,7 +182,7 @@ def energy_summary(
     error = float(np.max(np.abs(histories["energy_error"]), initial=0.0))
     judged = not march.model.multistage and outcome.status != "unstable"
     allowed = _allowed(outcome, CLOSURE_TOLERANCE, largest_energy)
-    return {
+    summary: EnergySummary = {
         "initial": march.initial_energy,
         "final": float(total[-1]) if total.size else march.initial_energy,
         "max": float(np.max(total, initial=march.initial_energy)),
@@ -196,8 +196,10 @@ def energy_summary(
         "ledger_error": error,
         "ledger_allowed": allowed if judged else None,
         "ledger_closed": bool(error <= allowed and agree) if judged else None,
-        **({"renewal": float(renewal.sum())} if (renewal := outcome.histories.get("renewal_so_far")) is not None else {}),
     }
+    if (renewal := outcome.histories.get("renewal_so_far")) is not None:
+        summary["renewal"] = float(renewal.sum())
+    return summary
 
 
 def _bodies_error(march: March, histories: Mapping[str, Floats], largest_energy: float) -> float | None:
@@ -386,24 +388,32 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
         if "renewal_so_far" in outcome.histories and slides(model.case.contacts[name]):
             returned, renewal = (float(outcome.histories[key][number]) for key in ("returned", "renewal_so_far"))
             summaries[name] |= {"returned_points": int(returned), "renewal": renewal}
+            summaries[name]["stiffness_bound"] = float(outcome.histories["stiffness"][number])
     return summaries
 
 
 def renewal_notes(march: March, outcome: Outcome, largest_energy: float) -> Iterator[str]:
-    """Yield notes on contacts that slide: points that came back, and energy that the renewal of rows may have brought."""
-    books, points, order = outcome.histories, march.model.contact_points, march.arrays.order
-    for number, name in enumerate(march.model.case.contacts if "renewal_so_far" in books else ()):
+    """Yield notes on contacts that slide: points that came back, energy and stiffness that the renewal may bring."""
+    books, points, order, model = outcome.histories, march.model.contact_points, march.arrays.order, march.model
+    for number, name in enumerate(model.case.contacts if "renewal_so_far" in books else ()):
         renewal, returned = float(books["renewal_so_far"][number]), int(books["returned"][number])
         if returned:
             yield (
-                f"points of contact '{name}' came back {returned} times to a surface that they had left, and lay inside "
-                "it: each keeps that overlap as an offset, which falls as the point comes out"
+                f"points of contact '{name}' came back {returned} times to a surface that they had left, and lay "
+                "inside it: each keeps that overlap as an offset, which falls as the point comes out"
             )
         if renewal > TOLD_RENEWAL * largest_energy:
             point = order[int(books["point"][number])] - int(np.argmax(points.contact == number))
+            share, time = percent(renewal / largest_energy), float(books["time"][number])
             yield (
-                f"as the rows of contact '{name}' change they may bring {percent(renewal / largest_energy)} of the "
-                f"largest energy: most at point {point} at time {float(books['time'][number]):.6g}. Finer facets bring less"
+                f"as the rows of contact '{name}' change they may bring {share} of the largest energy: most at point "
+                f"{point} at time {time:.6g}. Finer facets bring less"
+            )
+        share_of_step = share_of_limit(model, float(books["stiffness"][number]))
+        if share_of_step is not None and share_of_step > 1.0:
+            yield (
+                f"the step is not shown to be stable at time {float(books['stiffest'][number]):.6g}, where the points "
+                f"of contact '{name}' crowd on the fewest nodes: its bound is {share_of_step:.3g} of what it may be"
             )
 
 

@@ -48,6 +48,7 @@ class ContactSummary(TypedDict):
     contact_slip: NotRequired[float]
     returned_points: NotRequired[int]
     renewal: NotRequired[float]
+    stiffness_bound: NotRequired[float]
 
 
 class BodySummary(TypedDict):

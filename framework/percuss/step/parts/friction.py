@@ -610,5 +610,6 @@ def feature(model: Model) -> Feature | None:
     return Feature(
         name=f"friction {' and '.join(names)}",
         held=with_stick,
+        held_words=("While they stick", "sticking", "sliding"),
         reasons={"certificate": SLIDING, "plain bars": "surfaces with friction are no bars"},
     )

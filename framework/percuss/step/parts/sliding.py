@@ -1,7 +1,7 @@
 """Surfaces that slide far: contact points find in each step what they meet, and their rows are those of this step.
 
-N and the gap g(x_n) are those of the places x_n. The predicted gap is ``g(x_n) + N^T (u* - u_n)``, and the ledger counts
-the work by the rows of the step.
+N and the gap g(x_n) are those of the places x_n. The predicted gap is ``g(x_n) + N^T (u* - u_n)``, and the ledger
+counts the work by the rows of the step.
 
 A point that comes back to a surface which it had left, and lies inside it, takes an offset: its gap counts from there,
 and the offset falls as the point comes out. Nothing is thrown out. The energy is bounded by a number that the run
@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from percuss.contact.features import Feature
-from percuss.contact.near import MOST, NOBODY, Partners, enclose, meet, search
+from percuss.contact.frictions import frictions_of
+from percuss.contact.near import MOST, NOBODY, Partners, enclose, enclose_groups, meet, search
 from percuss.contact.points import BY_END, FROM_LINE, Points
-from percuss.contact.sliding import mobilities, sliding, surfaces_of, with_rows_that_stay
+from percuss.contact.sliding import mobilities, sliding, stiffness_of_points, surfaces_of, with_rows_that_stay
 from percuss.record_arrays import Records, empty_records
 from percuss.step.actions import BEFORE_ACCOUNT, BEFORE_CONTACT, RECORD, Action
 from percuss.step.part import Part, Setting
@@ -42,7 +43,8 @@ BOOKS = np.dtype(
         ("term", "f8"),  # largest term of R, its point in the loop and its time
         ("point", "i8"),
         ("time", "f8"),
-        ("stiffness", "f8"),  # largest bound of what its stiffness adds to a squared frequency
+        ("stiffness", "f8"),  # largest bound of what its stiffness adds to a squared frequency, and its time
+        ("stiffest", "f8"),
     ]
 )
 
@@ -53,6 +55,7 @@ class Slides(NamedTuple):
     points: Points
     boundary: Records  # percuss.step.records.BOUNDARY_DOF
     now: Records  # percuss.step.records.NOW
+    totals: Records  # percuss.step.records.TOTAL
     partners: Partners
     which: Integers  # (S,) index of each in the loop
     own: Integers  # (S,) number of its own nodes, whose entries come first
@@ -67,6 +70,8 @@ class Slides(NamedTuple):
     offset: Floats  # (S,)
     last: Floats  # (S,) multipliers of the last step and of the one before
     before: Floats
+    stiffness: Floats  # (S,) of each point while it is closed, 0 under a complementarity law
+    load: Floats  # (nodes,) what the points add to a squared frequency
     books: Records  # (contacts,) BOOKS
     renewal: Floats  # (R, contacts) history of R
 
@@ -82,12 +87,16 @@ class Sliding(Part[Slides]):
         step = setting.step
         found = before.data if before is not None else _slides(setting)
         mobility = mobilities(setting.model, setting.place, setting.midpoint)
-        return cls(found._replace(points=step.points, boundary=step.boundary, now=step.now, mobility=mobility))
+        stiffness = _stiffness(setting.model)[np.array(setting.order, dtype=np.int64)[found.which]]
+        found = found._replace(mobility=mobility, stiffness=stiffness)
+        return cls(found._replace(points=step.points, boundary=step.boundary, now=step.now, totals=step.totals))
 
     def actions(self) -> Iterator[Action]:
         """Yield the actions of a step."""
         yield Action(BEFORE_CONTACT, renew_rows, self.data, order=1)
         yield Action(BEFORE_ACCOUNT, bound_energy, self.data)
+        if self.data.stiffness.any():
+            yield Action(BEFORE_ACCOUNT, bound_stiffness, self.data)
         yield Action(RECORD, record_renewal, self.data)
 
     def changing_arrays(self) -> list[Array]:
@@ -110,6 +119,8 @@ class Sliding(Part[Slides]):
 
 def _slides(setting: Setting) -> Slides:
     """Return the points that slide, and the facets that they may meet, with all sums at zero."""
+    from scipy.spatial import cKDTree
+
     model, dim, place = setting.model, setting.model.dim, setting.place
     loop, points = np.argsort(np.array(setting.order, dtype=np.int64)), model.contact_points
     number = np.zeros(model.bodies.n_nodes, dtype=np.int64)
@@ -121,7 +132,9 @@ def _slides(setting: Setting) -> Slides:
         first, second = surfaces_of(spec, model.bodies)
         where = np.flatnonzero(points.contact == list(model.case.contacts).index(name))
         begin = sum(len(one) for one, *_ in facets)
-        facets.append((number[second.nodes[second.facets]], *_rims(second.facets), _size(second)))
+        order = cKDTree(second.positions[second.facets].mean(axis=1)).indices
+        of_facets = (number[second.nodes[second.facets]], *_rims(second.facets), np.arange(len(order)))
+        facets.append((*(one[order] for one in of_facets), _size(second)))
         width = second.facets.shape[1]
         own = points.count[where] - width
         share, node = np.zeros((where.size, 4)), np.zeros((where.size, 4), dtype=np.int64)
@@ -147,22 +160,33 @@ def _slides(setting: Setting) -> Slides:
 
     start = np.zeros((len(place), dim))
     start[:] = model.bodies.nodes[list(place)]
-    sizes = np.concatenate([np.full(len(of), one[3]) for of, one in zip(of_points["which"], facets, strict=True)])
+    sizes = np.concatenate([np.full(len(of), one[4]) for of, one in zip(of_points["which"], facets, strict=True)])
     partners = Partners(
-        node=wide(0), width=widths, rim=wide(1), corner=wide(2), at=start.copy(), skin=sizes,
-        candidates=np.zeros((count, MOST[dim]), dtype=np.int64), candidate_count=np.zeros(count, dtype=np.int64),
+        rank=np.concatenate([one[3] for one in facets]), node=wide(0), width=widths, rim=wide(1), corner=wide(2),
+        group_low=np.zeros((widths.size, dim)), group_high=np.zeros((widths.size, dim)), at=start.copy(), skin=sizes,
+        candidates=np.tile(joined["span"][:, :1], MOST[dim]), candidate_count=np.zeros(count, dtype=np.int64),
         partner=np.full(count, NOBODY), first=joined["span"][:, 0].copy(), last=joined["span"][:, 1].copy(),
         low=np.zeros((widths.size, dim)), high=np.zeros((widths.size, dim)), share=np.zeros(most), trial=np.zeros(most),
         point=np.zeros(dim), out=np.zeros(dim), place=np.zeros(dim), other=np.zeros(dim),
     )  # fmt: skip
     return Slides(
-        points=setting.step.points, boundary=setting.step.boundary, now=setting.step.now, partners=partners,
+        points=setting.step.points, boundary=setting.step.boundary, now=setting.step.now, totals=setting.step.totals,
+        partners=partners,
         which=joined["which"], own=joined["own"], share=joined["share"], node=joined["node"], start=start,
         mobility=np.zeros((len(place), dim, dim)), watched=np.unique(np.concatenate(watched)), made=start.copy(),
         allowed=np.full(1, -1.0), presses=joined["presses"], offset=np.zeros(count), last=np.zeros(count),
-        before=np.zeros(count), books=empty_records(contacts, BOOKS),
-        renewal=np.full((setting.record.energy.size, contacts), np.nan),
+        before=np.zeros(count), stiffness=np.zeros(count), load=np.zeros(len(place)),
+        books=empty_records(contacts, BOOKS), renewal=np.full((setting.record.energy.size, contacts), np.nan),
     )  # fmt: skip
+
+
+def _stiffness(model: Model) -> Floats:
+    """Return the stiffness of each point while it is closed, (P,), the larger one of those across and along."""
+    found = stiffness_of_points(model)
+    for friction in frictions_of(model):
+        along = np.divide(1.0, friction.compliance, out=np.zeros(friction.where.size), where=friction.compliance > 0.0)
+        found[friction.where] = np.where(found[friction.where] > 0.0, np.maximum(found[friction.where], along), 0.0)
+    return found
 
 
 def _size(surface: Any) -> float:
@@ -191,6 +215,9 @@ def renew_rows(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
     partners = data.partners
     searches = move(data)
     enclose(partners)
+    for s in range(data.which.size if searches else 0):
+        if s == 0 or partners.first[s] != partners.first[s - 1]:
+            enclose_groups(partners, partners.first[s], partners.last[s])
     for s in range(data.which.size):
         for d in range(partners.point.size):
             partners.point[d] = 0.0
@@ -212,6 +239,8 @@ def renew_rows(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
             if n > 0 and overlap > 0.0:
                 data.books[data.points.law[data.which[s]].contact].returned += 1
         write_row(data, s, gap + data.offset[s])
+        if n == 0:
+            put_in(data, s, overlap - data.offset[s])
 
 
 def move(data: Slides) -> bool:
@@ -231,6 +260,14 @@ def move(data: Slides) -> bool:
         for d in range(dim):
             data.made[data.watched[k], d] = at[data.watched[k], d]
     return True
+
+
+def put_in(data: Slides, s: int, overlap: float) -> None:
+    """Count the energy of an overlap at the start that presses as put in, with the force that it brings."""
+    law, row = data.points.law[data.which[s]], data.points.row[data.which[s]]
+    softness = law.sigma + row.response * row.delassus
+    if softness > 0.0:
+        data.totals[0].began_with += 0.5 * overlap * overlap / softness
 
 
 def no_row(data: Slides, s: int) -> None:
@@ -297,6 +334,24 @@ def bound_energy(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
     for c in range(data.books.size):
         book = data.books[c]
         book.excess = max(book.excess, book.work + book.stored - book.renewal_so_far)
+
+
+def bound_stiffness(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Bound what the stiffness of each contact adds to a squared frequency, by the largest sum of a row of nodes."""
+    points, dim = data.points, data.start.shape[1]
+    for s in range(data.which.size):
+        row, book = points.row[data.which[s]], data.books[points.law[data.which[s]].contact]
+        if s == 0 or data.partners.first[s] != data.partners.first[s - 1]:
+            for r in range(data.load.size):
+                data.load[r] = 0.0
+        whole = 2.0 * data.stiffness[s] if data.partners.partner[s] != NOBODY else 0.0
+        for e in range(row.start, row.stop, dim):
+            r, share = points.entries[e].place // dim, 0.0
+            for d in range(dim):
+                share += points.entries[e + d].normal * points.normal[data.which[s], d]
+            data.load[r] += whole * abs(share) / data.boundary[r * dim].mass
+            if data.load[r] > book.stiffness:
+                book.stiffness, book.stiffest = data.load[r], data.now[0].time
 
 
 def record_renewal(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
