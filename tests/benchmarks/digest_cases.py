@@ -385,7 +385,7 @@ class Runs:
     def every(self) -> list[Run]:
         """Return every run, each name once."""
         parts = (self.pairs, self.product, self.materials, self.options, self.bodies, self.loads, self.shapes)
-        made = [run for part in (*parts, self.frictions, self.features, self.nudged) for run in part()]
+        made = [run for part in (*parts, self.frictions, self.sliding, self.features, self.nudged) for run in part()]
         made += list(self.as_plain_python(made))
         by_name: dict[str, Run] = {}
         for run in made:  # the same run may belong to two parts
@@ -485,6 +485,14 @@ class Runs:
         for friction, law in itertools.product(self.examples("frictions"), self.names("contacts")):
             run = self.run(f"friction {friction.label}", OBLIQUE_BLOCKS, contacts=law, quick=True)
             run.case["method"] |= {"friction": friction.entry, "pairing": "node-to-segment"}
+            yield run
+
+    def sliding(self) -> Iterator[Run]:
+        """Yield two blocks that slide far, with each pairing and each law."""
+        far = {"contacts": {"seam": {**OBLIQUE_BLOCKS["contacts"]["seam"], "sliding": "large"}}}
+        for pairing, law in itertools.product(("gauss-points", "node-to-segment"), self.names("contacts")):
+            run = self.run(f"sliding by {pairing}", {**OBLIQUE_BLOCKS, **far}, contacts=law, quick=True)
+            run.case["method"] |= {"friction": {"name": "coulomb", "mu": 0.3}, "pairing": pairing}
             yield run
 
     def features(self) -> Iterator[Run]:

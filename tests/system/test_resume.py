@@ -104,6 +104,9 @@ def differs(case, chunks):
     return killed(case, chunks) and content(outcome(case, resume=True)) != content(outcome(case))
 
 
+SEAM = {"between": ["left.right", "right.left"]}
+
+
 def solid(size, cells, **more):
     speeds = [0.1] + [0.0] * (len(size) - 1)
     body = {"block": {"size": size, "elements": [2] * len(size), "cells": cells}, "material": MATERIAL}
@@ -111,7 +114,7 @@ def solid(size, cells, **more):
         "left": {**body, "at": [0.0] * len(size), "velocity": speeds},
         "right": {**body, "at": [size[0], *[0.0] * (len(size) - 1)], "fixed": ["right"]},
     }
-    contacts = {"seam": {"between": ["left.right", "right.left"]}}
+    contacts = {"seam": SEAM}
     time_of_run = {"steps": 40, "courant": 0.4}
     return {"percuss": 1, "bodies": bodies, "contacts": contacts, "time": time_of_run, "record": {"fields": 5}, **more}
 
@@ -124,6 +127,13 @@ SOLIDS = {
     "tri3 by Gauss points": solid([1.0, 1.0], "tri3", method={"pairing": "gauss-points", "contact": "penalty"}),
     "quad4 with friction": solid(
         [1.0, 1.0], "quad4", loads={"along": ALONG}, method={"contact": "penalty", "friction": DECAY}
+    ),
+    "quad4 that slides far": solid(
+        [1.0, 1.0],
+        "quad4",
+        loads={"along": ALONG},
+        contacts={"seam": SEAM | {"sliding": "large"}},
+        method={"contact": "regularised-lagrange", "friction": DECAY, "pairing": "gauss-points"},
     ),
     "hex8": solid([1.0, 1.0, 1.0], "hex8", method={"contact": "hunt-crossley"}),
     "tet4 in stages": solid([1.0, 1.0, 1.0], "tet4", method={"integrator": "noh-bathe", "contact": "penalty"}),
