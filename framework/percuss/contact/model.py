@@ -176,13 +176,16 @@ class Model:
         """
         rows = self.rows.values()
         sums: Floats = np.max([one.sums for one in rows], axis=0)
-        return np.max([one.delassus for one in rows], axis=0), at_every_position(self, sums)
+        return np.max([one.delassus for one in rows], axis=0), at_every_position(
+            self.case, self.bodies, self.contact_points, sums
+        )
 
     @cached_property
     def stiffness_limits(self) -> Callable[[float], Floats]:
         """The function that gives `ContactPoints.stiffness_limit` for a time step, (P,) [force/length]."""
         if sliding(self.case):
-            return partial(limits_at_every_position, self)
+            _, sums = self.largest_delassus
+            return partial(limits_at_every_position, self.bodies, self.contact_points, sums)
         return stiffness_limits(self.bodies, self.contact_points, self.rows.values())
 
     @cached_property

@@ -28,8 +28,9 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.certificate.closed_laws import BETWEEN, BOUNDED, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
+from percuss.contact.moving_rows import share_of_limit
 from percuss.contact.points import BY_CURRENT, BY_END
-from percuss.contact.sliding import share_of_limit, slides
+from percuss.contact.sliding import slides
 from percuss.jsonable import Data
 from percuss.march.march import March, Outcome
 from percuss.mesh.body import turn_of
