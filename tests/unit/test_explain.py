@@ -19,7 +19,7 @@ from percuss.reporting.explanation import explanation
 from strategies import hunek
 
 CASES = sorted(places.CASES.glob("*.yaml"))
-LARGE = {"ball-on-wall-3d", "box-impact", "two-spheres"}
+LARGE = {"ball-on-wall-3d", "box-impact", "oblique-spheres", "two-spheres"}
 REGISTRY = Registry.load()
 
 
