@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.contact.sliding import largest_response, slides, sliding
+from percuss.contact.sliding import slides, sliding
 from percuss.errors import Problem
 from percuss.mesh.loads import directions_at_nodes
 
@@ -56,10 +56,7 @@ def of_every_step(model: Model) -> str:
         return "each step by itself is as stable at every position as its bodies are without contact"
     per_area, bound = stiffness_of_points(model) / model.contact_points.weight, 0.0
     for name in sliding(model.case):
-        bound += (
-            largest_response(model.case, model.bodies, model.contact_points, name)
-            * per_area[[p for p in slide.tolist() if names[p] == name]].max()
-        )
+        bound += model.largest_response(name) * per_area[[p for p in slide.tolist() if names[p] == name]].max()
     share = share_of_limit(model, bound)
     if share is None:
         return "of a law with inertia no bound at every position is known"

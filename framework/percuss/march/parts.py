@@ -13,6 +13,7 @@ from percuss.step.parts import sliding as slides
 from percuss.step.parts.internal_work import InternalWork
 from percuss.step.parts.of_surfaces import SurfacesRecorded
 from percuss.step.parts.state_variables import StateVariablesKept
+from percuss.step.parts.supports import SupportsRecorded
 
 if TYPE_CHECKING:
     from percuss.contact.features import Feature
@@ -30,6 +31,7 @@ PARTS: tuple[type[Part[Any]], ...] = (
     friction.Frictions,
     StateVariablesKept,
     SurfacesRecorded,
+    SupportsRecorded,
 )
 # What says the facts about each feature, None of a model without it; of several facts that exclude each other the first
 # one counts.

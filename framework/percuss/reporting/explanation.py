@@ -17,7 +17,7 @@ from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.frictions import frictional, stick_in_words
 from percuss.contact.laws import parameters, points_of_law
 from percuss.contact.pairs import unlike_sides
-from percuss.contact.sliding import largest_response, slides
+from percuss.contact.sliding import slides
 from percuss.jsonable import Data, Entries, plain
 from percuss.march.estimate import bytes_of_run, seconds_of_steps
 from percuss.march.recording import recordable
@@ -202,7 +202,7 @@ def _contact(model: Model, name: str) -> Entries:
         value["friction"] = {"name": friction.name, "given": given, "stick": stick}
     if slides(spec):
         value["slides"] = {
-            "largest": largest_response(model.case, model.bodies, model.contact_points, name),
+            "largest": model.largest_response(name),
             "overlap": spec.overlap,
         }
     if (count := int(own.sum())) > 1:
