@@ -11,7 +11,7 @@ import gallery
 import pages
 
 ALWAYS = {"hunek", "two-bars", "compared", "family"}  # the pictures of the first pages; each takes some seconds
-NIGHTLY = {"two-spheres"}
+NIGHTLY = {"oblique-spheres", "two-spheres"}
 
 
 def mark_of(name):

@@ -23,7 +23,13 @@ BENCHMARKS = {
 }
 
 
-LONG = {"ball-on-wall", "ball-on-wall-3d", "disk-on-wall", "two-spheres"}  # coarser ones are quick: test_disk.py
+LONG = {
+    "ball-on-wall",
+    "ball-on-wall-3d",
+    "disk-on-wall",
+    "oblique-spheres",
+    "two-spheres",
+}  # coarser ones are quick: test_disk.py
 LONG |= {"fifty-impacts"}  # its exact solution compiles a march of its own
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.contact.sliding import largest_response, stiffness_of_points, surfaces_of
+from percuss.contact.moving_rows import stiffness_of_points
+from percuss.contact.sliding import surfaces_of
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
 from percuss.step.loop import keep
@@ -397,7 +398,7 @@ def test_what_is_known_of_the_step(law, scheme, energy, said):
     if (stiffness > 0.0).any():
         model = model_of(case)
         per_area = (stiffness / model.contact_points.weight).max()
-        assert 0.0 < seam["stiffness_bound"] <= 2.0 * per_area * largest_response(model, "seam")
+        assert 0.0 < seam["stiffness_bound"] <= 2.0 * per_area * model.largest_response("seam")
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.03, 0.08, 0.137])
@@ -418,7 +419,7 @@ def test_the_bound_at_every_position_is_above_the_largest_eigenvalue(shift, pair
         np.add.at(rows[:, s], dofs[entries["place"]], entries["normal"])
     weighted = rows * np.sqrt(model.contact_points.weight)
     largest = np.linalg.eigvalsh(weighted.T @ (weighted / model.bodies.mass_of_dofs[:, None]))[-1]
-    bound = largest_response(model, "seam")
+    bound = model.largest_response("seam")
     assert largest <= bound * (1.0 + 1e-12)
     assert bound < 8.0 * largest
 

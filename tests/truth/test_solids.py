@@ -230,3 +230,90 @@ def test_a_wall_that_is_oblique_to_a_bar_is_refused():
     line = {**bar(0.0, 0.5), "at": [0.0, 0.0]}
     with pytest.raises(percuss.InputError, match="expected a wall across the bar, found one of the normal"):
         model_of(alone(line, plane_at([1.1, 0.0], [1, 1])))
+
+
+# ------------------------------------------------------------------------------------------------ forces of supports
+
+
+def supported(integrator="central-difference", friction=True, **more):
+    """Return a case of a block that falls on another one, which rollers and its bottom hold, and that is drawn along.
+
+    The bottom holds the lower left corner too, whose roller has it first.
+    """
+    bodies = {
+        "base": block(0.0, 0.0, [3, 2], 0.3, size=[1.0, 1.0], fixed=[{"on": "left", "along": "x"}, "bottom"]),
+        "top": block([0.1, 1.0], [0.01, -0.02], [3, 2], 0.3, size=[0.8, 0.5]),
+    }
+    drive = {"prescribed-velocity": 0.05, "on": "top.right", "direction": [1.0, 0.0]}
+    loads = {
+        "weight": {"gravity": [0.0, -0.01]},
+        "draw": {**drive, "from": 0.5, "until": 1.3}, "again": {**drive, "from": 2.1},
+    }  # fmt: skip
+    rubs = {"friction": {"name": "coulomb", "mu": 0.3}} if friction else {}
+    method = {"integrator": integrator, "contact": "penalty", "pairing": "node-to-segment", **rubs}
+    contacts = {"seam": {"between": ["top.bottom", "base.top"]}}
+    return loaded(bodies, contacts, method, {"courant": 0.6, "end": 3.0}, loads=loads, **more)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize(("integrator", "friction"), [("central-difference", True), (WU, True), ("noh-bathe", False)])
+def test_the_force_of_each_support_makes_up_its_impulse(integrator, friction, compiled):
+    """Four supports, two of which act for some time, are all of the balance of momentum."""
+    result = percuss.run(supported(integrator, friction), compiled=compiled)
+    names, summary = ["base.left", "base.bottom", "draw", "again"], result.summary
+    assert list(result.histories.support_force.support) == list(summary["supports"]) == names
+    force = result.arrays["support_force"][:-1]  # the last record is a step beyond the end
+    impulses = np.array([summary["supports"][name]["impulse"] for name in names])
+    assert summary["dt"] * force.sum(axis=0) == pytest.approx(impulses, abs=1e-15)
+    assert impulses.sum(axis=0) == pytest.approx(summary["momentum"]["impulse_of_supports"], abs=1e-15)
+    assert summary["momentum"]["error"] < 1e-13
+    assert np.abs(force).max(axis=0)[[0, 1, 2, 3], [0, 1, 0, 0]].min() > 5e-4
+    assert not force[:, 2:, 1].any()
+    if integrator != "noh-bathe":  # whose first step after a drive still begins with the acceleration that it kept
+        middle = result.arrays["time"][:-1] + 0.5 * summary["dt"]  # where the velocity is prescribed
+        for k, (start, stop) in enumerate(((0.5, 1.3), (2.1, 9.0)), start=2):
+            assert np.array_equal(force[:, k, 0] != 0.0, (middle > start) & (middle < stop))
+
+
+def test_rare_records_of_supports_are_those_of_every_step():
+    every, rare = (percuss.run(supported(**more)).arrays for more in ({}, {"record": {"every": 4}}))
+    steps = np.searchsorted(every["time"], rare["time"])
+    assert np.array_equal(rare["support_force"], every["support_force"][steps])
+
+
+def test_a_support_gives_its_block_the_momentum_that_gravity_does_not():
+    """A block at rest is let go on its held bottom: the force swings about its weight, and its impulse is exact."""
+    result = percuss.run(
+        alone(block(0.0, 0.0, [4, 8], 0.3, size=[0.5, 1.0], fixed=["bottom"]), time={"courant": 0.8, "end": 40.0},
+              loads={"weight": {"gravity": [0.0, -1e-3]}})
+    )  # fmt: skip
+    summary, force = result.summary, result.arrays["support_force"][:, 0]
+    impulse, momentum = np.array(summary["supports"]["a.bottom"]["impulse"]), summary["momentum"]
+    gained = np.array(momentum["final"]) - momentum["initial"] - momentum["impulse_of_loads"]
+    assert impulse == pytest.approx(gained, abs=1e-15)
+    weight = 0.5 * 1e-3
+    assert force[0] == pytest.approx([0.0, weight / 16], rel=1e-12, abs=1e-18)  # of the nodes that it holds
+    assert force[:, 1].mean() == pytest.approx(weight, rel=0.02)
+    assert force[:, 1].max() > 1.8 * weight
+
+
+@pytest.mark.parametrize("drawn", [0.0, 0.3])
+def test_a_drive_gives_a_free_block_the_momentum_of_each_step(drawn):
+    """Of the whole block, as runs of 10 and of 11 steps have it."""
+    drive = {"prescribed-velocity": 0.03, "on": "a.left", "direction": [0.6, 0.8], "from": drawn}
+    cases = [
+        alone(block(0.0, 0.0, [4, 3], 0.3), time={"step": 0.05, "steps": steps}, loads={"draw": drive})
+        for steps in (10, 11)
+    ]
+    before, after = (percuss.run(case) for case in cases)
+    momenta = (np.array(result.summary["momentum"]["final"]) for result in (before, after))
+    change = -next(momenta) + next(momenta)
+    assert after.arrays["support_force"][10, 0] == pytest.approx(change / 0.05, rel=1e-9)
+    assert np.abs(change).min() > 1e-6
+
+
+def test_a_case_without_supports_has_none():
+    result = percuss.run(alone(block(0.0, 0.1, [4, 3])))
+    assert "support_force" not in result.arrays
+    assert "supports" not in result.summary
+    assert "support" not in result.coordinates

@@ -71,7 +71,7 @@ def test_every_history_is_in_a_result(result, of_plastic_body, of_blocks, name):
     axes = {"contact": ["contact"], "probe": ["probe", "component"], "element": ["element"], "run": []}
     axes["point"] = ["point"]
     axes["contact state"] = ["contact", "state_variable"]
-    axes |= {f"{of} vector": [of, "component"] for of in ("contact", "point")}
+    axes |= {f"{of} vector": [of, "component"] for of in ("contact", "point")} | {"support": ["support", "component"]}
     assert list(dataset[name].dims) == ["time", *axes[quantity.of]]
     assert dataset[name].attrs["long_name"] == quantity.label
     assert dataset[name].attrs["definition"] == quantity.definition != ""

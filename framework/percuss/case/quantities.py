@@ -33,7 +33,8 @@ class Quantity:
     Attributes
     ----------
     of
-        Entity that the quantity belongs to; a contact state or vector has several values for each contact.
+        Entity that the quantity belongs to; a contact state or vector has several values for each contact, and a
+        quantity of a support is a vector.
     label
         Plain words for axes and legends of figures and for menus.
     unit
@@ -61,9 +62,9 @@ class Quantity:
         What a sentence says in brackets beside a value.
     """
 
-    of: Literal["contact", "contact state", "contact vector", "probe", "element", "point", "point vector", "run"] = (
-        "run"
-    )
+    of: Literal[
+        "contact", "contact state", "contact vector", "probe", "support", "element", "point", "point vector", "run"
+    ] = "run"
     label: str
     unit: str = "1"
     short: str = ""
@@ -112,7 +113,7 @@ MEASURABLE = {
     for name, quantity in QUANTITIES.items()
     if (
         quantity.axis is not None
-        and quantity.of not in {"element", "point", "point vector", "contact state", "contact vector"}
+        and quantity.of not in {"element", "point", "point vector", "contact state", "contact vector", "support"}
     )
     or name in CONTACT_NUMBERS
 }

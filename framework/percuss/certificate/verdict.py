@@ -36,7 +36,8 @@ from percuss.contact.features import Verdict
 from percuss.contact.frictions import frictional
 from percuss.contact.laws import ignored_couplings
 from percuss.contact.model import Model
-from percuss.contact.sliding import complementary, of_every_step, sliding, with_rows_that_stay
+from percuss.contact.moving_rows import complementary, of_every_step, with_rows_that_stay
+from percuss.contact.sliding import sliding
 from percuss.errors import InputError, refuse_if_any
 from percuss.jsonable import Entries
 from percuss.march.model_of_case import model_of, with_laws, with_step

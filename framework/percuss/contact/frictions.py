@@ -11,9 +11,9 @@ import numpy as np
 
 from percuss.contact.laws import bind_laws, laws_at
 from percuss.contact.model import rows_over_the_run
+from percuss.contact.moving_rows import with_rows_that_stay
 from percuss.contact.points import PointArrays, joined
 from percuss.contact.prisms import stress_along
-from percuss.contact.sliding import with_rows_that_stay
 from percuss.errors import Problem
 from percuss.mesh.stiffness_rows import in_order
 from percuss.methods.interfaces import ContactLaw, ContactPoints, FrictionPoints, LinearLaw

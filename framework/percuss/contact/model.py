@@ -14,7 +14,7 @@ import numpy as np
 from percuss.contact.features import together
 from percuss.contact.limits import stiffness_limits
 from percuss.contact.points import LAW, NOTHING, PointArrays, Rows, law_records, rows_of
-from percuss.contact.sliding import at_every_position, limits_at_every_position, sliding
+from percuss.contact.sliding import at_every_position, largest_response, limits_at_every_position, sliding
 from percuss.mesh.loads import acts_at, latest
 from percuss.methods.interfaces import LeapFrog, Stages
 
@@ -175,14 +175,19 @@ class Model:
         The sums are those at every position where surfaces slide.
         """
         rows = self.rows.values()
-        sums: Floats = np.max([one.sums for one in rows], axis=0)
-        return np.max([one.delassus for one in rows], axis=0), at_every_position(self, sums)
+        diagonal, sums = (np.max([getattr(one, name) for one in rows], axis=0) for name in ("delassus", "sums"))
+        return diagonal, at_every_position(self.case, self.bodies, self.contact_points, sums)
+
+    def largest_response(self, contact: str) -> float:
+        """Return a bound of the largest eigenvalue of S W of a contact that slides, W the areas, at every position."""
+        return largest_response(self.case, self.bodies, self.contact_points, contact)
 
     @cached_property
     def stiffness_limits(self) -> Callable[[float], Floats]:
         """The function that gives `ContactPoints.stiffness_limit` for a time step, (P,) [force/length]."""
         if sliding(self.case):
-            return partial(limits_at_every_position, self)
+            _, sums = self.largest_delassus
+            return partial(limits_at_every_position, self.bodies, self.contact_points, sums)
         return stiffness_limits(self.bodies, self.contact_points, self.rows.values())
 
     @cached_property

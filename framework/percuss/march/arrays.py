@@ -164,7 +164,7 @@ class Arrays:
         model, dim = self.model, self.model.dim
         first = 0 if model.multistage else self.columns  # column of the first prescribed velocity
         held = [
-            (self.place[support.node], i * dim, model.bodies.mass_held(support.node), first + support.column, 0.0)
+            (self.place[support.node], i * dim, model.bodies.mass_held(support.node), first + support.column, 0.0, 0.0)
             for i, (_, support) in enumerate(constraints)
         ]
         touched, point, stays = set(rows.node.tolist()), rows.point, ~model.contact_points.slides[self.order]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from percuss.contact import frictions, sliding
+from percuss.contact import frictions, moving_rows
 from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
 from percuss.step.parts import coupled_masses, ends_without_mass, followers, friction, own_steps, viscosity
@@ -13,6 +13,7 @@ from percuss.step.parts import sliding as slides
 from percuss.step.parts.internal_work import InternalWork
 from percuss.step.parts.of_surfaces import SurfacesRecorded
 from percuss.step.parts.state_variables import StateVariablesKept
+from percuss.step.parts.supports import SupportsRecorded
 
 if TYPE_CHECKING:
     from percuss.contact.features import Feature
@@ -30,6 +31,7 @@ PARTS: tuple[type[Part[Any]], ...] = (
     friction.Frictions,
     StateVariablesKept,
     SurfacesRecorded,
+    SupportsRecorded,
 )
 # What says the facts about each feature, None of a model without it; of several facts that exclude each other the first
 # one counts.
@@ -44,7 +46,7 @@ FEATURES: tuple[Callable[[Model], Feature | None], ...] = (
 )
 # What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
 BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)
-WITH_LAWS = (ends_without_mass.refusals, laws_refused, sliding.refusals, frictions.refusals)
+WITH_LAWS = (ends_without_mass.refusals, laws_refused, moving_rows.refusals, frictions.refusals)
 
 
 def features_of(model: Model) -> tuple[Feature, ...]:

@@ -69,6 +69,7 @@ def record_shapes(model: Model) -> Shapes:
     columns = {
         **dict.fromkeys(OF_CONTACTS, len(model.case.contacts)),
         "contact_state": sum(law.state for law in model.contact_points.laws),
+        "support_force": len(model.loads.supports) * model.dim,
         **dict.fromkeys(OF_PROBES, motion),
         "energy": len(ENERGIES.names or ()),
     }

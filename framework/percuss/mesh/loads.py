@@ -44,12 +44,16 @@ def acts_at(midpoint: float, start: Any, stop: Any) -> Any:
 
 @dataclass(frozen=True)
 class Constraint:
-    """A direction in which the velocity of a node is prescribed, always (support) or during an interval (drive)."""
+    """A direction in which the velocity of a node is prescribed, always (support) or during an interval (drive).
+
+    `support` is the name of the support or drive that it is part of: ``body.region``, or the name of the load.
+    """
 
     node: int
     direction: Floats
     load: LoadSpec | None
     column: int
+    support: str
 
     def active(self, midpoint: float) -> bool:
         """Return whether the constraint is active in the step around `midpoint`."""
@@ -148,6 +152,11 @@ class SupportsAndLoads(NamedTuple):
         return (*self.nodal_forces, *self.followers)
 
     @property
+    def supports(self) -> list[str]:
+        """Names of the supports and drives."""
+        return list(dict.fromkeys(constraint.support for constraint in self.constraints))
+
+    @property
     def acted_nodes(self) -> list[int]:
         """Nodes on which a support, a drive or a load acts, each as often as that is so."""
         return [*(constraint.node for constraint in self.constraints), *(force.node for force in self.on_nodes)]
@@ -179,7 +188,7 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
                     advice = "An end is fixed or driven, once at a time and along perpendicular directions."
                     problems.append(case.problem(("loads", spec.name), message, advice))
                 else:
-                    constraints += [Constraint(node, direction, spec, column) for node in nodes]
+                    constraints += [Constraint(node, direction, spec, column, spec.name) for node in nodes]
             elif isinstance(spec.load, FollowingLoad):
                 node = body.node(region)
                 others = (f"the load '{one.load.name}'" for one in followers if one.node == node)
@@ -202,15 +211,15 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
 
 
 def _supports(case: Case, bodies: Mapping[str, Body]) -> Iterator[Constraint]:
-    """Yield the supports: of each node every direction once."""
+    """Yield the supports: of each node every direction once, as part of the first support that holds it."""
     for body in bodies.values():
-        held = dict.fromkeys(
-            (node, axis)
-            for region, along in body.spec.supports
-            for node, _ in body.places(region)
-            for axis in (range(case.dimension) if along is None else (along,))
-        )
-        yield from (Constraint(node, np.eye(case.dimension)[axis], None, 0) for node, axis in held)
+        held: dict[tuple[int, int], str] = {}
+        for region, along in body.spec.supports:
+            for node, _ in body.places(region):
+                for axis in range(case.dimension) if along is None else (along,):
+                    held.setdefault((node, axis), f"{body.name}.{region}")
+        for (node, axis), support in held.items():
+            yield Constraint(node, np.eye(case.dimension)[axis], None, 0, support)
 
 
 def _on_region(spec: LoadSpec, body: Body, region: str, direction: Floats) -> Iterator[tuple[int, Floats]]:

@@ -17,6 +17,7 @@ from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.frictions import frictional, stick_in_words
 from percuss.contact.laws import parameters, points_of_law
 from percuss.contact.pairs import unlike_sides
+from percuss.contact.sliding import slides
 from percuss.jsonable import Data, Entries, plain
 from percuss.march.estimate import bytes_of_run, seconds_of_steps
 from percuss.march.recording import recordable
@@ -199,6 +200,11 @@ def _contact(model: Model, name: str) -> Entries:
     if (friction := frictional(model).get(name)) is not None:
         given, stick = _options(friction, with_defaults=False), stick_in_words(model, name)
         value["friction"] = {"name": friction.name, "given": given, "stick": stick}
+    if slides(spec):
+        value["slides"] = {
+            "largest": model.largest_response(name),
+            "overlap": spec.overlap,
+        }
     if (count := int(own.sum())) > 1:
         value |= {"points": count, "area": model.bodies[spec.sides[0].body].area_of(spec.sides[0].region)}
         value["covered"] = sum(points.weight[own].tolist())

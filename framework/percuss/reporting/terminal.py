@@ -113,12 +113,13 @@ def _is_closed(contact: Data) -> bool:
 def balances(result: Result) -> dict[str, str]:
     """Return in words the energies and works, and how well they and the momentum balance."""
     energy, momentum = result.summary["energy"], result.summary["momentum"]
+    renewed = f", at most {number_text(energy['renewal'], 2)} of it by rows that move" if "renewal" in energy else ""
     balance = "NOT balanced: off by" if momentum.get("balanced") is False else "balanced to"
     return {
         with_unit("energy", "energy", result.units): f"{number_text(energy['initial'])} at the start, "
         f"{number_text(energy['final'])} at the end, at most {number_text(energy['max'])}; "
         f"external work {number_text(energy['external_work'])}, "
-        f"contact work {number_text(energy['contact_work'], 4)}; {ledger_words(energy)}",
+        f"contact work {number_text(energy['contact_work'], 4)}{renewed}; {ledger_words(energy)}",
         **{
             with_unit(f"friction of {name}", "energy", result.units): _of_friction(contact)
             for name, contact in result.summary["contacts"].items()

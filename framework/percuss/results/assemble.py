@@ -72,6 +72,8 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     if "contact_area" in outcome.histories:
         arrays["contact_area"] = outcome.histories["contact_area"][:record_count]
     arrays |= ledger.of_friction(outcome)
+    if "support_force" in outcome.histories:
+        arrays["support_force"] = outcome.histories["support_force"][:record_count]
     end_force = outcome.record.end_force[:record_count]
     if end_force.size and not np.isnan(outcome.law.end_stiffness).all():
         arrays["contact_force_end"] = end_force
@@ -108,6 +110,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "contacts": ledger.contact_summary(march, outcome),
         "bodies": ledger.bodies_summary(march, outcome),
         "energy": energy,
+        **ledger.supports_summary(march, outcome),
         "momentum": ledger.momentum_summary(march, outcome, largest_energy),
         "angular_momentum": ledger.angular_momentum_summary(march, outcome, largest_energy),
         "energy_growth": growth,
@@ -124,6 +127,8 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     components = components_used(model.case, solution=errors["solution"] if errors else None)
     provenance = provenance_of(model, components, resolved=resolved_methods(model))
     coordinates = {"contact": list(model.case.contacts), "probe": probe_names}
+    if supports := model.loads.supports:
+        coordinates["support"] = supports
     if "contact_state" in arrays and not model.bodies.of_lines:
         coordinates["point"] = list(model.contact_points.names)
     return Result(arrays, coordinates, fields_of(march, outcome), plain(summary), provenance, solution)

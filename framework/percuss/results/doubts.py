@@ -400,6 +400,12 @@ def _deepest(skin: Surface, target: Surface | Wall, candidates: Any) -> tuple[fl
 
 def _distance(one: Surface, other: Surface) -> float:
     """Return the least distance of the nodes of a surface from another one."""
-    facet, shares = other.nearest(one.positions)
-    apart = one.positions - np.einsum("pa,pad->pd", shares, other.positions[other.facets[facet]])
+    from scipy.spatial import cKDTree
+
+    corners = other.positions[other.facets]
+    middles = corners.mean(axis=1)
+    far = cKDTree(middles).query(one.positions)[0]  # no node is farther away than that, or nearer by more than a radius
+    near = one.positions[far <= far.min() + np.linalg.norm(corners - middles[:, None], axis=2).max()]
+    facet, shares = other.nearest(near)
+    apart = near - np.einsum("pa,pad->pd", shares, corners[facet])
     return float(np.linalg.norm(apart, axis=1).min())

@@ -28,13 +28,21 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.certificate.closed_laws import BETWEEN, BOUNDED, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
+from percuss.contact.moving_rows import share_of_limit
 from percuss.contact.points import BY_CURRENT, BY_END
-from percuss.contact.sliding import share_of_limit, slides
+from percuss.contact.sliding import slides
 from percuss.jsonable import Data
 from percuss.march.march import March, Outcome
 from percuss.mesh.body import turn_of
 from percuss.methods.interfaces import Floats
-from percuss.results.summary import BodySummary, ContactSummary, EnergySummary, GrowthSummary, MomentumSummary
+from percuss.results.summary import (
+    BodySummary,
+    ContactSummary,
+    EnergySummary,
+    GrowthSummary,
+    MomentumSummary,
+    SupportEntries,
+)  # fmt: skip
 from percuss.step.account import ROUNDING
 
 # Allowed closure error of the ledger over the largest energy, and allowed imbalance over the momentum.
@@ -261,6 +269,18 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
     )
     impulses = {"loads": loads, "supports": supports, "walls": walls}
     return _balance(before, after, impulses, closure, scale, outcome)
+
+
+def supports_summary(march: March, outcome: Outcome) -> SupportEntries:
+    """Return the impulse of each support and drive on its body over the run; nothing of a case without any."""
+    model, found = march.model, dict[str, Any]()
+    for constraint, reaction in zip(model.loads.constraints, outcome.reactions, strict=True):
+        impulse = found.setdefault(constraint.support, np.zeros(march.dim))
+        impulse += model.dt * reaction * constraint.direction
+    if model.bodies.about_axis:  # across the axis the forces on a ring cancel
+        for impulse in found.values():
+            impulse[0] = 0.0
+    return {"supports": {name: {"impulse": impulse.tolist()} for name, impulse in found.items()}} if found else {}
 
 
 def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> MomentumSummary | None:

@@ -36,6 +36,7 @@ _AXES = {
     "contact state": ("contact", "state_variable"),
     "contact vector": ("contact", "component"),
     "probe": ("probe", "component"),
+    "support": ("support", "component"),
     "run": (),
 }
 _FIELD_AXES = {
@@ -93,14 +94,16 @@ def labelled_histories(
     arrays
         Histories by name, among them ``time`` and, if energies belong to other times, ``time_half``.
     coordinates
-        Names along the axes ``contact`` and ``probe``; of surfaces whose laws have state variables the contact of each
-        ``point`` too.
+        Names along the axes ``contact`` and ``probe``, and ``support`` where there are any; of surfaces whose laws have
+        state variables the contact of each ``point`` too.
     source, units
         What the histories are of, on which their definitions depend, and the names of units by kind.
     attributes
         Attributes of the whole.
     """
     axes, names = dict(_AXES), {"contact": "contact", "probe": "probe"}
+    if "support" in coordinates:
+        names["support"] = "support"
     if "point" in coordinates:
         axes["contact state"], names[_POINTS] = ("point", "state_variable"), "point"
     coords: Entries = {name: (("time",), arrays[name], {}) for name in _TIMES if name in arrays}
@@ -211,7 +214,8 @@ def read(path: str | os.PathLike[str]) -> tuple[Entries, dict[str, list[str]], E
         raise wrong_input(str(path), f"expected a percuss result ({FORMAT}), found {found}", ADVICE)
     arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
     arrays |= {name: histories[name].to_numpy() for name in _TIMES if name in histories.coords}
-    coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in ("contact", "probe")}
+    named = ("contact", "probe", *(["support"] if "support" in histories.coords else []))
+    coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in named}
     if _POINTS in histories.coords:
         coordinates["point"] = [str(name) for name in histories[_POINTS].to_numpy()]
     field_arrays: Entries = {}

@@ -31,8 +31,8 @@ class Result:
     arrays
         Histories as plain arrays by name; `histories` is the same as an xarray Dataset.
     coordinates
-        Names along the axes ``contact`` and ``probe``; of surfaces whose laws have state variables the contact of each
-        ``point`` too, as the state belongs to the points.
+        Names along the axes ``contact`` and ``probe``, and ``support`` where there are any; of surfaces whose laws have
+        state variables the contact of each ``point`` too, as the state belongs to the points.
     field_arrays
         Fields over time; empty if the case records none. Of bars ``time``, and ``body``, ``position`` and ``stress`` of
         elements. Of other bodies ``stress`` has the components xx, yy and xy, and there are ``von_mises`` and

@@ -93,6 +93,21 @@ class EnergySummary(TypedDict):
     renewal: NotRequired[float]
 
 
+class SupportSummary(TypedDict):
+    """Impulse of a support or prescribed motion on its body over the run."""
+
+    impulse: list[float]
+
+
+class SupportEntries(TypedDict):
+    """The entry of a summary about supports, which a case without them lacks.
+
+    A support is a region of a body under ``fixed``, by the name ``body.region``, or a load that prescribes a velocity.
+    """
+
+    supports: NotRequired[dict[str, SupportSummary]]
+
+
 class MomentumSummary(TypedDict):
     """Momenta before the first and after the last step, the impulses in between, and the error of their balance.
 
@@ -212,7 +227,7 @@ class ExactEntries(TypedDict):
     estimated: ExactErrors | None
 
 
-class Summary(ExactEntries):
+class Summary(ExactEntries, SupportEntries):
     """The summary of a run; angular momentum is counted of linear bodies that are no bars."""
 
     status: str

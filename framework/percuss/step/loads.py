@@ -42,6 +42,7 @@ def hold(loads: Loads, boundary: Records, total: Row, now: Row) -> float:
         for d in range(now.dim):
             boundary[constraint.place + d].new_v += change * loads.axes[constraint.axis + d]
         reaction = constraint.mass * change / now.dt
+        constraint.force = reaction
         constraint.reaction += reaction
         total.step_energy = max(total.step_energy, constraint.mass * (change * change))
         work += reaction * (previous + prescribed)
@@ -63,6 +64,7 @@ def react(loads: Loads, share: Row, force: float, boundary: Records, now: Row) -
     for d in range(now.dim):
         previous += loads.axes[constraint.axis + d] * boundary[constraint.place + d].old_v
     reaction = -share.value * force
+    constraint.force += reaction
     constraint.reaction += reaction
     return reaction * (previous + loads.amplitudes[constraint.column])  # type: ignore[no-any-return]
 

@@ -32,8 +32,11 @@ BOUNDARY_DOF = np.dtype(
     ]
 )
 # A constraint prescribes the velocity of a node along a direction, which is `axes` from index `axis` on; `column` is
-# that of its velocity in the amplitudes, `reaction` is the sum of its reactions over the steps.
-CONSTRAINT = np.dtype([("place", "i8"), ("axis", "i8"), ("mass", "f8"), ("column", "i8"), ("reaction", "f8")])
+# that of its velocity in the amplitudes, `force` is its reaction in the present step and `reaction` the sum of these
+# over the steps.
+CONSTRAINT = np.dtype(
+    [("place", "i8"), ("axis", "i8"), ("mass", "f8"), ("column", "i8"), ("force", "f8"), ("reaction", "f8")]
+)
 # The share of a contact force that a constraint takes: `hold` is the index of the constraint, `value` the component of
 # the contact normal along it.
 SHARE = np.dtype([("hold", "i8"), ("point", "i8"), ("value", "f8")])

@@ -338,8 +338,9 @@ def sum_reactions(system: System, v: Floats) -> float:
     for i in range(loads.constraints.size):
         constraint = loads.constraints[i]
         impulse = v[first + i]
+        constraint.force = impulse / now.dt
         if impulse != 0.0:
-            constraint.reaction += impulse / now.dt
+            constraint.reaction += constraint.force
             step.totals[0].step_energy = max(step.totals[0].step_energy, impulse * impulse / constraint.mass)
             for d in range(now.dim):
                 q = step.boundary[constraint.place + d]

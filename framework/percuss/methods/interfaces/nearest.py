@@ -29,7 +29,8 @@ def nearest_places(at: Floats, corners: Floats) -> tuple[Integers, Floats]:
     (P,) and (P, nodes of a facet) arrays
     """
     middles = corners.mean(axis=1)
-    radius = float(np.linalg.norm(corners - middles[:, None], axis=2).max())
+    reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
+    radius = float(reach.max())
     facet, shares = np.zeros(len(at), dtype=np.int64), np.zeros((len(at), corners.shape[1]))
     left, some = np.arange(len(at)), FIRST_TRIED
     if few := len(at) * len(corners) <= FEW:
@@ -40,17 +41,20 @@ def nearest_places(at: Floats, corners: Floats) -> tuple[Integers, Floats]:
         tree = cKDTree(middles)
     while left.size:  # no facet whose middle is farther away than the nearest place and a radius can be nearer
         some = min(some, len(corners))
+        near, rows = np.ones((left.size, some), dtype=bool), np.arange(left.size)
         if few:
             apart = tried = np.tile(np.arange(some), (left.size, 1))
         else:
             apart, tried = (found.reshape(left.size, some) for found in tree.query(at[left], some))
-        distance, places = places_on(np.repeat(at[left], some, axis=0), corners[tried.ravel()])
-        distance, rows = distance.reshape(left.size, some), np.arange(left.size)
+            # Where cells are graded most facets are too small to reach as near as the nearest middle is.
+            near = apart - reach[tried] <= apart[:, :1] + EVEN * radius
+        distance, places = np.full(near.shape, np.inf), np.zeros((*near.shape, corners.shape[1]))
+        distance[near], places[near] = places_on(at[left[near.nonzero()[0]]], corners[tried[near]])
         # Of facets that are equally near, as two at a corner between them, the first of the surface counts.
         nearest = distance.min(axis=1)
         even = distance <= nearest[:, None] + EVEN * radius
         best = np.where(even, tried, len(corners)).argmin(axis=1)
-        facet[left], shares[left] = tried[rows, best], places.reshape(left.size, some, -1)[rows, best]
+        facet[left], shares[left] = tried[rows, best], places[rows, best]
         left = left[(some < len(corners)) & (apart[:, -1] <= nearest + radius)]
         some *= 4
     return facet, shares

@@ -16,8 +16,8 @@ import numpy as np
 
 from percuss.contact.features import Feature
 from percuss.contact.frictions import frictional, frictions_of, tangents_of, with_stick
+from percuss.contact.moving_rows import mobilities
 from percuss.contact.points import ENTRY, FROM_LINE, Points, rows_of
-from percuss.contact.sliding import mobilities
 from percuss.record_arrays import Records, empty_records, record_array
 from percuss.step.actions import AFTER_CONTACT, BEFORE_ACCOUNT, CONTACT_EQUATION, LAWS, RECORD, Action
 from percuss.step.equation import is_active, right_side

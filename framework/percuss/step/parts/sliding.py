@@ -19,9 +19,10 @@ import numpy as np
 
 from percuss.contact.features import Feature
 from percuss.contact.frictions import frictions_of
+from percuss.contact.moving_rows import mobilities, stiffness_of_points, with_rows_that_stay
 from percuss.contact.near import MOST, NOBODY, Partners, enclose, enclose_groups, meet, search
 from percuss.contact.points import BY_END, FROM_LINE, Points
-from percuss.contact.sliding import mobilities, sliding, stiffness_of_points, surfaces_of, with_rows_that_stay
+from percuss.contact.sliding import sliding, surfaces_of
 from percuss.record_arrays import Records, empty_records
 from percuss.step.actions import BEFORE_ACCOUNT, BEFORE_CONTACT, RECORD, Action
 from percuss.step.part import Part, Setting
