@@ -456,3 +456,43 @@ def test_an_overlap_at_the_start(overlap):
         return
     force = balanced(ran(case)).arrays["contact_force"]
     assert (force.max() > 1e-3) if overlap == "press" else (force == 0.0).all()
+
+
+def test_points_that_meet_nothing_are_told():
+    """A block that has slid off another one: no gap, no force, and points that are alone in the snapshots."""
+    case = two_blocks(velocity=(0.5, 0.0), at=(0.5, 0.5), sizes=((1.0, 0.5), (1.0, 0.5)), end=2.0, friction=COULOMB)
+    case |= {"record": {"fields": 5, "pressure": True}, "loads": {"weight": {"constant": 0.01, "on": "upper"}}}
+    case["loads"]["weight"] |= {"direction": [0, -1], "as": "acceleration"}
+    case["bodies"]["lower"] |= {"fixed": ["bottom"]}
+    result = balanced(ran(case))
+    status, gap = np.array(result.field_arrays["point_status"]), result.arrays["gap"][:, 0]
+    assert np.isnan(gap[-1])
+    assert not np.isnan(gap[0])
+    assert (status[-1] == 3.0).all()
+    assert {2.0, 3.0} <= set(status[0].tolist())
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_corner_meets_a_face_when_it_reaches_it(dim):
+    """A block turned by 45 degrees meets another one with its corner: node to segment closes within a step."""
+    speed, gap = 0.05, 0.02
+    size = [1.0] * dim
+    lower = {"block": {"size": [2.0] * (dim - 1) + [0.5], "elements": [9] + [3] * (dim - 2) + [2]}, "at": [0.0] * dim}
+    upper = {"block": {"size": size, "elements": [4] * dim}, "angle": 45.0}
+    if dim == 3:
+        upper["axis"] = [0, 1, 0]
+    half = 0.5 * np.sqrt(2.0)
+    centre = [0.93] + [1.0] * (dim - 2) + [0.5 + half + gap]
+    upper |= {"at": [c - 0.5 for c in centre], "velocity": [0.2] + [0.0] * (dim - 2) + [-speed]}
+    bodies = {"lower": lower | {"material": SOLID}, "upper": upper | {"material": SOLID}}
+    case = {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": {"seam": {"between": ["upper.bottom", "lower.top"], "sliding": "large"}},
+        "method": {"integrator": WU, "contact": "lagrange", "pairing": "node-to-segment"},
+        "time": {"end": 0.6, "courant": 0.5},
+    }
+    result = ran(case)
+    assert result.summary["contacts"]["seam"]["first_closed"] == pytest.approx(
+        gap / speed, abs=1.01 * result.summary["dt"]
+    )

@@ -65,6 +65,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     time = outcome.time[:record_count]
     arrays = {"time": time, "time_half": time + march.stepper.energy_at * model.dt}
     arrays |= {name: getattr(outcome.record, name)[:record_count] for name in ("contact_force", "gap")}
+    arrays["gap"][np.isinf(arrays["gap"])] = np.nan  # of a contact whose points meet nothing
     for name in ("displacement", "velocity"):
         arrays[name] = getattr(outcome.record, name)[:record_count].reshape(record_count, len(probe_names), march.dim)
     energies = ledger.energies(march, outcome)

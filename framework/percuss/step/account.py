@@ -92,8 +92,9 @@ def join_points(points: Points) -> None:
         contact.gap = np.inf
         contact.pressing = 0
     for i in range(points.law.size):
-        contact, state = points.contacts[points.law[i].contact], points.state[i]
-        contact.gap = min(contact.gap, state.gap)
+        contact, row, state = points.contacts[points.law[i].contact], points.row[i], points.state[i]
+        if row.start < row.stop:  # else it meets nothing
+            contact.gap = min(contact.gap, state.gap)
         if state.multiplier != 0.0:
             contact.force += state.multiplier
             contact.pressing = 1

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from percuss.contact.model import Model
     from percuss.methods.interfaces import Array, Floats, Friction, Integers
 
-OPEN, STICKS, SLIDES = 0, 1, 2  # states of a point
+OPEN, STICKS, SLIDES, ALONE = 0, 1, 2, 3  # states of a point; it is alone where it meets nothing
 # A contact point with friction; its rows of T follow one another, with as many entries each.
 TANGENT = np.dtype(
     [
@@ -111,7 +111,7 @@ class History(NamedTuple):
     # of snapshots, with the points as in the model
     traction: Floats  # (snapshots, points, dim) on the first body
     slip: Floats  # (snapshots, points) length of the slide so far
-    status: Floats  # (snapshots, points) OPEN, STICKS or SLIDES
+    status: Floats  # (snapshots, points) OPEN, STICKS, SLIDES or ALONE
 
 
 class Frictions(Part[History]):
@@ -296,9 +296,9 @@ def turn(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
     points, axes, dim = rows.points, rows.slip.shape[1], rows.turned.shape[1]
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
-        if tangent.moves == 0:
-            continue
         row, cosine = points.row[tangent.point], 1.0
+        if tangent.moves == 0 or row.start == row.stop:
+            continue
         for d in range(dim):
             cosine += rows.turned[j, d] * points.normal[tangent.point, d]
         for k in range(axes):
@@ -596,6 +596,10 @@ def record_points(data: History, n: int, u: Floats, v: Floats, a: Floats) -> Non
             for d in range(data.traction.shape[2]):
                 force = rows.along[j, k, d] * rows.multiplier[j, k]
                 data.traction[r, tangent.number, d] -= force / tangent.weight
+    for k in range(rows.moving.size):
+        row = rows.points.row[rows.moving[k]]
+        if row.start == row.stop:
+            data.status[r, data.order[rows.moving[k]]] = ALONE
 
 
 # ------------------------------------------------------------------------------------------------------- what it says

@@ -272,11 +272,9 @@ def put_in(data: Slides, s: int, overlap: float) -> None:
 
 
 def no_row(data: Slides, s: int) -> None:
-    """Write the row of a point that meets nothing: no force follows, and its gap is that to a facet farther on."""
+    """Write the row of a point that meets nothing: it has no entries, and a gap of a facet, so that no force follows."""
     row = data.points.row[data.which[s]]
-    for e in range(row.start, row.stop):
-        data.points.entries[e].normal = 0.0
-        data.points.entries[e].response = 0.0
+    row.stop = row.start
     row.delassus = 1.0
     row.initial_gap = data.partners.skin[s]
 
@@ -288,6 +286,7 @@ def write_row(data: Slides, s: int, gap: float) -> None:
     law, row, f = points.law[i], points.row[i], data.partners.partner[s]
     for d in range(dim):
         points.normal[i, d] = -partners.out[d]
+    row.stop = row.start + (data.own[s] + partners.width[f]) * dim
     row.delassus = 0.0
     row.initial_gap = gap
     for k in range(data.own[s] + partners.width[f]):
