@@ -38,10 +38,10 @@ def complementary(model: Model) -> bool:
 
 
 def stiffness_of_points(model: Model) -> Floats:
-    """Return the stiffness that each point of a law without complementarity has while it is closed, (P,); else 0."""
+    """Return the stiffness of each closed point under a law at the current or predicted gap, (P,); 0 under others."""
     found = np.zeros(len(model.contact_points))
     for one in model.laws:
-        if one.linear is not None and one.linear.active != "all":
+        if one.linear is not None and one.linear.active != "all" and one.linear.at != "end":
             found[list(one.where)] = 1.0 / one.linear.sigma
     return found
 
@@ -52,11 +52,11 @@ def of_every_step(model: Model) -> str:
     names, slide = model.contact_points.names, np.flatnonzero(model.contact_points.slides)
     if any(linear[p] is None for p in slide.tolist()):
         return "of a law with a kernel no bound at every position is known"
-    if complementary(model):
-        return "each step by itself is as stable at every position as its bodies are without contact"
     per_area, bound = stiffness_of_points(model) / model.contact_points.weight, 0.0
     for name in sliding(model.case):
         bound += model.largest_response(name) * per_area[[p for p in slide.tolist() if names[p] == name]].max()
+    if bound == 0.0:
+        return "each step by itself is as stable at every position as its bodies are without contact"
     share = share_of_limit(model, bound)
     if share is None:
         return "of a law with inertia no bound at every position is known"

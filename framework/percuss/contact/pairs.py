@@ -230,7 +230,8 @@ def _surfaces_that_meet(case: Case, spec: ContactSpec, sides: Sequence[Body]) ->
         message = (
             f"expected bodies apart or touching, found an overlap of {-deepest:.6g} at {place} (by {pairing.name})"
         )
-        return case.problem(path, message, f"Move them apart by {-deepest:.12g}, or drop the contact.")
+        other = "add `overlap: keep`" if slides(spec) else "drop the contact"
+        return case.problem(path, message, f"Move them apart by {-deepest:.12g}, or {other}.")
     return points_at_the_start(places, first, second) if places and isinstance(second, Surface) else paired
 
 

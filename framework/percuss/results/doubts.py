@@ -18,7 +18,7 @@ from percuss.case.quantities import percent
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP
 from percuss.contact.pairs import walls_of
 from percuss.contact.points import TOUCHING
-from percuss.contact.sliding import points_at_the_start, sliding, surfaces_of
+from percuss.contact.sliding import points_at_the_start, slides, sliding, surfaces_of
 from percuss.march.recording import probe_nodes
 from percuss.mesh.body import turn_of
 from percuss.mesh.cells import cells_of, is_solid, pieces_of
@@ -44,9 +44,10 @@ NOT_DECLARED = "no contact is declared between them"
 TOLD = 1e-3  # of a facet: a node that lies deeper inside another body is told
 APART = 1e-2  # of a facet: a larger distance of surfaces that press is told; means over facets err by less
 OF_THE_START = (
-    "pairing and normals are those of the start. Do not trust the forces from then on: shorten the run, or let the "
-    "bodies slide and turn less"
+    "pairing and normals are those of the start. Do not trust the forces from then on: give the contact "
+    "`sliding: large`, shorten the run, or let the bodies slide and turn less"
 )
+OF_FACETS = "its points do not see what lies between them. Do not trust the forces from then on: make the cells finer"
 
 
 def doubts(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
@@ -299,7 +300,7 @@ def _unseen_by_contacts(model: Model, sights: Sequence[Sight], slid: Floats) -> 
             if distance > abs(gap[strongest]) + APART * points.facet[strongest]:
                 yield (
                     f"contact '{name}' presses at time {sight.time:.6g} although its surfaces are {distance:.3g} apart "
-                    f"(its points see {gap[strongest]:.3g}): {OF_THE_START}"
+                    f"(its points see {gap[strongest]:.3g}): {OF_FACETS if slides(spec) else OF_THE_START}"
                 )
                 break
         if slid[number, 0] > 1.0:

@@ -7,7 +7,7 @@ A point that comes back to a surface which it had left, and lies inside it, take
 and the offset falls as the point comes out. Nothing is thrown out. The energy is bounded by a number that the run
 computes: with ``d_n = max(0, -sigma lambda_n-2 - g(x_n) + N_n^T (u_n - u_n-1))`` of each point, contact work and stored
 energy ``sigma / 4 (lambda_n^2 + lambda_n-1^2)`` never exceed ``R = sum of lambda_n d_n / 2`` under a law that is a
-complementarity problem at the end of the step.
+complementarity problem at the end of the step. The term of the first step is that of an overlap that presses.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ BOOKS = np.dtype(
         ("work", "f8"),  # contact work of points whose law is a complementarity problem
         ("stored", "f8"),  # what these store after the step
         ("renewal_so_far", "f8"),  # R
-        ("excess", "f8"),  # largest value of work + stored - R
+        ("pressed", "f8"),  # the term of an overlap at the start
+        ("excess", "f8"),  # largest value of work + stored - R, less that term
         ("term", "f8"),  # largest term of R, its point in the loop and its time
         ("point", "i8"),
         ("time", "f8"),
@@ -272,7 +273,7 @@ def put_in(data: Slides, s: int, overlap: float) -> None:
 
 
 def no_row(data: Slides, s: int) -> None:
-    """Write the row of a point that meets nothing: it has no entries, and a gap of a facet, so that no force follows."""
+    """Write the row of a point that meets nothing: no entries, and a gap of a facet, so that no force follows."""
     row = data.points.row[data.which[s]]
     row.stop = row.start
     row.delassus = 1.0
@@ -326,14 +327,17 @@ def bound_energy(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
                 rate += points.entries[e].normal * data.boundary[points.entries[e].place].new_v
             book.work += 0.5 * now.dt * force * (state.rate + rate)
             book.stored += 0.25 * sigma * (force * force + data.last[s] * data.last[s])
-            book.renewal_so_far += term
-            if term > book.term:
+            if n == 0:
+                book.pressed += term
+            else:
+                book.renewal_so_far += term
+            if n > 0 and term > book.term:
                 book.term, book.point, book.time = term, i, now.time
             data.before[s] = data.last[s]
             data.last[s] = force
     for c in range(data.books.size):
         book = data.books[c]
-        book.excess = max(book.excess, book.work + book.stored - book.renewal_so_far)
+        book.excess = max(book.excess, book.work + book.stored - book.renewal_so_far - book.pressed)
 
 
 def bound_stiffness(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
