@@ -14,11 +14,15 @@ has_source_tree = (ROOT / "framework" / "percuss").is_dir()
 DROPPINGS = {"build", "dist", "__pycache__", "PKG-INFO"}
 
 
-def project_files():
-    """Return the files that belong to the project: git's, else all but what building and testing leave."""
+def project_files(*, tracked=False):
+    """Return the files that belong to the project: git's, else all but what building and testing leave.
+
+    Where there is git, `tracked` leaves out files that it does not know yet, as those that a user has made.
+    """
     git = shutil.which("git")
     if git and (ROOT / ".git").exists():
-        command = [git, "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard", "-z"]
+        others = [] if tracked else ["--others", "--exclude-standard"]
+        command = [git, "-C", str(ROOT), "ls-files", "--cached", *others, "-z"]
         listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\0")
         return [ROOT / name for name in listed if name and (ROOT / name).is_file()]
     return [path for path in ROOT.rglob("*") if path.is_file() and not is_dropping(path.relative_to(ROOT))]

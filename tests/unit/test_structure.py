@@ -257,7 +257,7 @@ def test_a_method_file_holds_one_registered_method_named_after_it_and_explains_i
 
 
 def test_the_top_level_is_what_it_should_be():
-    top = {path.relative_to(ROOT).parts[0] for path in places.project_files()}
+    top = {path.relative_to(ROOT).parts[0] for path in places.project_files(tracked=True)}
     assert {name for name in top if not name.startswith(".")} <= TOP_LEVEL
     assert not {name for name in TOP_LEVEL if not (ROOT / name).exists()}
 

@@ -16,6 +16,7 @@ from percuss.certificate.black_box import BlackBox
 from percuss.certificate.bounds import Bounds
 from percuss.certificate.lanczos import Lanczos, why_not_covered
 from percuss.certificate.linear_laws import LinearLaws, doubts_of, linear_laws
+from percuss.contact.frictions import frictional
 from percuss.march.model_of_case import stretches
 from percuss.mesh.size_limits import why_not_factored
 
@@ -143,9 +144,13 @@ def too_large(model: Model) -> str:
 
 
 def seconds_to_search(model: Model) -> float:
-    """Return roughly how long the search of the critical step of a run takes, most of it factors [s]; 0 of bars."""
+    """Return roughly how long the search of the critical step of a run takes, most of it factors [s]; 0 of bars.
+
+    With friction it is searched of open points and of points that stick, with a row for each direction.
+    """
     scale, power = SECONDS_TO_SEARCH.get(model.dim, (0.0, 1.0))
-    return float(sum(scale * body.mass.size**power for body in model.bodies.values() if not body.is_bar))
+    searches = 1 + model.dim if frictional(model) else 1
+    return float(searches * sum(scale * body.mass.size**power for body in model.bodies.values() if not body.is_bar))
 
 
 def unknown_by_mass(model: Model) -> str:
