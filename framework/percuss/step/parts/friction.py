@@ -9,8 +9,8 @@ elastic slip s is a state: ``lambda_t = -s / sigma_t``.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from percuss.step.records import SHARE, Loads
 if TYPE_CHECKING:
     from percuss.contact.frictions import BoundFriction
     from percuss.contact.model import Model
+    from percuss.mesh.loads import Constraint
     from percuss.methods.interfaces import Array, Floats, Friction, Integers
 
 OPEN, STICKS, SLIDES, ALONE = 0, 1, 2, 3  # states of a point; it is alone where it meets nothing
@@ -45,6 +46,7 @@ TANGENT = np.dtype(
         ("predicted", "i8"),  # 1 if slip is taken after the bulk update, 0 if at t_n
         ("weight", "f8"),  # area
         ("moves", "i8"),  # 1 if a step writes its rows
+        ("free", "i8"),  # 1 if a force moves each of its nodes in its own direction
         # what a step changes
         ("rate", "f8"),  # slip rate at n - 1/2
         ("state", "i8"),  # OPEN, STICKS or SLIDES
@@ -53,6 +55,11 @@ TANGENT = np.dtype(
         ("path", "f8"),  # length of its slide so far while it presses
     ]
 )
+
+
+# A node of a point: index of its first boundary degree of freedom, its share in the motion of the point relative to
+# what it meets, and that share over its mass.
+NODE = np.dtype([("place", "i8"), ("share", "f8"), ("response", "f8")])
 
 
 class Rows(NamedTuple):
@@ -66,6 +73,9 @@ class Rows(NamedTuple):
     tangents: Records  # (F,) TANGENT
     entries: Records  # ENTRY, of the rows of T
     shares: Records  # SHARE, of supports and drives in the rows of T
+    nodes: Records  # (F, nodes of a point) NODE
+    seen: Floats  # (dim,) acceleration of a point relative to what it meets, by the contact forces found so far
+    change: Floats  # (dim,) of the force of a point
     along: Floats  # (F, dim - 1, dim) unit tangents
     pushed: Floats  # (boundary,) accelerations by the contact forces found so far
     multiplier: Floats  # (F, dim - 1) of the rows of T
@@ -77,6 +87,7 @@ class Rows(NamedTuple):
     moving: Integers  # index in the loop of each point whose rows a step writes
     turned: Floats  # (F, dim) normals across which the tangents are
     mobility: Floats  # (nodes, dim, dim) acceleration by a force; of no node where all rows stay
+    loose: Integers  # (nodes,) 1 where nothing holds the node
     force: Floats  # (nodes * dim) of the points whose rows move
     held: Records  # SHARE, of supports and drives: the node, as a point, has a force
     pushes: Floats  # (nodes * dim) impulse of the points whose rows move
@@ -231,17 +242,21 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
                 if rows.node[e] == constraint.node and not points.slides[p]
             ]
     tangents["diagonal"] = np.linalg.eigvalsh(block)[:, -1]
+    nodes = _nodes(setting, tangents, constraints)
     moving = np.flatnonzero(points.slides[order])
     mobility = mobilities(model, setting.place, setting.midpoint) if moving.size else np.zeros((0, dim, dim))
     held = [(i, setting.place[one.node], 1.0) for i, one in enumerate(constraints) if one.node in setting.place]
+    loose = np.ones(len(mobility), dtype=np.int64)
+    loose[[place // dim for _, place, _ in held] if moving.size else []] = 0
     contacts = len(model.case.contacts)
     records = setting.record.energy.size
     per_axis = {name: np.zeros((count, dim - 1)) for name in ("multiplier", "rate", "slip", "trial", "last")}
     rows_now = Rows(
         step.points, step.boundary, step.loads, step.now, step.totals, tangents, record_array(entries, ENTRY),
-        record_array(shares, SHARE), along, np.zeros(step.boundary.size), **per_axis,
-        impulse=np.zeros((len(points), dim)), work=np.zeros(contacts), stored=np.zeros(contacts), moving=moving,
-        turned=points.normal[where], mobility=mobility, force=np.zeros(mobility.size // dim),
+        record_array(shares, SHARE), nodes, np.zeros(dim), np.zeros(dim), along, np.zeros(step.boundary.size),
+        **per_axis, impulse=np.zeros((len(points), dim)), work=np.zeros(contacts), stored=np.zeros(contacts),
+        moving=moving,
+        turned=points.normal[where], mobility=mobility, loose=loose, force=np.zeros(mobility.size // dim),
         held=record_array(held if moving.size else [], SHARE), pushes=np.zeros(mobility.size // dim),
     )  # fmt: skip
     if before is not None:
@@ -259,6 +274,25 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
         rows_now, *copies, force, setting.record.field_every, order, points.weight[order],
         traction, of_points, of_points.copy(),
     )  # fmt: skip
+
+
+def _nodes(setting: Setting, tangents: Records, constraints: Sequence[Constraint]) -> Records:
+    """Return the nodes of each point, (F, most), and mark the points all of whose nodes are free."""
+    model, points = setting.model, setting.model.contact_points
+    held = {constraint.node for constraint in constraints}
+    tangents["free"] = int(not model.bodies.couples_nodes)
+    most = int(points.count[tangents["number"]].max(initial=0))
+    found = empty_records(tangents.size * most, NODE)
+    for j, p in enumerate(tangents["number"].tolist()):
+        at = slice(points.start[p], points.start[p + 1])
+        mine = slice(j * most, j * most + points.count[p])
+        found["place"][mine] = [setting.place[node] for node in points.node[at].tolist()]
+        found["share"][mine] = points.share[at]
+        mass = model.bodies.mass[points.node[at]]
+        found["response"][mine] = np.divide(points.share[at], mass, out=np.zeros(mass.size), where=mass > 0.0)
+        if not held.isdisjoint(points.node[at].tolist()) or (mass <= 0.0).any():
+            tangents["free"][j] = 0
+    return cast("Records", found.reshape(tangents.size, most))
 
 
 def _groups(
@@ -320,10 +354,15 @@ def write_along(rows: Rows, j: int, start: int, width: int) -> None:
     """Write the rows of T of a point from its row of N, and the largest eigenvalue of their block of S."""
     tangent, axes, dim = rows.tangents[j], rows.slip.shape[1], rows.turned.shape[1]
     first, cross, last = 0.0, 0.0, 0.0
+    tangent.free = 1
     for e in range(0, width, dim):
         place, share = rows.points.entries[start + e].place, 0.0
         for d in range(dim):
             share += rows.points.entries[start + e + d].normal * rows.turned[j, d]
+        node = rows.nodes[j, e // dim]
+        node.place, node.share, node.response = place, share, share * rows.mobility[place // dim, 0, 0]
+        if rows.loose[place // dim] == 0:
+            tangent.free = 0
         for k in range(axes):
             for d in range(dim):
                 entry = rows.entries[tangent.start + k * width + e + d]
@@ -422,12 +461,57 @@ def sweep(group: Group, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Sweep once over the points of one friction, of each the normal row first."""
     rows = group.rows
     for j in range(group.which.size):
-        i = group.which[j]
-        press(rows, i)
+        i, t = group.which[j], group.first + j
+        free = rows.tangents[t].free == 1
+        if free:  # its tangents do not see its own normal force
+            see_point(rows, t)
+            press_free(rows, i)
+        else:
+            press(rows, i)
         force, limit = rows.points.state[i].multiplier, 0.0
         if force > 0.0:
-            limit = bound_of(group.friction, j, force, rows.tangents[group.first + j].rate, group.before[j])
-        stick_or_slide(rows, group.first + j, limit)
+            limit = bound_of(group.friction, j, force, rows.tangents[t].rate, group.before[j])
+        stick_or_slide(rows, t, limit)
+        if free:
+            push_point(rows, t)
+
+
+def see_point(rows: Rows, j: int) -> None:
+    """Find the acceleration of a point relative to what it meets, by the contact forces found so far."""
+    for d in range(rows.seen.size):
+        rows.seen[d] = 0.0
+        rows.change[d] = 0.0
+    for k in range(rows.nodes.shape[1]):
+        node = rows.nodes[j, k]
+        for d in range(rows.seen.size):
+            rows.seen[d] += node.share * rows.pushed[node.place + d]
+
+
+def push_point(rows: Rows, j: int) -> None:
+    """Add the accelerations by a change of the force of a point whose nodes are free."""
+    for k in range(rows.nodes.shape[1]):
+        node = rows.nodes[j, k]
+        for d in range(rows.change.size):
+            rows.pushed[node.place + d] += node.response * rows.change[d]
+
+
+def press_free(rows: Rows, i: int) -> None:
+    """Find the normal multiplier of a point whose nodes are free, as `press`."""
+    points, now = rows.points, rows.now[0]
+    law, row, state = points.law[i], points.row[i], points.state[i]
+    before = state.multiplier
+    if law.source == FROM_LINE and is_active(law, state):
+        residual = right_side(law, state, now.span) - law.sigma * before
+        for d in range(rows.seen.size):
+            residual -= row.response * points.normal[i, d] * rows.seen[d]
+        value = before + residual / (law.sigma + row.response * row.delassus)
+        if value < 0.0 and law.never_pulls == 1:
+            value = 0.0
+        state.multiplier = value
+        now.moved = max(now.moved, abs(value - before))
+        for d in range(rows.seen.size):
+            rows.change[d] += (value - before) * points.normal[i, d]
+    now.largest = max(now.largest, abs(before), abs(state.multiplier))
 
 
 def press(rows: Rows, i: int) -> None:
@@ -447,6 +531,28 @@ def press(rows: Rows, i: int) -> None:
     now.largest = max(now.largest, abs(before), abs(state.multiplier))
 
 
+def seen_along(rows: Rows, j: int, k: int) -> float:
+    """Return the acceleration of a point along one of its tangents, by the contact forces found so far."""
+    tangent, pushed = rows.tangents[j], 0.0
+    if tangent.free == 0:
+        start = tangent.start + k * tangent.width
+        return along(rows.pushed, rows.entries, start, start + tangent.width)
+    for d in range(rows.seen.size):
+        pushed += rows.along[j, k, d] * rows.seen[d]
+    return pushed
+
+
+def change_along(rows: Rows, j: int, k: int, change: float) -> None:
+    """Change the force of a point along one of its tangents."""
+    tangent = rows.tangents[j]
+    if tangent.free == 0:
+        start = tangent.start + k * tangent.width
+        push_by(rows.pushed, rows.entries, start, start + tangent.width, change)
+    else:
+        for d in range(rows.change.size):
+            rows.change[d] += change * rows.along[j, k, d]
+
+
 def stick_or_slide(rows: Rows, j: int, limit: float) -> None:
     """Find the multipliers of a point along the surfaces, as if it stuck, and shorten them to the largest force."""
     tangent, now = rows.tangents[j], rows.now[0]
@@ -456,10 +562,9 @@ def stick_or_slide(rows: Rows, j: int, limit: float) -> None:
         rows.last[j, k] = rows.multiplier[j, k]
         drawn += rows.trial[j, k] * rows.trial[j, k]
     for k in range(axes):
-        start = tangent.start + k * tangent.width
         value = 0.0
         if limit > 0.0 and stiff > 0.0:
-            pushed = along(rows.pushed, rows.entries, start, start + tangent.width)
+            pushed = seen_along(rows, j, k)
             residual = -rows.trial[j, k] - tangent.sigma * rows.last[j, k] - tangent.response * pushed
             value = rows.last[j, k] + residual / stiff
         elif limit > 0.0 and drawn > 0.0:  # no force moves it: it is drawn along the surface, and slides
@@ -472,10 +577,9 @@ def stick_or_slide(rows: Rows, j: int, limit: float) -> None:
         for k in range(axes):
             rows.multiplier[j, k] *= limit / np.sqrt(square)
     for k in range(axes):
-        start = tangent.start + k * tangent.width
         change = rows.multiplier[j, k] - rows.last[j, k]
         now.moved = max(now.moved, abs(change))
-        push_by(rows.pushed, rows.entries, start, start + tangent.width, change)
+        change_along(rows, j, k, change)
 
 
 def push_along(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
