@@ -112,6 +112,18 @@ def box(at, elements, speed):
 PAIRINGS = ["mortar", "node-to-segment"]
 
 
+@pytest.mark.parametrize(
+    "changes", [{}, {"method.friction": None, "contacts.seam.friction": {"name": "coulomb", "mu": 0.3}}]
+)
+def test_the_finer_run_slides_with_the_friction_of_the_case(changes):
+    """Friction and large sliding are what the case is, wherever it says so; mortar does not slide far."""
+    case = percuss.load(CASES / "slide-off.yaml", {"reference": {"refine": 2}, **changes})
+    (seam,) = case_of(case, 0.1).contacts.values()
+    assert (seam.friction.name, seam.friction.mu, seam.sliding, seam.pairing.name) == (
+        "coulomb", 0.3, "large", "node-to-segment"
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("order", [PAIRINGS, PAIRINGS[::-1]])
 def test_runs_of_two_pairings_are_judged_by_both_and_favoured_by_neither(order):
     """Against each finer run alone the pairing that made it comes out ahead."""

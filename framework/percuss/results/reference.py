@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from percuss.case.case import Case, load
-from percuss.case.defaults import OF_REFERENCE
+from percuss.case.defaults import OF_REFERENCE, OF_SLIDING
 from percuss.case.yaml_text import flow
 from percuss.certificate import verdict
 from percuss.contact.model import Model
+from percuss.contact.sliding import sliding
 from percuss.errors import PercussError
 from percuss.interrupt import interruptible
 from percuss.jsonable import as_lists
@@ -149,8 +150,9 @@ def case_of(case: Case, end: float, *, second: bool = False) -> Case:
     for name in case.bonds:  # a bond is a part of the problem
         own[name].setdefault("method", case.data["method"]["contact"])
     usual: dict[str, Any] = {"contact": OF_REFERENCE["contacts"]}
+    usual |= {key: value for key, value in case.data.get("method", {}).items() if key == "friction"}  # of the problem
     if case.method.pairing is not None:
-        usual["pairing"] = OF_REFERENCE["pairings"]
+        usual["pairing"] = OF_SLIDING if sliding(case) else OF_REFERENCE["pairings"]
     sections = {
         "contacts": own,
         "time": {"end": end, "courant": chosen.courant},
