@@ -113,7 +113,7 @@ def _is_closed(contact: Data) -> bool:
 def balances(result: Result) -> dict[str, str]:
     """Return in words the energies and works, and how well they and the momentum balance."""
     energy, momentum = result.summary["energy"], result.summary["momentum"]
-    renewed = f", at most {number_text(energy['renewal'], 2)} of it by rows that move" if "renewal" in energy else ""
+    renewed = f" (rows that move brought {number_text(energy['renewal'], 2)} at most)" if "renewal" in energy else ""
     balance = "NOT balanced: off by" if momentum.get("balanced") is False else "balanced to"
     return {
         with_unit("energy", "energy", result.units): f"{number_text(energy['initial'])} at the start, "
