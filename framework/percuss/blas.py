@@ -8,7 +8,6 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 from typing import Any
 
 # Variables of the environment from which the libraries take their number of threads when they are loaded.
@@ -20,7 +19,6 @@ ONE_THREAD = {
     "OMP_NUM_THREADS": "1",
 }
 _FROM_THE_START = threading.Event()  # set where the process began with one thread, so that nothing is left to do
-_INSIDE: ContextVar[bool] = ContextVar("_INSIDE", default=False)  # whether there is one such context around this one
 
 
 @functools.cache
@@ -39,15 +37,11 @@ def one_blas_thread() -> Iterator[None]:
     The matrices are small, so that more threads cost time as well: most of all where other processes compute. OpenBLAS
     obeys the thread of Python that was the first to limit it: runs in other threads may compute with several of BLAS.
     """
-    if _FROM_THE_START.is_set() or _INSIDE.get():
+    if _FROM_THE_START.is_set():
         yield
         return
-    token = _INSIDE.set(True)
-    try:
-        with _libraries().limit(limits=1, user_api="blas"):
-            yield
-    finally:
-        _INSIDE.reset(token)
+    with _libraries().limit(limits=1, user_api="blas"):
+        yield
 
 
 def start_with_one_blas_thread() -> None:
