@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import percuss
+from accounts import balanced, ran
 from strategies import hunek, with_methods
 
 DEEP = pytest.mark.deep
@@ -33,19 +34,6 @@ OTHER_LAWS = (
     (CD, {"name": "softened-penalty", "clearance": 1e-3, "pressure": 1e-3, "epsilon_s": 3.0}),
 )
 RIGID = ("lagrange", "moreau-jean", "paoli-schatzman")  # refused on more points than nodes
-
-
-def ran(case, **changes):
-    return percuss.run(percuss.load(case, changes))
-
-
-def balanced(result):
-    """Return a result whose accounts close to round-off, without a note on it."""
-    summary = result.summary
-    assert summary["energy"]["ledger_error"] < 1e-13
-    assert summary["momentum"]["error"] < 1e-12
-    assert not [note for note in summary["notes"] if "not a valid result" in note]
-    return result
 
 
 def thrown_disk(scheme, law, pairing, friction, ratio, elements=8, speed=0.01):

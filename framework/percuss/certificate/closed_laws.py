@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 NEVER_GROWS, BETWEEN = "never grows", "conserved between switchings"
 BOUNDED = "bounded by the renewal of rows"
 NOT_GUARANTEED, UNKNOWN = "not guaranteed", "unknown"
-WEAKEST_LAST = (NEVER_GROWS, BOUNDED, BETWEEN, NOT_GUARANTEED, UNKNOWN)
+WEAKEST_LAST = (NEVER_GROWS, BETWEEN, NOT_GUARANTEED, UNKNOWN)
 BY_END = "the force follows from the gap at the end of the step: energy and what contacts store never exceed the work"
 RENEWED = "rows that move bring energy: no more than a number R that the run computes, step by step"
 MOVED = "rows that move bring energy, and under this law no bound of it is known"

@@ -254,22 +254,21 @@ def _unknown(model: Model, laws: ClosedLaws, why: str, **known: Any) -> Finding:
 def _finding(model: Model, criterion: RunCriterion | None, *, search: bool) -> Finding:
     """Return what is found about a run: with and without the rows in which closed contacts may hold their bodies."""
     if (held := model.facts.held) is not None:
-        slides = model.contact_points.slides.any()
-        stuck = held(model)
+        slides, rubs, stuck = model.contact_points.slides.any(), bool(frictional(model)), held(model)
         # The black box looks at each of the many lines of stick, which takes far longer than the run itself.
-        if not search and frictional(model) and doubts_of(stuck):
+        if rubs and not search and doubts_of(stuck):
             sticking = _unknown(stuck, closed_laws(stuck, stuck.dt), LOOKED_AT_BY_CHECK)
         else:
             sticking = _found(stuck, criterion, search=search)
-        # Where rows move those of the start are examined: without friction that is the same question.
-        apart = sticking if slides and not frictional(model) else None
-        apart = apart or _found(with_rows_that_stay(model) if slides else model, None, search=search)
+        apart = sticking
+        if rubs:  # where rows move those of the start are examined, as they are without friction
+            apart = _found(with_rows_that_stay(model) if slides else model, None, search=search)
         when, held_name, other = model.facts.held_words
         states: dict[str, Verdict] = {"open": apart.stable, held_name: sticking.stable, other: "unknown"}
         worst = next((one for one in (apart, sticking) if one.stable == "no"), None)
         if worst is not None:
             return dataclasses.replace(worst, states=states)
-        told = TOLD if frictional(model) and not search else ""
+        told = TOLD if rubs and not search else ""
         why = f"{model.why('certificate')}{told}. {when}: {sticking.stable}, {sticking.why}"
         if slides:
             why = f"{why}. {capitalised(of_every_step(model))}"

@@ -106,7 +106,7 @@ def _line(model: Model, contact: str, laws: Iterable[BoundLaw]) -> Line:
     The compliance is 0 where they stick exactly, and nan where no line follows.
     """
     points, friction = model.contact_points, model.case.contacts[contact].friction
-    where = np.flatnonzero(points.contact == list(model.case.contacts).index(contact))
+    where = np.flatnonzero(points.of_contact(contact))
     bound_law = next(one for one in laws if where[0] in one.where)
     linear: Any = bound_law.linear  # whose arrays are broadcast to its points
     own = np.searchsorted(bound_law.where, where)
@@ -166,7 +166,7 @@ def with_stick(model: Model) -> Model:
     points = with_rows_that_stay(model).contact_points
     parts, along = [points], tangents_of(points.normal)
     for name in frictional(model):
-        law, where = Stick(model, name), np.flatnonzero(points.contact == list(model.case.contacts).index(name))
+        law, where = Stick(model, name), np.flatnonzero(points.of_contact(name))
         for axis in range(model.dim - 1):
             rows = dataclasses.replace(points, value=points.share[:, None] * along[points.point, axis])
             parts.append(_some(rows, where, law))

@@ -48,13 +48,11 @@ def stiffness_of_points(model: Model) -> Floats:
 
 def of_every_step(model: Model) -> str:
     """Return in words what is known of each step by itself, wherever the surfaces are."""
-    linear = {p: one.linear for one in model.laws for p in one.where}
-    names, slide = model.contact_points.names, np.flatnonzero(model.contact_points.slides)
-    if any(linear[p] is None for p in slide.tolist()):
+    points = model.contact_points
+    if any(one.linear is None and points.slides[list(one.where)].any() for one in model.laws):
         return "of a law with a kernel no bound at every position is known"
-    per_area, bound = stiffness_of_points(model) / model.contact_points.weight, 0.0
-    for name in sliding(model.case):
-        bound += model.largest_response(name) * per_area[[p for p in slide.tolist() if names[p] == name]].max()
+    per_area = stiffness_of_points(model) / points.weight
+    bound = sum(model.largest_response(name) * per_area[points.of_contact(name)].max() for name in sliding(model.case))
     if bound == 0.0:
         return "each step by itself is as stable at every position as its bodies are without contact"
     share = share_of_limit(model, bound)
@@ -70,8 +68,8 @@ def share_of_limit(model: Model, bound: float) -> float | None:
     That is ``theta = dt^2 b / (1 + tau b)`` of laws at the predicted gap, ``(omega^2 + b) dt^2 / 4`` of laws without
     inertia at the current one, omega the highest frequency of the cells; None where none is known, or none adds any.
     """
-    slide = np.flatnonzero(model.contact_points.slides).tolist()
-    linear = [one.linear for one in model.laws if one.linear is not None and not set(slide).isdisjoint(one.where)]
+    moves = model.contact_points.slides
+    linear = [one.linear for one in model.laws if one.linear is not None and moves[list(one.where)].any()]
     inertia = max((float(np.max(one.acceleration)) for one in linear), default=0.0)
     if bound == 0.0:
         return None
@@ -120,7 +118,7 @@ def _why_small(model: Model, spec: ContactSpec) -> tuple[str, str] | None:
     if spec.wall is not None:
         return None
     bodies = [model.bodies[side.body] for side in spec.sides]
-    where = {p for p, name in enumerate(model.contact_points.names) if name == spec.name}
+    own = model.contact_points.of_contact(spec.name)
     found = (
         (bodies[0] is bodies[-1], "two bodies, found one that meets itself", "Such a contact is not built."),
         (
@@ -135,7 +133,7 @@ def _why_small(model: Model, spec: ContactSpec) -> tuple[str, str] | None:
         ),
         (model.bodies.couples_nodes, "a mass of each node, found one that couples nodes", "Take the lumped mass."),
         (
-            any(one.bonds for one in model.laws if not where.isdisjoint(one.where)),
+            any(one.bonds for one in model.laws if own[list(one.where)].any()),
             f"a law that lets bodies part, found {spec.law.name}",
             "A bond does not slide: drop `sliding`.",
         ),

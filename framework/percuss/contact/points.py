@@ -100,6 +100,10 @@ class PointArrays:
         share: Floats = np.vecdot(self.value, self.normal[self.point])
         return share
 
+    def of_contact(self, name: str) -> Any:
+        """Return which points are those of a contact, (P,)."""
+        return self.contact == self.contact[self.names.index(name)]
+
     def nodes_of(self, point: int) -> list[int]:
         """Return the nodes that the gap of a point depends on."""
         nodes: list[int] = self.node[self.start[point] : self.start[point + 1]].tolist()

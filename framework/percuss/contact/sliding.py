@@ -64,7 +64,7 @@ def largest_response(case: Case, bodies: Bodies, points: PointArrays, name: str)
     second one, of areas A and masses m: the areas of points near a node add up to its own area, but for that of one
     point, w at most. At the end of a line of nodes that is half of the area that is taken here.
     """
-    where = points.contact == list(case.contacts).index(name)
+    where = points.of_contact(name)
     first, second = surfaces_of(case.contacts[name], bodies)
     of_point = where[points.point] & np.isin(points.node, first.nodes)
     share = np.abs(points.share[of_point]) * points.weight[points.point[of_point]]
@@ -79,7 +79,7 @@ def at_every_position(case: Case, bodies: Bodies, points: PointArrays, sums: Flo
     """Return the sums of the rows of S, (P,), those of points that slide as the bound at every position has them."""
     found = sums.copy()
     for name in sliding(case):
-        where = points.contact == list(case.contacts).index(name)
+        where = points.of_contact(name)
         bound = largest_response(case, bodies, points, name) / points.weight[where]
         found[where] = np.maximum(bound, sums[where])
     return found

@@ -183,7 +183,7 @@ def _measured_energy(model: Model, energy: str) -> dict[str, str]:
 def _contact(model: Model, name: str) -> Entries:
     """Return a contact: its sides, gap and law, the numbers given to the law, and its linear law if there is one."""
     points, number = model.contact_points, model.contact_points.names.index(name)
-    spec, law, own = model.case.contacts[name], points.laws[number], points.contact == points.contact[number]
+    spec, law, own = model.case.contacts[name], points.laws[number], points.of_contact(name)
     at_end = [float(values[number]) for values in (points.stiffness, points.mass, points.frequency)]
     point = dict(zip(_names_at_end(model, number), at_end, strict=True))
     point["s"] = float(model.rows_at(0.5 * model.dt).delassus[number])
@@ -216,7 +216,7 @@ def _beside(model: Model, name: str) -> Entries:
     points, number = model.contact_points, model.contact_points.names.index(name)
     return {
         "law": points.laws[number],
-        "largest_gap": float(points.gap[points.contact == points.contact[number]].max()),
+        "largest_gap": float(points.gap[points.of_contact(name)].max()),
         "s_formula": model.why("delassus") if model.balanced[number] else "N^T M^-1 N",
     }
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, permutations
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from percuss.jsonable import Data, Entries
     from percuss.march.march import March, Outcome
     from percuss.mesh.body import Body
-    from percuss.methods.interfaces import Floats, Integers, Surface
+    from percuss.methods.interfaces import Floats, Integers, Places, Surface
 
 FEWER_STEPS = 0.7  # of those of the run, from which on a longer step is worth a word
 SAME_FOR_ALL_CELLS = 1.2  # Courant number of the critical step up to which its cells are much alike
@@ -280,8 +280,9 @@ def _unseen_by_contacts(model: Model, sights: Sequence[Sight], slid: Floats) -> 
         Largest slide of a point of each contact over its facet, and the time at which one first exceeded 1.
     """
     points, contacts, unseen, gaps = model.contact_points, model.case.contacts, [], []
+    slide = [_Sliding.of(model, name) for name in sliding(model.case)]
     for sight in sights:
-        node, gap = _rows_at(model, sight)
+        node, gap = _rows_at(model, slide, sight)
         sees = (sight.multiplier != 0.0) | (gap <= TOLD * points.facet)
         touched = np.bincount(node, np.abs(points.share) * sees[points.point], model.bodies.n_nodes)
         unseen.append(touched == 0.0)
@@ -310,17 +311,30 @@ def _unseen_by_contacts(model: Model, sights: Sequence[Sight], slid: Floats) -> 
             )
 
 
-def _rows_at(model: Model, sight: Sight) -> tuple[Integers, Floats]:
+class _Sliding(NamedTuple):
+    """A contact whose surfaces slide far: which points are its own, where they stay, and its surfaces at the start."""
+
+    where: Any
+    places: Places
+    surfaces: tuple[Surface, Surface]
+
+    @classmethod
+    def of(cls, model: Model, name: str) -> _Sliding:
+        """Return a contact of a model."""
+        spec: Any = model.case.contacts[name]
+        surfaces = surfaces_of(spec, model.bodies)
+        return cls(model.contact_points.of_contact(name), spec.pairing.places(*surfaces), surfaces)
+
+
+def _rows_at(model: Model, slide: Sequence[_Sliding], sight: Sight) -> tuple[Integers, Floats]:
     """Return the node of each entry of the contact points, and the gap of each point, of surfaces that slide anew."""
     points = model.contact_points
     node, moved = points.node.copy(), points.share[:, None] * sight.displacement[points.node]
     along = np.vecdot(moved, points.normal[points.point])
     gap = points.gap + np.bincount(points.point, along, len(points))
-    for name, spec in sliding(model.case).items():
-        where, surfaces = points.contact == list(model.case.contacts).index(name), surfaces_of(spec, model.bodies)
-        places = cast("Any", spec.pairing).places(*surfaces)
-        paired = points_at_the_start(places, *(_moved(surface, sight) for surface in surfaces))
-        node[where[points.point]], gap[where] = paired.node, paired.gap
+    for one in slide:
+        paired = points_at_the_start(one.places, *(_moved(surface, sight) for surface in one.surfaces))
+        node[one.where[points.point]], gap[one.where] = paired.node, paired.gap
     return node, gap
 
 

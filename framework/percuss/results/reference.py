@@ -150,7 +150,8 @@ def case_of(case: Case, end: float, *, second: bool = False) -> Case:
     for name in case.bonds:  # a bond is a part of the problem
         own[name].setdefault("method", case.data["method"]["contact"])
     usual: dict[str, Any] = {"contact": OF_REFERENCE["contacts"]}
-    usual |= {key: value for key, value in case.data.get("method", {}).items() if key == "friction"}  # of the problem
+    if friction := case.data.get("method", {}).get("friction"):  # it is a part of the problem, too
+        usual["friction"] = friction
     if case.method.pairing is not None:
         usual["pairing"] = OF_SLIDING if sliding(case) else OF_REFERENCE["pairings"]
     sections = {

@@ -93,24 +93,11 @@ def areas_of_nodes(first: Surface, second: Surface | Wall) -> Floats:
 
 def _at_the_end(surface: Surface, facet: Integers, shares: Floats) -> Any:
     """Return whether places of facets, given by shape functions, lie on the rim of an open surface."""
-    if surface.facets.shape[1] == 2:
-        ends, counts = np.unique(surface.facets, return_counts=True)
-        on_rim = np.zeros(len(surface.nodes), dtype=bool)
-        on_rim[ends[counts == 1]] = True
-        return (on_rim[surface.facets[facet]] & (shares == 1.0)).any(axis=1)
-    edges = np.stack([surface.facets, np.roll(surface.facets, -1, axis=1)], axis=2)
-    _, number, counts = np.unique(
-        np.sort(edges, axis=2).reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
-    )
-    alone = (counts == 1)[number].reshape(surface.facets.shape)
-    corners = np.zeros(len(surface.nodes), dtype=bool)
-    corners[edges[alone].ravel()] = True
-    held = shares > 0.0
-    on_edge = held.sum(axis=1) == 2
-    rim = (held & (held.sum(axis=1) == 1)[:, None] & corners[surface.facets[facet]]).any(axis=1)
-    for a in range(surface.facets.shape[1]):
-        rim |= on_edge & alone[facet, a] & held[:, a] & np.roll(held, -1, axis=1)[:, a]
-    return rim
+    (edges, corners), held = surface.rims(), shares > 0.0
+    nodes = held.sum(axis=1)
+    on_edge = held & np.roll(held, -1, axis=1) & (edges[facet] == 1)
+    at_node = shares == 1.0 if held.shape[1] == 2 else held & (nodes == 1)[:, None]
+    return (at_node & (corners[facet] == 1)).any(axis=1) | (on_edge.any(axis=1) & (nodes == 2))
 
 
 def _as_rows(

@@ -92,6 +92,21 @@ class Surface(NamedTuple):
         for nodes in ends:
             yield reduce(np.intersect1d, [order[start[k] : start[k + 1]] // self.facets.shape[1] for k in nodes])
 
+    def rims(self) -> tuple[Integers, Integers]:
+        """Return where the edge from a node to the next one, and the node, are on the rim of an open surface, (F, w).
+
+        Both are 1 there and else 0, w the number of nodes of a facet. In two dimensions no edge is: its ends may be.
+        """
+        facets = self.facets
+        if facets.shape[1] == 2:
+            return np.zeros_like(facets), (np.bincount(facets.ravel())[facets] == 1).astype(np.int64)
+        edges = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=2), axis=2)
+        _, number, counts = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True)
+        rim = (counts[number.ravel()] == 1).reshape(facets.shape)
+        on_rim = np.zeros(len(self.nodes), dtype=np.int64)
+        on_rim[edges[rim].ravel()] = 1
+        return rim.astype(np.int64), on_rim[facets]
+
     def spread(self, facets: Integers, shares: Floats) -> Floats:
         """Return what area points stand for that see a whole facet each, (P,): of a body of revolution that of a ring.
 

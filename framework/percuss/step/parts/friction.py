@@ -454,7 +454,7 @@ def along(pushed: Floats, entries: Records, start: int, stop: int) -> float:
 def sweep_normals(group: Group, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Sweep once over the normal rows of points without friction."""
     for j in range(group.which.size):
-        press(group.rows, group.which[j])
+        press(group.rows, group.which[j], False)
 
 
 def sweep(group: Group, n: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -465,9 +465,7 @@ def sweep(group: Group, n: int, u: Floats, v: Floats, a: Floats) -> None:
         free = rows.tangents[t].free == 1
         if free:  # its tangents do not see its own normal force
             see_point(rows, t)
-            press_free(rows, i)
-        else:
-            press(rows, i)
+        press(rows, i, free)
         force, limit = rows.points.state[i].multiplier, 0.0
         if force > 0.0:
             limit = bound_of(group.friction, j, force, rows.tangents[t].rate, group.before[j])
@@ -495,39 +493,28 @@ def push_point(rows: Rows, j: int) -> None:
             rows.pushed[node.place + d] += node.response * rows.change[d]
 
 
-def press_free(rows: Rows, i: int) -> None:
-    """Find the normal multiplier of a point whose nodes are free, as `press`."""
+def press(rows: Rows, i: int, free: bool) -> None:
+    """Find the normal multiplier of a point, with all other multipliers as they are; `free` as of `TANGENT`."""
     points, now = rows.points, rows.now[0]
     law, row, state = points.law[i], points.row[i], points.state[i]
     before = state.multiplier
     if law.source == FROM_LINE and is_active(law, state):
         residual = right_side(law, state, now.span) - law.sigma * before
-        for d in range(rows.seen.size):
-            residual -= row.response * points.normal[i, d] * rows.seen[d]
+        if free:
+            for d in range(rows.seen.size):
+                residual -= row.response * points.normal[i, d] * rows.seen[d]
+        else:
+            residual -= row.response * along(rows.pushed, points.entries, row.start, row.stop)
         value = before + residual / (law.sigma + row.response * row.delassus)
         if value < 0.0 and law.never_pulls == 1:
             value = 0.0
         state.multiplier = value
         now.moved = max(now.moved, abs(value - before))
-        for d in range(rows.seen.size):
-            rows.change[d] += (value - before) * points.normal[i, d]
-    now.largest = max(now.largest, abs(before), abs(state.multiplier))
-
-
-def press(rows: Rows, i: int) -> None:
-    """Find the normal multiplier of a point, with all other multipliers as they are."""
-    points, now = rows.points, rows.now[0]
-    law, row, state = points.law[i], points.row[i], points.state[i]
-    before = state.multiplier
-    if law.source == FROM_LINE and is_active(law, state):
-        residual = right_side(law, state, now.span) - law.sigma * before
-        residual -= row.response * along(rows.pushed, points.entries, row.start, row.stop)
-        value = before + residual / (law.sigma + row.response * row.delassus)
-        if value < 0.0 and law.never_pulls == 1:
-            value = 0.0
-        state.multiplier = value
-        now.moved = max(now.moved, abs(value - before))
-        push_by(rows.pushed, points.entries, row.start, row.stop, value - before)
+        if free:
+            for d in range(rows.seen.size):
+                rows.change[d] += (value - before) * points.normal[i, d]
+        else:
+            push_by(rows.pushed, points.entries, row.start, row.stop, value - before)
     now.largest = max(now.largest, abs(before), abs(state.multiplier))
 
 

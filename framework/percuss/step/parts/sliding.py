@@ -132,10 +132,10 @@ def _slides(setting: Setting) -> Slides:
     watched = []
     for name, spec in sliding(model.case).items():
         first, second = surfaces_of(spec, model.bodies)
-        where = np.flatnonzero(points.contact == list(model.case.contacts).index(name))
+        where = np.flatnonzero(points.of_contact(name))
         begin = sum(len(one) for one, *_ in facets)
         order = cKDTree(second.positions[second.facets].mean(axis=1)).indices
-        of_facets = (number[second.nodes[second.facets]], *_rims(second.facets), np.arange(len(order)))
+        of_facets = (number[second.nodes[second.facets]], *second.rims(), np.arange(len(order)))
         facets.append((*(one[order] for one in of_facets), _size(second)))
         width = second.facets.shape[1]
         own = points.count[where] - width
@@ -160,8 +160,7 @@ def _slides(setting: Setting) -> Slides:
         padded = (np.pad(one[k], ((0, 0), (0, most - one[k].shape[1]))) for one in facets)
         return np.concatenate(list(padded)).astype(np.int64)
 
-    start = np.zeros((len(place), dim))
-    start[:] = model.bodies.nodes[list(place)]
+    start = model.bodies.nodes[list(place)]
     sizes = np.concatenate([np.full(len(of), one[4]) for of, one in zip(of_points["which"], facets, strict=True)])
     partners = Partners(
         rank=np.concatenate([one[3] for one in facets]), node=wide(0), width=widths, rim=wide(1), corner=wide(2),
@@ -194,19 +193,6 @@ def _stiffness(model: Model) -> Floats:
 def _size(surface: Any) -> float:
     """Return the middle one of the sizes of the facets of a surface."""
     return float(np.median(np.ptp(surface.positions[surface.facets], axis=1).max(axis=1)))
-
-
-def _rims(facets: Integers) -> tuple[Integers, Integers]:
-    """Return where edges and nodes of facets are on the rim of their surface, (F, nodes of a facet) each."""
-    if facets.shape[1] == 2:
-        alone = np.bincount(facets.ravel())[facets] == 1
-        return np.zeros_like(facets), alone.astype(np.int64)
-    edges = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
-    _, number, counts = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
-    rim = (counts[number.ravel()] == 1).reshape(facets.shape)
-    on_rim = np.zeros(facets.max() + 1, dtype=bool)
-    on_rim[edges.reshape(*facets.shape, 2)[rim].ravel()] = True
-    return rim.astype(np.int64), on_rim[facets].astype(np.int64)
 
 
 # ------------------------------------------------------------------------------------------------------------- kernels
