@@ -31,6 +31,7 @@ from percuss.methods.interfaces import Doc as Doc
 from percuss.methods.interfaces import Element as Element
 from percuss.methods.interfaces import Exact as Exact
 from percuss.methods.interfaces import ExactContact as ExactContact
+from percuss.methods.interfaces import FacingSurfaces as FacingSurfaces
 from percuss.methods.interfaces import Floats as Floats
 from percuss.methods.interfaces import FollowingLoad as FollowingLoad
 from percuss.methods.interfaces import Friction as Friction
@@ -61,6 +62,7 @@ from percuss.methods.interfaces import ProblemContact as ProblemContact
 from percuss.methods.interfaces import ProblemLoad as ProblemLoad
 from percuss.methods.interfaces import ReferenceCell as ReferenceCell
 from percuss.methods.interfaces import Region as Region
+from percuss.methods.interfaces import RenewedPoints as RenewedPoints
 from percuss.methods.interfaces import Shape as Shape
 from percuss.methods.interfaces import SolidElement as SolidElement
 from percuss.methods.interfaces import SolidMaterial as SolidMaterial

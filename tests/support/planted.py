@@ -336,6 +336,38 @@ def across_its_own(self, first, second):
 plant("across-its-own", "places", "does not meet the facet nearest to its place", NodeToSegment, points=across_its_own)
 
 
+def renewed(name, said, wrong):
+    """Plant a mortar whose kernel writes other points than those of the start."""
+
+    def wrong_renew(surfaces, points):
+        Mortar.renew(surfaces, points)
+        wrong(points)
+
+    plant(name, "renewed", said, Mortar, renew=staticmethod(wrong_renew), dimensions=(2,))
+
+
+def wide_areas(points):
+    for j in range(points.area.size):
+        points.area[j] *= 1.25
+
+
+def late_gaps(points):
+    for j in range(points.gap.size):
+        points.gap[j] += 0.01
+
+
+def shares_in_reverse(points):
+    for j in range(points.gap.size):
+        for k in range(points.meets[j] // 2):
+            last = points.meets[j] - 1 - k
+            points.share[j, k], points.share[j, last] = points.share[j, last], points.share[j, k]
+
+
+renewed("wide-areas", "its area is not that of `points`", wide_areas)
+renewed("late-gaps", "its gap is not that of `points`", late_gaps)
+renewed("shares-the-other-way", "a share is not that of `points`", shares_in_reverse)
+
+
 # ---------------------------------------------------------------------------------------------------- frictions
 
 

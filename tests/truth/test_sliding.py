@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 import accounts
+import corners
 import percuss
 from accounts import ran
 from percuss.contact.moving_rows import stiffness_of_points
 from percuss.contact.sliding import surfaces_of
+from percuss.jit import plain
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
+from percuss.step.actions import BEFORE_CONTACT
 from percuss.step.loop import keep
 from percuss.step.parts import sliding
 
@@ -19,6 +22,9 @@ DEEP = pytest.mark.deep
 WU, CD = "wu-predictor-corrector", "central-difference"
 COULOMB = {"name": "coulomb", "mu": 0.3}
 PAIRED = (("gauss-points", "regularised-lagrange"), ("node-to-segment", "lagrange"))
+IN_THE_PLANE = (*PAIRED, ("mortar", "lagrange"), ("mortar", "regularised-lagrange"))
+PAIRINGS = ("node-to-segment", "gauss-points", "mortar")
+KERNEL_LAWS = ("damped-penalty", "hunt-crossley")
 SOLID = {"young": 1.0, "density": 1.0, "poisson": 0.3}
 
 
@@ -76,7 +82,7 @@ def wave(sliding, pairing, law, scheme, poisson):
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3])
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("pairing", PAIRINGS)
 @pytest.mark.parametrize(
     ("scheme", "law"), [(WU, "regularised-lagrange"), (CD, {"name": "penalty", "beta_s": 0.25}), (WU, "lagrange")]
 )
@@ -91,7 +97,7 @@ def test_without_a_slide_it_is_small_sliding(poisson, pairing, scheme, law):
     assert balanced(large).arrays["contact_force"].max() > 0.0
 
 
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("pairing", PAIRINGS)
 @pytest.mark.parametrize("friction", ["none", COULOMB])
 def test_a_held_body_is_a_wall_however_far_a_block_slides(pairing, friction):
     """It slides over eleven facets of another mesh, all of whose nodes are held."""
@@ -115,7 +121,7 @@ def test_a_held_body_is_a_wall_however_far_a_block_slides(pairing, friction):
 # -------------------------------------------------------------------------------------------------- balances and energy
 
 
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("pairing", PAIRINGS)
 @pytest.mark.parametrize(
     ("scheme", "law"),
     [(WU, "lagrange"), (CD, "lagrange"), (WU, "regularised-lagrange"), (CD, "penalty"), (WU, "penalty"),
@@ -123,14 +129,14 @@ def test_a_held_body_is_a_wall_however_far_a_block_slides(pairing, friction):
 )  # fmt: skip
 @pytest.mark.parametrize("friction", ["none", COULOMB])
 def test_accounts_close_while_blocks_slide(pairing, scheme, law, friction):
-    if (law, pairing) == ("lagrange", "gauss-points"):
+    if (law, pairing) == ("lagrange", "gauss-points") or (pairing == "mortar" and law in KERNEL_LAWS):
         return
     result = balanced(ran(two_blocks(pairing, law, scheme, friction=friction, turn=2.0, at=(0.1, 0.52))))
     assert result.arrays["contact_force"].max() > 0.0
     assert result.summary["bodies"]["upper"]["velocity_x"] < 0.3 or friction == "none"
 
 
-DRAWN = list(itertools.product(("node-to-segment", "gauss-points"), ("lagrange", "regularised-lagrange"), range(5)))
+DRAWN = list(itertools.product(PAIRINGS, ("lagrange", "regularised-lagrange"), range(5)))
 
 
 @pytest.mark.parametrize(("pairing", "law", "seed"), DRAWN)
@@ -188,6 +194,11 @@ MEETINGS = {
 }  # fmt: skip
 
 
+MET = [
+    (pairing, name) for pairing in PAIRINGS for name in MEETINGS if pairing != "mortar" or name in {"disks", "corner"}
+]
+
+
 def the_part(march):
     """Return what slides of a march."""
     (data,) = (one.data for one in march.arrays.parts if isinstance(one, sliding.Sliding))
@@ -201,7 +212,10 @@ def rows_now(case, pairing, moved=None):
     if moved is not None:
         march.u[:] = moved
     keep(march.arrays.step.boundary, march.u, march.v)
-    sliding.renew_rows(the_part(march), 0, march.u, march.v, march.v)
+    for part in march.arrays.parts:
+        for action in part.actions() if isinstance(part, sliding.Sliding) else ():
+            if action.place == BEFORE_CONTACT:
+                plain(action.kernel, action.slots)(action.data, 0, march.u, march.v, march.v)
     return model, the_part(march)
 
 
@@ -209,9 +223,14 @@ def as_paired(model, moved):
     """Return the points that the pairing finds on the surfaces where they are."""
     (spec,) = model.case.contacts.values()
     surfaces = surfaces_of(spec, model.bodies)
-    first, second = (one._replace(positions=one.positions + moved[one.nodes]) for one in surfaces)
-    out = second.outward(np.arange(len(second.facets)), np.full(second.facets.shape, 1.0 / second.facets.shape[1]))
-    return spec.pairing.points(first, second._replace(normals=out / np.linalg.norm(out, axis=1)[:, None]))
+    return spec.pairing.points(*(there(one, moved) for one in surfaces))
+
+
+def there(surface, moved):
+    """Return a surface whose nodes have moved."""
+    surface, width = surface._replace(positions=surface.positions + moved[surface.nodes]), surface.facets.shape[1]
+    out = surface.outward(np.arange(len(surface.facets)), np.full(surface.facets.shape, 1.0 / width))
+    return surface._replace(normals=out / np.linalg.norm(out, axis=1)[:, None])
 
 
 def assert_as_paired(model, data, moved):
@@ -225,6 +244,7 @@ def assert_as_paired(model, data, moved):
         entries = slice(expected.start[p], expected.start[p + 1])
         np.add.at(rows[p], expected.node[entries], expected.value[entries])
     has = np.flatnonzero(data.partners.partner != sliding.NOBODY)
+    (mean,) = (spec.pairing.renews for spec in model.case.contacts.values())
     assert has.size == expected.gap.size
     for s, row, gap in zip(has, rows, expected.gap, strict=True):
         mine = points.row[data.which[s]]
@@ -234,11 +254,11 @@ def assert_as_paired(model, data, moved):
         value = np.zeros(moved.size)
         np.add.at(value, dofs[entries["place"]], entries["normal"])
         assert np.abs(value - row.ravel()).max() < 1e-9
-        assert mine.initial_gap + value @ moved.ravel() - data.offset[s] == pytest.approx(gap, abs=1e-12)
+        if gap > 0.0 or model.dim not in mean:  # where surfaces overlap, a mortar gap at the start is their depth
+            assert mine.initial_gap + value @ moved.ravel() - data.offset[s] == pytest.approx(gap, abs=1e-12)
 
 
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
-@pytest.mark.parametrize("name", MEETINGS)
+@pytest.mark.parametrize(("pairing", "name"), MET)
 @pytest.mark.parametrize("size", [0.0, 0.02])
 def test_rows_of_a_step_are_those_that_the_pairing_finds_there(pairing, name, size):
     """At corners and edges too, on moved and distorted surfaces."""
@@ -257,8 +277,7 @@ def bodies_on_their_way(name):
     return {**case, "bodies": bodies, "time": {"end": 0.9, "courant": 0.5}}
 
 
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
-@pytest.mark.parametrize("name", MEETINGS)
+@pytest.mark.parametrize(("pairing", "name"), MET)
 def test_no_candidate_is_missed_on_the_way(pairing, name):
     """After many steps with few searches the partners are still the nearest of all facets."""
     model = model_of(percuss.load(bodies_on_their_way(name), {"method.pairing": pairing}))
@@ -330,9 +349,7 @@ def dragged(dim, turn=None, law="regularised-lagrange", pairing="gauss-points", 
 
 
 @pytest.mark.parametrize("angle", [10.0, 90.0, 200.0, 350.0])
-@pytest.mark.parametrize(
-    ("pairing", "law"), [("gauss-points", "regularised-lagrange"), ("node-to-segment", "lagrange")]
-)
+@pytest.mark.parametrize(("pairing", "law"), IN_THE_PLANE)
 def test_blocks_that_are_turned_make_the_same_run(angle, pairing, law):
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     straight, turned = (balanced(ran(dragged(2, turn, law, pairing))) for turn in (None, np.array([[c, -s], [s, c]])))
@@ -341,18 +358,17 @@ def test_blocks_that_are_turned_make_the_same_run(angle, pairing, law):
 
 
 @pytest.mark.parametrize("cells", [None, "tet4"])
-@pytest.mark.parametrize(
-    ("pairing", "law"), [("gauss-points", "regularised-lagrange"), ("node-to-segment", "lagrange")]
-)
+@pytest.mark.parametrize(("pairing", "law"), PAIRED)
 def test_accounts_close_in_space(pairing, law, cells):
     result = balanced(ran(dragged(3, None, law, pairing, cells=cells)))
     assert result.arrays["contact_force"].max() > 0.0
     assert result.arrays["friction_work"].min() < 0.0
 
 
-def test_a_run_goes_on_bit_for_bit_and_in_plain_python():
+@pytest.mark.parametrize("pairing", ["node-to-segment", "mortar"])
+def test_a_run_goes_on_bit_for_bit_and_in_plain_python(pairing):
     """State that a killed run would have saved is all that it needs; plain Python differs by round-off."""
-    case = percuss.load(dragged(2, None, "lagrange", "node-to-segment"), {"time.end": 0.4})
+    case = percuss.load(dragged(2, None, "lagrange", pairing), {"time.end": 0.4})
     whole, plain = percuss.run(case), percuss.run(case, compiled=False)
     forces = whole.arrays["contact_force"], plain.arrays["contact_force"]
     assert np.abs(forces[0] - forces[1]).max() < 1e-12 * np.abs(forces[0]).max()
@@ -399,10 +415,12 @@ def test_what_is_known_of_the_step(law, scheme, energy, said):
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.03, 0.08, 0.137])
-@pytest.mark.parametrize("pairing", ["node-to-segment", "gauss-points"])
+@pytest.mark.parametrize("pairing", PAIRINGS)
 @pytest.mark.parametrize(("dim", "cells"), [(2, None), (2, "tri3"), (3, None), (3, "tet4")])
 def test_the_bound_at_every_position_is_above_the_largest_eigenvalue(shift, pairing, dim, cells):
     """Of S W with the rows of drawn positions, on meshes of 5 to 7 facets."""
+    if (pairing, dim) == ("mortar", 3):
+        return
     shape = {"cells": cells} if cells else {}
     first = {"block": {"size": [1.0] * dim, "elements": [5] * (dim - 1) + [3], **shape}}
     second = {"block": {"size": [1.0] * dim, "elements": [7] * (dim - 1) + [3], **shape}, "at": [0.0] * dim}
@@ -414,11 +432,11 @@ def test_the_bound_at_every_position_is_above_the_largest_eigenvalue(shift, pair
         row = data.points.row[data.which[s]]
         entries = data.points.entries[row.start : row.stop]
         np.add.at(rows[:, s], dofs[entries["place"]], entries["normal"])
-    weighted = rows * np.sqrt(model.contact_points.weight)
+    weighted = rows * np.sqrt(data.points.row["weight"][data.which])
     largest = np.linalg.eigvalsh(weighted.T @ (weighted / model.bodies.mass_of_dofs[:, None]))[-1]
     bound = model.largest_response("seam")
     assert largest <= bound * (1.0 + 1e-12)
-    assert bound < 8.0 * largest
+    assert bound < 8.0 * largest * max(one.pairing.mean_bound for one in model.case.contacts.values())
 
 
 def came_back(pairing, law):
@@ -431,14 +449,15 @@ def came_back(pairing, law):
     return case
 
 
-@pytest.mark.parametrize(("pairing", "law"), PAIRED)
+@pytest.mark.parametrize(("pairing", "law"), IN_THE_PLANE)
 def test_points_that_come_back_are_not_thrown_out(pairing, law):
     """A point that lies inside the surface to which it comes back keeps that overlap; else energy rises by .03."""
     result = balanced(ran(came_back(pairing, law)))
     energy, seam = result.summary["energy"], result.summary["contacts"]["seam"]
     assert seam["returned_points"] > 1
     assert energy["max"] <= energy["initial"] * (1.0 + 1e-4)
-    assert energy["renewal"] < 3e-3 * energy["initial"]
+    # A mortar mean goes on beyond the covered part of a facet, and changes as less is covered.
+    assert energy["renewal"] < (2e-2 if pairing == "mortar" else 3e-3) * energy["initial"]
     assert [note for note in result.summary["notes"] if "came back" in note]
 
 
@@ -469,9 +488,20 @@ def test_points_that_meet_nothing_are_told():
     assert {2.0, 3.0} <= set(status[0].tolist())
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_a_corner_meets_a_face_when_it_reaches_it(dim):
-    """A block turned by 45 degrees meets another one with its corner: node to segment closes within a step."""
+@pytest.mark.parametrize("order", corners.ORDERS)
+def test_a_corner_that_falls_on_a_face_closes_when_it_reaches_it(order):
+    """Mortar, with the corner first and with the face first."""
+    case = corners.falling(10, corners.ORDERS[order])
+    case["contacts"]["hit"]["sliding"] = "large"
+    result = ran(case)
+    assert result.summary["contacts"]["hit"]["first_closed"] == pytest.approx(
+        corners.GAP / corners.SPEED, abs=result.summary["dt"]
+    )
+
+
+@pytest.mark.parametrize(("dim", "pairing"), [(2, "node-to-segment"), (3, "node-to-segment"), (2, "mortar")])
+def test_a_corner_meets_a_face_when_it_reaches_it(dim, pairing):
+    """A block turned by 45 degrees meets another one with its corner: these pairings close within a step."""
     speed, gap = 0.05, 0.02
     size = [1.0] * dim
     lower = {"block": {"size": [2.0] * (dim - 1) + [0.5], "elements": [9] + [3] * (dim - 2) + [2]}, "at": [0.0] * dim}
@@ -486,7 +516,7 @@ def test_a_corner_meets_a_face_when_it_reaches_it(dim):
         "percuss": 1,
         "bodies": bodies,
         "contacts": {"seam": {"between": ["upper.bottom", "lower.top"], "sliding": "large"}},
-        "method": {"integrator": WU, "contact": "lagrange", "pairing": "node-to-segment"},
+        "method": {"integrator": WU, "contact": "lagrange", "pairing": pairing},
         "time": {"end": 0.6, "courant": 0.5},
     }
     result = ran(case)

@@ -55,8 +55,8 @@ def test_old_rows_and_too_few_candidates_are_seen(monkeypatch, kernel, wrong):
 # -------------------------------------------------------------------------------------------------- points that return
 
 
-def thrown_out(data, s, gap):
-    write(data, s, gap - data.offset[s])
+def thrown_out(data, s, count, gap):
+    write(data, s, count, gap - data.offset[s])
 
 
 @pytest.mark.parametrize("law", ["lagrange", "regularised-lagrange"])

@@ -59,7 +59,9 @@ def of_every_step(model: Model) -> str:
     if share is None:
         return "of a law with inertia no bound at every position is known"
     shown = "each step by itself is stable" if share <= 1.0 else "no step by itself is shown to be stable"
-    return f"{shown} at every position: its bound is {share:.4g} of what the step allows"
+    pairings = [spec.pairing for spec in sliding(model.case).values() if spec.pairing is not None]
+    covered = " at which facets are covered as a whole" if any(model.dim in one.renews for one in pairings) else ""
+    return f"{shown} at every position{covered}: its bound is {share:.4g} of what the step allows"
 
 
 def share_of_limit(model: Model, bound: float) -> float | None:
@@ -119,6 +121,7 @@ def _why_small(model: Model, spec: ContactSpec) -> tuple[str, str] | None:
         return None
     bodies = [model.bodies[side.body] for side in spec.sides]
     own = model.contact_points.of_contact(spec.name)
+    pairing = spec.pairing
     found = (
         (bodies[0] is bodies[-1], "two bodies, found one that meets itself", "Such a contact is not built."),
         (
@@ -136,6 +139,13 @@ def _why_small(model: Model, spec: ContactSpec) -> tuple[str, str] | None:
             any(one.bonds for one in model.laws if own[list(one.where)].any()),
             f"a law that lets bodies part, found {spec.law.name}",
             "A bond does not slide: drop `sliding`.",
+        ),
+        (
+            pairing is not None
+            and model.dim in pairing.renews
+            and any(one.linear is None for one in model.laws if own[list(one.where)].any()),
+            f"a linear law on areas that change from step to step, found {spec.law.name}",
+            "Take node-to-segment or gauss-points.",
         ),
     )
     return next(((f"expected {words}", advice) for holds, words, advice in found if holds), None)

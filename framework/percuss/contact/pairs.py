@@ -13,7 +13,7 @@ import numpy as np
 from percuss.case.specs import Plane
 from percuss.case.type_words import found
 from percuss.contact.points import TOUCHING, PointArrays, added_up, joined, no_points
-from percuss.contact.sliding import points_at_the_start, slides
+from percuss.contact.sliding import points_that_move, slides
 from percuss.errors import Problem
 from percuss.mesh.loads import ROUND_OFF
 from percuss.methods.interfaces import PairedPoints, Surface, Wall
@@ -218,11 +218,11 @@ def _surfaces_that_meet(case: Case, spec: ContactSpec, sides: Sequence[Body]) ->
         return problem
     second = surfaces[1].surface if len(surfaces) > 1 else wall_of(spec, first)
     paired: PairedPoints = answer(pairing, "points", first, second)
-    places = answer(pairing, "places", first, second) if slides(spec) else None
-    if slides(spec) and places is None:
-        message = f"expected a pairing whose points keep their places on the first surface, found {pairing.name}"
+    moving = points_that_move(pairing, first, second) if isinstance(second, Surface) and slides(spec) else None
+    if slides(spec) and moving is None:
+        message = f"expected a pairing that slides in {case.dimension} dimensions, found {pairing.name}"
         return case.problem((*path, "sliding"), message, "It slides small. Take node-to-segment or gauss-points.")
-    if not (paired.gap.size or places):
+    if not (paired.gap.size or moving):
         return case.problem(path, "expected surfaces that face each other, found no point of one that meets the other")
     deepest = float(paired.gap.min(initial=0.0))
     if spec.overlap == "refuse" and deepest < -TOUCHING * _height(surfaces):
@@ -232,7 +232,7 @@ def _surfaces_that_meet(case: Case, spec: ContactSpec, sides: Sequence[Body]) ->
         )
         other = "add `overlap: keep`" if slides(spec) else "drop the contact"
         return case.problem(path, message, f"Move them apart by {-deepest:.12g}, or {other}.")
-    return points_at_the_start(places, first, second) if places and isinstance(second, Surface) else paired
+    return moving or paired
 
 
 def _why_not_paired(case: Case, spec: ContactSpec, surfaces: Sequence[BodySurface]) -> Problem | None:

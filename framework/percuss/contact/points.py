@@ -304,12 +304,15 @@ LAW = np.dtype(
         ("stores", "i8"),  # how the contact stores energy: NOTHING, BY_END or BY_CURRENT
         ("surplus", "f8"),  # w minus its value for the gap at the end of the step
         ("contact", "i8"),  # number of its contact in the case
+        ("weight", "f8"),  # area with which the law is bound
     ]
 )
 # The row of each point: what a part of a step may renew.
 ROW = np.dtype(
     [
         ("initial_gap", "f8"),  # the gap is this plus N u
+        ("weight", "f8"),  # area that belongs to the point
+        ("sigma", "f8"),  # compliance of its law at this area
         ("response", "f8"),  # that of its law, in a multi-stage scheme that of the present stage
         ("delassus", "f8"),  # diagonal of S
         ("kappa", "f8"),  # effective stiffness, force over overlap at the end of the step, of points that store BY_END
@@ -450,7 +453,8 @@ def point_records(laws: Any, points: PointArrays, order: Sequence[int], rows: Ro
     law, row, state, sums = (empty_records(count, kind) for kind in (LAW, ROW, STATE, SUMS))
     law[:] = laws
     law["contact"], row["initial_gap"] = points.contact[list(order)], points.gap[list(order)]
-    row["delassus"], row["response"] = rows.delassus, laws["response"]
+    law["weight"] = row["weight"] = points.weight[list(order)]
+    row["delassus"], row["response"], row["sigma"] = rows.delassus, laws["response"], laws["sigma"]
     compliance = laws["sigma"] + laws["surplus"] * rows.delassus
     is_spring = (laws["stores"] == BY_END) & (compliance > 0)
     row["kappa"] = np.divide(laws["weight_gap"], compliance, out=np.zeros(count), where=is_spring)

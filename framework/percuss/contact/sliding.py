@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.methods.interfaces import PairedPoints
+from percuss.methods.interfaces import PairedPoints, RenewedPoints
+from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -32,6 +34,75 @@ def surfaces_of(spec: ContactSpec, bodies: Mapping[str, Body]) -> tuple[Surface,
     """Return both surfaces of a contact of two bodies."""
     first, second = (bodies[side.body].surface(side.region).surface for side in spec.sides)
     return first, second
+
+
+def points_that_move(pairing: Any, first: Surface, second: Surface) -> PairedPoints | None:
+    """Return all points of two surfaces that slide, as a pairing finds them; None if it does not slide.
+
+    The entries of a point are those of its own nodes, and room for all that it may meet.
+    """
+    if places := answer(pairing, "places", first, second):
+        return points_at_the_start(places, first, second)
+    if first.positions.shape[1] in pairing.renews:
+        return points_at_nodes(answer(pairing, "points", first, second), first, second)
+    return None
+
+
+def points_at_nodes(found: PairedPoints, first: Surface, second: Surface) -> PairedPoints:
+    """Return the points at all nodes of a first surface, with their whole areas and with room for what they may meet.
+
+    Those that were not `found` have the rows of the nearest place of the second surface.
+    """
+    every, dim = np.arange(len(first.nodes)), first.positions.shape[1]
+    own, point = np.isin(found.node, first.nodes), np.repeat(np.arange(found.gap.size), np.diff(found.start))
+    at = np.searchsorted(first.nodes, found.node[own])  # the node of each point that was found
+    at, by, met, value = at[np.argsort(point[own])], point[~own], found.node[~own], found.value[~own]
+    facet = np.zeros(every.size, dtype=np.int64)
+    facet[first.facets] = np.arange(len(first.facets))[:, None]
+    area: Floats = np.bincount(first.facets.ravel(), first.of_nodes().ravel(), every.size).astype(float)
+    other, share = second.nearest(first.positions)
+    normal = -second.outward(other, share)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    nearest = np.einsum("pa,pad->pd", share, second.positions[second.facets[other]])
+    gap = np.vecdot(nearest - first.positions, normal)
+    gap[at], normal[at], other[at] = found.gap, found.normal, found.facets[:, 1]
+    room = max(_room(first, second), int(np.bincount(by, minlength=1).max()), share.shape[1])
+    node, shares = np.tile(first.nodes[:, None], room + 1), np.zeros((every.size, room + 1))
+    node[:, 1 : 1 + share.shape[1]], shares[:, 1 : 1 + share.shape[1]] = second.nodes[second.facets[other]], share
+    node[at, 1:], shares[at, 1:], shares[:, 0] = first.nodes[at, None], 0.0, -1.0
+    order = np.argsort(by, kind="stable")
+    place = np.arange(by.size) - np.searchsorted(by[order], by[order])
+    node[at[by[order]], 1 + place] = met[order]
+    shares[at[by[order]], 1 + place] = np.vecdot(value, found.normal[by])[order]
+    return PairedPoints(
+        gap, area, normal, np.stack([facet, other], axis=1), np.arange(every.size + 1) * (room + 1), node.ravel(),
+        (shares[..., None] * normal[:, None]).reshape(-1, dim),
+    )  # fmt: skip
+
+
+def half_size(surface: Surface) -> float:
+    """Return half of the diagonal of the box around a surface."""
+    return 0.5 * float(np.linalg.norm(np.ptp(surface.positions, axis=0)))
+
+
+def renewed_points(first: Surface, room: int) -> RenewedPoints:
+    """Return empty points at the nodes of a first surface, with room for so many nodes that each of them meets."""
+    count, dim = first.positions.shape
+    return RenewedPoints(
+        gap=np.zeros(count), area=np.zeros(count), normal=np.zeros((count, dim)), meets=np.zeros(count, dtype=np.int64),
+        node=np.zeros((count, room), dtype=np.int64), share=np.zeros((count, room)),
+        of_facets=np.zeros((len(first.facets), 2 * room + 2, 6)), of_points=np.zeros((count, 4)),
+    )  # fmt: skip
+
+
+def _room(first: Surface, second: Surface) -> int:
+    """Return how many nodes of a second surface a node may meet: twice what two of its largest facets have before them.
+
+    That is where those of the second surface are as narrow as the narrowest one.
+    """
+    sizes = [np.linalg.norm(np.ptp(one.positions[one.facets], axis=1), axis=1) for one in (first, second)]
+    ratio = float(sizes[0].max() / sizes[1].min())
+    return min(len(second.nodes), 8 + math.ceil(4.0 * math.pow(ratio, first.positions.shape[1] - 1)))
 
 
 def points_at_the_start(places: Places, first: Surface, second: Surface) -> PairedPoints:
@@ -62,7 +133,9 @@ def largest_response(case: Case, bodies: Bodies, points: PointArrays, name: str)
 
     With convex shares it is ``max A_a / m_a + max (A_b + w) / m_b`` over the nodes a of the first surface and b of the
     second one, of areas A and masses m: the areas of points near a node add up to its own area, but for that of one
-    point, w at most. At the end of a line of nodes that is half of the area that is taken here.
+    point, w at most. At the end of a line of nodes that is half of the area that is taken here. Where a pairing renews
+    the points, the term of the second surface is its `mean_bound` times ``A_b / m_b``, for facets that are covered as a
+    whole.
     """
     where = points.of_contact(name)
     first, second = surfaces_of(case.contacts[name], bodies)
@@ -72,7 +145,10 @@ def largest_response(case: Case, bodies: Bodies, points: PointArrays, name: str)
     of_nodes = np.bincount(second.facets.ravel(), second.of_nodes().ravel(), len(second.nodes))
     mass = bodies.mass
     widest = float(points.weight[where].max())
-    return float((area / mass[first.nodes]).max() + ((of_nodes + widest) / mass[second.nodes]).max())
+    pairing: Any = case.contacts[name].pairing
+    renewed = first.positions.shape[1] in pairing.renews
+    of_second = pairing.mean_bound * of_nodes if renewed else of_nodes + widest
+    return float((area / mass[first.nodes]).max() + (of_second / mass[second.nodes]).max())
 
 
 def at_every_position(case: Case, bodies: Bodies, points: PointArrays, sums: Floats) -> Floats:

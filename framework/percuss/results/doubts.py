@@ -18,7 +18,7 @@ from percuss.case.quantities import percent
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP
 from percuss.contact.pairs import walls_of
 from percuss.contact.points import TOUCHING
-from percuss.contact.sliding import points_at_the_start, slides, sliding, surfaces_of
+from percuss.contact.sliding import points_that_move, slides, sliding, surfaces_of
 from percuss.march.recording import probe_nodes
 from percuss.mesh.body import turn_of
 from percuss.mesh.cells import cells_of, is_solid, pieces_of
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from percuss.jsonable import Data, Entries
     from percuss.march.march import March, Outcome
     from percuss.mesh.body import Body
-    from percuss.methods.interfaces import Floats, Integers, Places, Surface
+    from percuss.methods.interfaces import Floats, Integers, Surface
 
 FEWER_STEPS = 0.7  # of those of the run, from which on a longer step is worth a word
 SAME_FOR_ALL_CELLS = 1.2  # Courant number of the critical step up to which its cells are much alike
@@ -280,13 +280,12 @@ def _unseen_by_contacts(model: Model, sights: Sequence[Sight], slid: Floats) -> 
         Largest slide of a point of each contact over its facet, and the time at which one first exceeded 1.
     """
     points, contacts, unseen, gaps = model.contact_points, model.case.contacts, [], []
-    slide = [_Sliding.of(model, name) for name in sliding(model.case)]
     for sight in sights:
-        node, gap = _rows_at(model, slide, sight)
-        sees = (sight.multiplier != 0.0) | (gap <= TOLD * points.facet)
-        touched = np.bincount(node, np.abs(points.share) * sees[points.point], model.bodies.n_nodes)
+        seen = _seen(model, sight)
+        sees = (sight.multiplier != 0.0) | (seen.gap <= TOLD * points.facet)
+        touched = np.bincount(seen.node, seen.share * sees[seen.point], model.bodies.n_nodes)
         unseen.append(touched == 0.0)
-        gaps.append(gap)
+        gaps.append(seen.gap)
     yield from _hidden_nodes(model, sights, unseen)
     for number, (name, spec) in enumerate(contacts.items()):
         if spec.wall is not None:
@@ -311,31 +310,30 @@ def _unseen_by_contacts(model: Model, sights: Sequence[Sight], slid: Floats) -> 
             )
 
 
-class _Sliding(NamedTuple):
-    """A contact whose surfaces slide far: which points are its own, where they stay, and its surfaces at the start."""
+class Seen(NamedTuple):
+    """What the contact points of a model see at one time: the nodes of each, its share in each of them, and its gap."""
 
-    where: Any
-    places: Places
-    surfaces: tuple[Surface, Surface]
-
-    @classmethod
-    def of(cls, model: Model, name: str) -> _Sliding:
-        """Return a contact of a model."""
-        spec: Any = model.case.contacts[name]
-        surfaces = surfaces_of(spec, model.bodies)
-        return cls(model.contact_points.of_contact(name), spec.pairing.places(*surfaces), surfaces)
+    node: Integers  # (E,)
+    point: Integers  # (E,)
+    share: Floats  # (E,) without its sign
+    gap: Floats  # (P,)
 
 
-def _rows_at(model: Model, slide: Sequence[_Sliding], sight: Sight) -> tuple[Integers, Floats]:
-    """Return the node of each entry of the contact points, and the gap of each point, of surfaces that slide anew."""
+def _seen(model: Model, sight: Sight) -> Seen:
+    """Return what contact points see at one time, of surfaces that slide far by what they meet then."""
     points = model.contact_points
-    node, moved = points.node.copy(), points.share[:, None] * sight.displacement[points.node]
-    along = np.vecdot(moved, points.normal[points.point])
-    gap = points.gap + np.bincount(points.point, along, len(points))
-    for one in slide:
-        paired = points_at_the_start(one.places, *(_moved(surface, sight) for surface in one.surfaces))
-        node[one.where[points.point]], gap[one.where] = paired.node, paired.gap
-    return node, gap
+    along = np.vecdot(points.share[:, None] * sight.displacement[points.node], points.normal[points.point])
+    gap, stays = points.gap + np.bincount(points.point, along, len(points)), ~points.slides[points.point]
+    parts = [(points.node[stays], points.point[stays], np.abs(points.share[stays]))]
+    for name, spec in sliding(model.case).items():
+        surfaces = (_moved(surface, sight) for surface in surfaces_of(spec, model.bodies))
+        paired: Any = points_that_move(spec.pairing, *surfaces)
+        where = np.flatnonzero(points.of_contact(name))
+        gap[where] = paired.gap
+        share = np.linalg.norm(paired.value, axis=1)
+        parts.append((paired.node, np.repeat(where, np.diff(paired.start)), share))
+    node, point, shares = (np.concatenate(one) for one in zip(*parts, strict=True))
+    return Seen(node, point, shares, gap)
 
 
 def _hidden_nodes(model: Model, sights: Sequence[Sight], unseen: Sequence[Any]) -> Iterator[str]:

@@ -153,7 +153,7 @@ def case_of(case: Case, end: float, *, second: bool = False) -> Case:
     if friction := case.data.get("method", {}).get("friction"):  # it is a part of the problem, too
         usual["friction"] = friction
     if case.method.pairing is not None:
-        usual["pairing"] = OF_SLIDING if sliding(case) else OF_REFERENCE["pairings"]
+        usual["pairing"] = OF_SLIDING if case.dimension == 3 and sliding(case) else OF_REFERENCE["pairings"]
     sections = {
         "contacts": own,
         "time": {"end": end, "courant": chosen.courant},

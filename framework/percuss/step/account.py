@@ -144,7 +144,7 @@ def stored_energy(law: Row, row: Row, state: Row, stores: int, gap: float, rate:
         closing_after = min(after, 0.0) if law.always == 0 or law.never_pulls == 1 else after
         return 0.25 * row.kappa * (closing_now * closing_now + closing_after * closing_after)  # type: ignore[no-any-return]
     if stores == BY_CURRENT and (gap < 0.0 or state.multiplier != 0.0):
-        return 0.5 * (law.weight_gap * gap * after + law.weight_acceleration * rate * rate) / law.sigma  # type: ignore[no-any-return]
+        return 0.5 * (law.weight_gap * gap * after + law.weight_acceleration * rate * rate) / row.sigma  # type: ignore[no-any-return]
     return 0.0
 
 
@@ -157,7 +157,7 @@ def rounding_energy(law: Row, row: Row, state: Row, rate: float, reach: float, d
     """
     noise = abs(state.multiplier) + ROUNDING * reach * row.kappa
     if law.stores == BY_CURRENT:
-        noise += (law.weight_gap * dt + law.weight_acceleration / dt) / law.sigma * (abs(state.rate) + abs(rate))
+        noise += (law.weight_gap * dt + law.weight_acceleration / dt) / row.sigma * (abs(state.rate) + abs(rate))
     return reach * noise  # type: ignore[no-any-return]
 
 

@@ -84,7 +84,7 @@ def solve(points: Points, span: float, source: int) -> bool:
             state.multiplier = 0.0
             if is_active(law, state):
                 row = points.row[i]
-                value = right_side(law, state, span) / (law.sigma + row.response * row.delassus)
+                value = right_side(law, state, span) / (row.sigma + row.response * row.delassus)
                 if value > 0.0 or law.never_pulls == 0:
                     state.multiplier = value
     return points.others.size == 0 or sweep_points(points, span, source)
@@ -103,7 +103,7 @@ def sweep_points(points: Points, span: float, source: int) -> bool:
                 for k in range(row.other_start, row.other_stop):
                     other = points.others[k]
                     gamma -= row.response * other.value * states[other.point].multiplier
-                value = gamma / (law.sigma + row.response * row.delassus)
+                value = gamma / (row.sigma + row.response * row.delassus)
                 if value < 0.0 and law.never_pulls == 1:
                     value = 0.0
                 moved = max(moved, abs(value - state.multiplier))

@@ -114,7 +114,7 @@ def write_record(record: Record, step: Step, n: int, u: Floats, v: Floats, lag: 
         after = row.initial_gap
         for k in range(row.start, row.stop):
             after += points.entries[k].normal * u[boundary[points.entries[k].place].dof]
-        record.end_force[r, law.contact] += law.end_stiffness * max(-after, 0.0)
+        record.end_force[r, law.contact] += row.weight / law.weight * law.end_stiffness * max(-after, 0.0)
     for k in range(record.probe_start.size - 1):
         displacement = 0.0
         velocity = 0.0

@@ -10,12 +10,11 @@ import numpy as np
 from percuss import PairedPoints, Pairing, Wall
 from percuss_methods.pairings._closest import AT_AN_END
 from percuss_methods.pairings._covered import between, covered
+from percuss_methods.pairings._edges_that_move import SHARP, renew
 from percuss_methods.pairings.node_to_segment import NodeToSegment
 
 if TYPE_CHECKING:
     from percuss import Surface
-
-SHARP = 0.5**0.5  # cosine of the angle between the mean normal and that of a facet beyond which they make an edge
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,11 @@ class Mortar(Pairing):
     )
     passes_patch_test = True
     convex = False
+    renews = (2,)
+    # The points see an L2 projection q of the motion, which is linear on each edge: the sum of D_j q_j^2 of an edge is
+    # at most three times the integral of q^2, and this one at most that of the motion.
+    mean_bound = 3.0
+    renew = staticmethod(renew)
 
     def points(self, first: Surface, second: Surface | Wall) -> PairedPoints:
         """Return the nodes of the first surface of which the second one covers a part."""

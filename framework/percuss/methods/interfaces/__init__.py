@@ -43,7 +43,15 @@ from percuss.methods.interfaces.friction import Friction, FrictionPoints, Stiffn
 from percuss.methods.interfaces.integrator import ContactState, Integrator, LeapFrog, Stages, end_of_step
 from percuss.methods.interfaces.load import FollowingLoad, Load, LoadedEnd
 from percuss.methods.interfaces.measure import Measure
-from percuss.methods.interfaces.pairing import PairedPoints, Pairing, Places, Surface, Wall
+from percuss.methods.interfaces.pairing import (
+    FacingSurfaces,
+    PairedPoints,
+    Pairing,
+    Places,
+    RenewedPoints,
+    Surface,
+    Wall,
+)
 from percuss.methods.interfaces.problem import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
 from percuss.methods.interfaces.solution import Exact, ExactContact, Solution
 

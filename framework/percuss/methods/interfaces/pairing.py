@@ -205,12 +205,73 @@ class Places(NamedTuple):
     weight: Floats
 
 
+class FacingSurfaces(NamedTuple):
+    """Two surfaces of a contact at the time t_n, as the kernel `Pairing.renew` reads them.
+
+    Attributes
+    ----------
+    at : (n, dim) array
+        Places of nodes [length].
+    first, second : (F, nodes of a facet), (G, nodes of a facet) arrays
+        Facets of both surfaces, as rows of `at`, whose nodes run as those of `Surface.facets`.
+    points : (F, nodes of a facet) array
+        Number of the contact point at each node of the first surface.
+    area : (F,) array
+        Area of each facet of the first surface at the start [length^2].
+    low, high : (groups, dim) arrays
+        Corners of the box around each `group` facets of the second surface that follow one another.
+    group : int
+    reach : float
+        Half of the size of the first surface at the start: what overlaps by more is its other side [length].
+    """
+
+    at: Floats
+    first: Integers
+    second: Integers
+    points: Integers
+    area: Floats
+    low: Floats
+    high: Floats
+    group: int
+    reach: float
+
+
+class RenewedPoints(NamedTuple):
+    """Contact points at the nodes of a first surface, as the kernel `Pairing.renew` writes them in each step.
+
+    Attributes
+    ----------
+    gap : (P,) array
+        Gap at t_n [length].
+    area : (P,) array
+        Area that belongs to the point; 0 of one that meets nothing [length^2].
+    normal : (P, dim) array
+        Unit vector from the first surface to the second one.
+    meets : (P,) array
+        Number of nodes of the second surface that it meets.
+    node, share : (P, most) arrays
+        These, as rows of `FacingSurfaces.at`, and what each of them has in the motion of the gap: together 1.
+    of_facets, of_points : (F, 2 most + 2, 6), (P, 4) arrays
+        Room for what the kernel keeps of facets of the first surface, and of points, while it works.
+    """
+
+    gap: Floats
+    area: Floats
+    normal: Floats
+    meets: Integers
+    node: Integers
+    share: Floats
+    of_facets: Floats
+    of_points: Floats
+
+
 class Pairing(Component, contract="pairings"):
     """A way to make contact points of two surfaces of bodies that are not lines.
 
     Pairing and normals are those of the start; displacements are small. Where a contact has ``sliding: large``, the
-    points stay at their `places`, and the framework finds in each step what they meet: the nearest facet of the second
-    surface.
+    points either stay at their `places`, and the framework finds in each step what they meet, the nearest facet of the
+    second surface; or they are at the nodes of the first surface, and a kernel `renew` finds in each step what they
+    meet and their areas.
 
     Attributes
     ----------
@@ -223,12 +284,20 @@ class Pairing(Component, contract="pairings"):
     more_points_than_nodes
         Whether there may be more points than nodes of the first surface. A law without compliance is then refused, as
         the motion is right and the single forces are not.
+    renews
+        Numbers of dimensions in which it has a kernel `renew`.
+    mean_bound
+        With such a kernel, largest ratio of two sums over the first surface, where the second one covers all of it: the
+        squares of the motion of the second surface that the points see, times their areas, and the integral of the
+        square of this motion.
     """
 
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     passes_patch_test: ClassVar[bool] = False
     convex: ClassVar[bool] = True
     more_points_than_nodes: ClassVar[bool] = False
+    renews: ClassVar[tuple[int, ...]] = ()
+    mean_bound: ClassVar[float] = 1.0
 
     @abstractmethod
     def points(self, first: Surface, second: Surface | Wall) -> PairedPoints:
@@ -251,3 +320,18 @@ class Pairing(Component, contract="pairings"):
         Parameters are those of `points`.
         """
         return None
+
+    @staticmethod
+    def renew(surfaces: FacingSurfaces, points: RenewedPoints) -> None:
+        """Write the points at the nodes of the first surface as both surfaces are at t_n; a kernel.
+
+        At the start they are those of `points`, which leaves out nodes that meet nothing.
+
+        Parameters
+        ----------
+        surfaces
+            Both surfaces.
+        points
+            The points.
+        """
+        raise NotImplementedError

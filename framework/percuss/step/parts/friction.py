@@ -39,15 +39,15 @@ TANGENT = np.dtype(
         ("point", "i8"),  # index in the loop
         ("number", "i8"),  # in the model
         ("start", "i8"),  # first entry of its first row
-        ("width", "i8"),  # number of entries of a row
-        ("sigma", "f8"),  # compliance of stick
+        ("width", "i8"),  # number of entries of a row; a step may change it
+        ("compliance", "f8"),  # of stick, with the area of which the law is bound
         ("response", "f8"),  # w_t, the factor of S
         ("diagonal", "f8"),  # largest eigenvalue of the block of S of its rows
         ("predicted", "i8"),  # 1 if slip is taken after the bulk update, 0 if at t_n
-        ("weight", "f8"),  # area
         ("moves", "i8"),  # 1 if a step writes its rows
         ("free", "i8"),  # 1 if a force moves each of its nodes in its own direction
         # what a step changes
+        ("sigma", "f8"),  # compliance of stick
         ("rate", "f8"),  # slip rate at n - 1/2
         ("state", "i8"),  # OPEN, STICKS or SLIDES
         ("held", "f8"),  # minus the product of its force along the surfaces and its elastic slip after the step
@@ -118,7 +118,6 @@ class History(NamedTuple):
     force: Floats  # (R, contacts, dim) on the first body
     every: int  # steps between two snapshots, 0 for none
     order: Integers  # (points of the loop,) number in the model
-    weight: Floats  # (points of the loop,) area
     # of snapshots, with the points as in the model
     traction: Floats  # (snapshots, points, dim) on the first body
     slip: Floats  # (snapshots, points) length of the slide so far
@@ -221,9 +220,14 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     ]  # fmt: skip
     tangents = empty_records(count, TANGENT)
     tangents["point"], tangents["number"] = np.argsort(order)[where], where
-    for name, values in (("sigma", "compliance"), ("response", "response"), ("predicted", "predicted")):
+    for name, values in (
+        ("compliance", "compliance"),
+        ("sigma", "compliance"),
+        ("response", "response"),
+        ("predicted", "predicted"),
+    ):
         tangents[name] = np.concatenate([np.zeros(0), *(getattr(one, values) for one in bound)])
-    tangents["weight"], tangents["moves"] = points.weight[where], points.slides[where]
+    tangents["moves"] = points.slides[where]
     block = np.zeros((count, dim - 1, dim - 1))
     entries: list[tuple[int, float, float]] = []
     shares: list[tuple[int, int, float]] = []
@@ -260,7 +264,7 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
         held=record_array(held if moving.size else [], SHARE), pushes=np.zeros(mobility.size // dim),
     )  # fmt: skip
     if before is not None:
-        for name in ("rate", "state", "held", "before", "path"):
+        for name in ("sigma", "rate", "state", "held", "before", "path"):
             tangents[name] = before.rows.tangents[name]
         names = ("multiplier", "slip", "impulse", "work", "stored", "along", "turned", "pushes")
         kept = {name: getattr(before.rows, name) for name in names}
@@ -271,8 +275,8 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     force, traction = np.full((records, contacts, dim), np.nan), np.full((snapshots, len(points), dim), np.nan)
     of_points = np.full((snapshots, len(points)), np.nan)
     return History(
-        rows_now, *copies, force, setting.record.field_every, order, points.weight[order],
-        traction, of_points, of_points.copy(),
+        rows_now, *copies, force, setting.record.field_every, order, traction, of_points,
+        of_points.copy(),
     )  # fmt: skip
 
 
@@ -347,6 +351,8 @@ def turn(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
                 rows.along[j, k, d] /= np.sqrt(square)
         for d in range(dim):
             rows.turned[j, d] = points.normal[tangent.point, d]
+        tangent.width = row.stop - row.start
+        tangent.sigma = tangent.compliance * (points.law[tangent.point].weight / row.weight)
         write_along(rows, j, row.start, tangent.width)
 
 
@@ -479,7 +485,7 @@ def see_point(rows: Rows, j: int) -> None:
     for d in range(rows.seen.size):
         rows.seen[d] = 0.0
         rows.change[d] = 0.0
-    for k in range(rows.nodes.shape[1]):
+    for k in range(rows.tangents[j].width // rows.seen.size):
         node = rows.nodes[j, k]
         for d in range(rows.seen.size):
             rows.seen[d] += node.share * rows.pushed[node.place + d]
@@ -487,7 +493,7 @@ def see_point(rows: Rows, j: int) -> None:
 
 def push_point(rows: Rows, j: int) -> None:
     """Add the accelerations by a change of the force of a point whose nodes are free."""
-    for k in range(rows.nodes.shape[1]):
+    for k in range(rows.tangents[j].width // rows.seen.size):
         node = rows.nodes[j, k]
         for d in range(rows.change.size):
             rows.pushed[node.place + d] += node.response * rows.change[d]
@@ -499,13 +505,13 @@ def press(rows: Rows, i: int, free: bool) -> None:
     law, row, state = points.law[i], points.row[i], points.state[i]
     before = state.multiplier
     if law.source == FROM_LINE and is_active(law, state):
-        residual = right_side(law, state, now.span) - law.sigma * before
+        residual = right_side(law, state, now.span) - row.sigma * before
         if free:
             for d in range(rows.seen.size):
                 residual -= row.response * points.normal[i, d] * rows.seen[d]
         else:
             residual -= row.response * along(rows.pushed, points.entries, row.start, row.stop)
-        value = before + residual / (law.sigma + row.response * row.delassus)
+        value = before + residual / (row.sigma + row.response * row.delassus)
         if value < 0.0 and law.never_pulls == 1:
             value = 0.0
         state.multiplier = value
@@ -660,9 +666,9 @@ def record(data: History, n: int, u: Floats, v: Floats, a: Floats) -> None:
         c = rows.points.law[tangent.point].contact
         data.slid[r, c] = max(data.slid[r, c], tangent.path)
         if tangent.state == STICKS:
-            data.sticking[r, c] += tangent.weight
+            data.sticking[r, c] += rows.points.row[tangent.point].weight
         elif tangent.state == SLIDES:
-            data.sliding[r, c] += tangent.weight
+            data.sliding[r, c] += rows.points.row[tangent.point].weight
         for k in range(rows.slip.shape[1]):
             for d in range(data.force.shape[2]):
                 data.force[r, c, d] -= rows.along[j, k, d] * rows.multiplier[j, k]
@@ -678,7 +684,9 @@ def record_points(data: History, n: int, u: Floats, v: Floats, a: Floats) -> Non
         data.slip[r, p] = 0.0
         data.status[r, p] = OPEN if rows.points.state[i].multiplier == 0.0 else SLIDES
         for d in range(data.traction.shape[2]):
-            data.traction[r, p, d] = -rows.points.normal[i, d] * rows.points.state[i].multiplier / data.weight[i]
+            data.traction[r, p, d] = (
+                -rows.points.normal[i, d] * rows.points.state[i].multiplier / rows.points.row[i].weight
+            )
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
         data.slip[r, tangent.number] = tangent.path
@@ -686,7 +694,7 @@ def record_points(data: History, n: int, u: Floats, v: Floats, a: Floats) -> Non
         for k in range(rows.slip.shape[1]):
             for d in range(data.traction.shape[2]):
                 force = rows.along[j, k, d] * rows.multiplier[j, k]
-                data.traction[r, tangent.number, d] -= force / tangent.weight
+                data.traction[r, tangent.number, d] -= force / rows.points.row[tangent.point].weight
     for k in range(rows.moving.size):
         row = rows.points.row[rows.moving[k]]
         if row.start == row.stop:

@@ -33,11 +33,10 @@ class Slides(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """Contact points with their areas, and where they are recorded."""
+    """Contact points, and where their areas and pressures are recorded."""
 
     points: Points
     number: Integers  # of each point in the model
-    weight: Floats  # area of each point [length^2]
     area: Floats  # (R, contacts) sum of the areas of points with a force
     pressure: Floats  # (F, points) as in the model; (F, 0) where it is not recorded
     velocity: Floats  # (F, nodes * dim)
@@ -71,13 +70,12 @@ class SurfacesRecorded(Part[Surfaces]):
             slides = before.slides._replace(points=step.points, now=step.now)
             return cls(before.data._replace(points=step.points, now=step.now), slides)
         number = np.array(setting.order, dtype=np.int64)
-        weight = model.contact_points.weight[number]
         snapshots, dofs = record.field.shape
-        pressed = weight.size if model.case.record.pressure else 0
+        pressed = number.size if model.case.record.pressure else 0
         shapes = record.gap.shape, (snapshots, pressed), (snapshots, dofs)
         areas, pressures, velocities = (np.full(shape, np.nan) for shape in shapes)
         lags = int(not model.multistage)
-        data = Surfaces(step.points, number, weight, areas, pressures, velocities, record.field_every, lags, step.now)
+        data = Surfaces(step.points, number, areas, pressures, velocities, record.field_every, lags, step.now)
         return cls(data, _slides(setting, len(model.case.contacts)))
 
     def actions(self) -> Iterator[Action]:
@@ -85,7 +83,7 @@ class SurfacesRecorded(Part[Surfaces]):
         if self.data.every:
             yield Action(SNAPSHOT, record_velocities, self.data)
             yield Action(BEFORE_ACCOUNT, record_pressures, self.data)
-        if self.data.weight.size:
+        if self.data.number.size:
             yield Action(RECORD, record_areas, self.data)
             yield Action(RECORD, record_slides, self.slides)
 
@@ -131,7 +129,7 @@ def record_pressures(data: Surfaces, n: int, u: Floats, v: Floats, a: Floats) ->
     if n % data.every == 0:
         r = n // data.every
         for i in range(data.pressure.shape[1]):
-            data.pressure[r, data.number[i]] = data.points.state[i].multiplier / data.weight[i]
+            data.pressure[r, data.number[i]] = data.points.state[i].multiplier / data.points.row[i].weight
         if data.lags == 1:
             for i in range(data.velocity.shape[1]):
                 data.velocity[r, i] = 0.5 * (data.velocity[r, i] + v[i])
@@ -142,9 +140,9 @@ def record_areas(data: Surfaces, n: int, u: Floats, v: Floats, a: Floats) -> Non
     r = data.now[0].row
     for i in range(data.area.shape[1]):
         data.area[r, i] = 0.0
-    for i in range(data.weight.size):
+    for i in range(data.number.size):
         if data.points.state[i].multiplier != 0.0:
-            data.area[r, data.points.law[i].contact] += data.weight[i]
+            data.area[r, data.points.law[i].contact] += data.points.row[i].weight
 
 
 def record_slides(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:

@@ -7,7 +7,9 @@ A point that comes back to a surface which it had left, and lies inside it, take
 and the offset falls as the point comes out. Nothing is thrown out. The energy is bounded by a number that the run
 computes: with ``d_n = max(0, -sigma lambda_n-2 - g(x_n) + N_n^T (u_n - u_n-1))`` of each point, contact work and stored
 energy ``sigma / 4 (lambda_n^2 + lambda_n-1^2)`` never exceed ``R = sum of lambda_n d_n / 2`` under a law that is a
-complementarity problem at the end of the step. The term of the first step is that of an overlap that presses.
+complementarity problem at the end of the step. Where the area of a point changes, and with it sigma, R also has
+``(sigma_n - sigma_n-2) q / 4`` where sigma grows, q the smaller one of ``lambda_n-2^2`` and ``lambda_n^2 sigma_n /
+sigma_n-2``. The term of the first step is that of an overlap that presses.
 """
 
 from __future__ import annotations
@@ -20,9 +22,10 @@ import numpy as np
 from percuss.contact.features import Feature
 from percuss.contact.frictions import frictions_of
 from percuss.contact.moving_rows import mobilities, stiffness_of_points, with_rows_that_stay
-from percuss.contact.near import MOST, NOBODY, Partners, enclose, enclose_groups, meet, search
+from percuss.contact.near import GROUP, MOST, NOBODY, Partners, enclose, enclose_groups, meet, search
 from percuss.contact.points import BY_END, FROM_LINE, Points
-from percuss.contact.sliding import sliding, surfaces_of
+from percuss.contact.sliding import half_size, renewed_points, sliding, surfaces_of
+from percuss.methods.interfaces import FacingSurfaces
 from percuss.record_arrays import Records, empty_records
 from percuss.step.actions import BEFORE_ACCOUNT, BEFORE_CONTACT, RECORD, Action
 from percuss.step.part import Part, Setting
@@ -30,8 +33,9 @@ from percuss.step.part import Part, Setting
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from percuss.case.specs import ContactSpec
     from percuss.contact.model import Model
-    from percuss.methods.interfaces import Array, Floats, Integers
+    from percuss.methods.interfaces import Array, Floats, Integers, RenewedPoints
 
 # What a contact that slides sums up.
 BOOKS = np.dtype(
@@ -60,6 +64,7 @@ class Slides(NamedTuple):
     totals: Records  # percuss.step.records.TOTAL
     partners: Partners
     which: Integers  # (S,) index of each in the loop
+    seekers: int  # those before this one seek the nearest facet, the others are renewed by the kernel of their pairing
     own: Integers  # (S,) number of its own nodes, whose entries come first
     share: Floats  # (S, w) in the place of the point
     node: Integers  # (S, w) of the first surface, as a row of `start`
@@ -70,7 +75,9 @@ class Slides(NamedTuple):
     allowed: Floats  # (1,) how far nodes may be from there
     presses: Integers  # (S,) 1 where an overlap at the start is to press
     offset: Floats  # (S,)
-    last: Floats  # (S,) multipliers of the last step and of the one before
+    met: Integers  # (w,) nodes that the present point meets, as rows of `start`
+    met_share: Floats  # (w,) their shares
+    last: Floats  # (S, 2) multiplier and compliance of the last step and of the one before
     before: Floats
     stiffness: Floats  # (S,) of each point while it is closed, 0 under a complementarity law
     load: Floats  # (nodes,) what the points add to a squared frequency
@@ -78,8 +85,31 @@ class Slides(NamedTuple):
     renewal: Floats  # (R, contacts) history of R
 
 
+class Renewed(NamedTuple):
+    """The points of a contact that the kernel of their pairing renews."""
+
+    slides: Slides
+    surfaces: FacingSurfaces
+    points: RenewedPoints
+    start: int  # the first of them
+    first: int  # the facets of the second surface are those from first to last
+    last: int
+
+
 class Sliding(Part[Slides]):
-    """The part of a step whose surfaces slide far."""
+    """The part of a step whose surfaces slide far.
+
+    Parameters
+    ----------
+    data
+        All points that slide.
+    renewed
+        Those of each contact whose pairing renews them, with the contact.
+    """
+
+    def __init__(self, data: Slides, renewed: list[tuple[Renewed, ContactSpec]]) -> None:
+        super().__init__(data)
+        self.renewed = renewed
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -91,11 +121,16 @@ class Sliding(Part[Slides]):
         mobility = mobilities(setting.model, setting.place, setting.midpoint)
         stiffness = _stiffness(setting.model)[np.array(setting.order, dtype=np.int64)[found.which]]
         found = found._replace(mobility=mobility, stiffness=stiffness)
-        return cls(found._replace(points=step.points, boundary=step.boundary, now=step.now, totals=step.totals))
+        found = found._replace(points=step.points, boundary=step.boundary, now=step.now, totals=step.totals)
+        return cls(found, list(_renewed(setting.model, found)))
 
     def actions(self) -> Iterator[Action]:
         """Yield the actions of a step."""
         yield Action(BEFORE_CONTACT, renew_rows, self.data, order=1)
+        for renewed, spec in self.renewed:
+            pairing: Any = spec.pairing
+            about: Any = {"of_plugin": True, "allocates": pairing.allocates, "name": f"pairing {pairing.name}"}
+            yield Action(BEFORE_CONTACT, renew_points, renewed, {renew: type(pairing).renew}, order=2, **about)
         yield Action(BEFORE_ACCOUNT, bound_energy, self.data)
         if self.data.stiffness.any():
             yield Action(BEFORE_ACCOUNT, bound_stiffness, self.data)
@@ -129,8 +164,8 @@ def _slides(setting: Setting) -> Slides:
     number[list(place)] = np.array(list(place.values()), dtype=np.int64) // dim
     facets: list[Any] = []
     of_points: dict[str, list[Any]] = {name: [] for name in ("which", "own", "share", "node", "span", "presses")}
-    watched = []
-    for name, spec in sliding(model.case).items():
+    watched, seekers = [], 0
+    for name, spec in _in_order(model):
         first, second = surfaces_of(spec, model.bodies)
         where = np.flatnonzero(points.of_contact(name))
         begin = sum(len(one) for one, *_ in facets)
@@ -138,7 +173,8 @@ def _slides(setting: Setting) -> Slides:
         of_facets = (number[second.nodes[second.facets]], *second.rims(), np.arange(len(order)))
         facets.append((*(one[order] for one in of_facets), _size(second)))
         width = second.facets.shape[1]
-        own = points.count[where] - width
+        own = np.ones(where.size, dtype=np.int64) if _renews(spec, dim) else points.count[where] - width
+        seekers += 0 if _renews(spec, dim) else where.size
         share, node = np.zeros((where.size, 4)), np.zeros((where.size, 4), dtype=np.int64)
         for s, p in enumerate(where.tolist()):
             entries = slice(points.start[p], points.start[p] + own[s])
@@ -152,7 +188,7 @@ def _slides(setting: Setting) -> Slides:
         watched += [number[first.nodes], number[second.nodes]]
     joined = {name: np.concatenate(arrays) for name, arrays in of_points.items()}
     count, contacts = joined["which"].size, len(model.case.contacts)
-    most = max(one.shape[1] for one, *_ in facets)
+    most, room = max(one.shape[1] for one, *_ in facets), int(points.count.max())
     widths = np.concatenate([np.full(len(one), one.shape[1]) for one, *_ in facets])
 
     def wide(k: int) -> Integers:
@@ -173,12 +209,42 @@ def _slides(setting: Setting) -> Slides:
     return Slides(
         points=setting.step.points, boundary=setting.step.boundary, now=setting.step.now, totals=setting.step.totals,
         partners=partners,
-        which=joined["which"], own=joined["own"], share=joined["share"], node=joined["node"], start=start,
+        which=joined["which"], seekers=seekers, own=joined["own"], share=joined["share"], node=joined["node"],
+        start=start,
         mobility=np.zeros((len(place), dim, dim)), watched=np.unique(np.concatenate(watched)), made=start.copy(),
-        allowed=np.full(1, -1.0), presses=joined["presses"], offset=np.zeros(count), last=np.zeros(count),
-        before=np.zeros(count), stiffness=np.zeros(count), load=np.zeros(len(place)),
+        allowed=np.full(1, -1.0), presses=joined["presses"], offset=np.zeros(count),
+        met=np.zeros(room, dtype=np.int64), met_share=np.zeros(room), last=np.zeros((count, 2)),
+        before=np.zeros((count, 2)), stiffness=np.zeros(count), load=np.zeros(len(place)),
         books=empty_records(contacts, BOOKS), renewal=np.full((setting.record.energy.size, contacts), np.nan),
     )  # fmt: skip
+
+
+def _renews(spec: ContactSpec, dim: int) -> bool:
+    """Return whether the points of a contact are renewed by the kernel of their pairing."""
+    return spec.pairing is not None and dim in spec.pairing.renews
+
+
+def _in_order(model: Model) -> list[tuple[str, ContactSpec]]:
+    """Return the contacts that slide, those whose points seek the nearest facet before the others."""
+    return sorted(sliding(model.case).items(), key=lambda one: _renews(one[1], model.dim))
+
+
+def _renewed(model: Model, data: Slides) -> Iterator[tuple[Renewed, ContactSpec]]:
+    """Yield the points of each contact whose pairing renews them."""
+    begin, start, partners, points = 0, 0, data.partners, model.contact_points
+    for name, spec in _in_order(model):
+        where, (first, second) = points.of_contact(name), surfaces_of(spec, model.bodies)
+        count, end = int(where.sum()), begin + len(second.facets)
+        if _renews(spec, model.dim):
+            groups = slice(begin, end, GROUP)
+            surfaces = FacingSurfaces(
+                partners.at, data.node[start : start + count, 0][first.facets],
+                partners.node[begin:end, : second.facets.shape[1]], first.facets, first.areas,
+                partners.group_low[groups], partners.group_high[groups], GROUP, half_size(first),
+            )  # fmt: skip
+            room = renewed_points(first, int(points.count[where].max()) - 1)
+            yield Renewed(data, surfaces, room, start, begin, end), spec
+        begin, start = end, start + count
 
 
 def _stiffness(model: Model) -> Floats:
@@ -198,15 +264,20 @@ def _size(surface: Any) -> float:
 # ------------------------------------------------------------------------------------------------------------- kernels
 
 
+def renew(surfaces: FacingSurfaces, points: RenewedPoints) -> None:
+    """Write the points at the nodes of a first surface (slot for the kernel of the pairing)."""
+    raise NotImplementedError
+
+
 def renew_rows(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Find what each point meets at t_n, and write its row."""
+    """Find what each point meets at t_n that seeks the nearest facet, and write its row."""
     partners = data.partners
     searches = move(data)
     enclose(partners)
-    for s in range(data.which.size if searches else 0):
+    for s in range(data.seekers if searches else 0):
         if s == 0 or partners.first[s] != partners.first[s - 1]:
             enclose_groups(partners, partners.first[s], partners.last[s])
-    for s in range(data.which.size):
+    for s in range(data.seekers):
         for d in range(partners.point.size):
             partners.point[d] = 0.0
             for k in range(data.own[s]):
@@ -214,21 +285,49 @@ def renew_rows(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
         if searches:
             data.allowed[0] = min(data.allowed[0], search(partners, s))
         had = partners.partner[s] != NOBODY
-        gap = meet(partners, s)
-        if partners.partner[s] == NOBODY:
-            data.offset[s] = 0.0
+        gap, f = meet(partners, s), partners.partner[s]
+        if f == NOBODY:
             no_row(data, s)
             continue
-        overlap = max(0.0, -gap)
-        if had:
-            data.offset[s] = min(data.offset[s], overlap)
-        else:
-            data.offset[s] = 0.0 if n == 0 and data.presses[s] == 1 else overlap
-            if n > 0 and overlap > 0.0:
-                data.books[data.points.law[data.which[s]].contact].returned += 1
-        write_row(data, s, gap + data.offset[s])
-        if n == 0:
-            put_in(data, s, overlap - data.offset[s])
+        for k in range(partners.width[f]):
+            data.met[k], data.met_share[k] = partners.node[f, k], partners.share[k]
+        settle(data, s, n, had, partners.width[f], gap)
+
+
+def renew_points(renewed: Renewed, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Let a pairing find what the nodes of a first surface meet at t_n, and write their rows."""
+    data, points = renewed.slides, renewed.points
+    partners = data.partners
+    enclose_groups(partners, renewed.first, renewed.last)
+    renew(renewed.surfaces, points)
+    for p in range(points.gap.size):
+        s, had = renewed.start + p, partners.partner[renewed.start + p] != NOBODY
+        if points.area[p] <= 0.0:
+            partners.partner[s] = NOBODY
+            no_row(data, s)
+            continue
+        partners.partner[s] = renewed.first  # any facet serves
+        for d in range(partners.out.size):
+            partners.out[d] = -points.normal[p, d]
+        for k in range(points.meets[p]):
+            data.met[k], data.met_share[k] = points.node[p, k], points.share[p, k]
+        law, row = data.points.law[data.which[s]], data.points.row[data.which[s]]
+        row.weight, row.sigma = points.area[p], law.sigma * (law.weight / points.area[p])
+        settle(data, s, n, had, points.meets[p], points.gap[p])
+
+
+def settle(data: Slides, s: int, n: int, had: bool, count: int, gap: float) -> None:
+    """Write the row of a point that meets `count` nodes, with its offset; `had` tells whether it met any before."""
+    overlap = max(0.0, -gap)
+    if had:
+        data.offset[s] = min(data.offset[s], overlap)
+    else:
+        data.offset[s] = 0.0 if n == 0 and data.presses[s] == 1 else overlap
+        if n > 0 and overlap > 0.0:
+            data.books[data.points.law[data.which[s]].contact].returned += 1
+    write_row(data, s, count, gap + data.offset[s])
+    if n == 0:
+        put_in(data, s, overlap - data.offset[s])
 
 
 def move(data: Slides) -> bool:
@@ -252,48 +351,50 @@ def move(data: Slides) -> bool:
 
 def put_in(data: Slides, s: int, overlap: float) -> None:
     """Count the energy of an overlap at the start that presses as put in, with the force that it brings."""
-    law, row = data.points.law[data.which[s]], data.points.row[data.which[s]]
-    softness = law.sigma + row.response * row.delassus
+    row = data.points.row[data.which[s]]
+    softness = row.sigma + row.response * row.delassus
     if softness > 0.0:
         data.totals[0].began_with += 0.5 * overlap * overlap / softness
 
 
 def no_row(data: Slides, s: int) -> None:
     """Write the row of a point that meets nothing: no entries, and a gap of a facet, so that no force follows."""
-    row = data.points.row[data.which[s]]
+    law, row = data.points.law[data.which[s]], data.points.row[data.which[s]]
     row.stop = row.start
     row.delassus = 1.0
+    row.weight, row.sigma = law.weight, law.sigma
     row.initial_gap = data.partners.skin[s]
+    data.offset[s] = 0.0
 
 
-def write_row(data: Slides, s: int, gap: float) -> None:
-    """Write the entries, the gap and the diagonal of S of a point."""
+def write_row(data: Slides, s: int, count: int, gap: float) -> None:
+    """Write the entries, the gap and the diagonal of S of a point that meets `count` nodes."""
     i = data.which[s]
-    points, partners, dim = data.points, data.partners, data.start.shape[1]
-    law, row, f = points.law[i], points.row[i], data.partners.partner[s]
+    points, out, dim = data.points, data.partners.out, data.start.shape[1]
+    law, row = points.law[i], points.row[i]
     for d in range(dim):
-        points.normal[i, d] = -partners.out[d]
-    row.stop = row.start + (data.own[s] + partners.width[f]) * dim
+        points.normal[i, d] = -out[d]
+    row.stop = row.start + (data.own[s] + count) * dim
     row.delassus = 0.0
     row.initial_gap = gap
-    for k in range(data.own[s] + partners.width[f]):
+    for k in range(data.own[s] + count):
         if k < data.own[s]:
             r, share = data.node[s, k], data.share[s, k]
         else:
-            r, share = partners.node[f, k - data.own[s]], -partners.share[k - data.own[s]]
+            r, share = data.met[k - data.own[s]], -data.met_share[k - data.own[s]]
         for d in range(dim):
             entry = points.entries[row.start + k * dim + d]
             entry.place = r * dim + d
-            entry.normal = share * partners.out[d]
+            entry.normal = share * out[d]
             entry.response = 0.0
             for c in range(dim):
-                entry.response += data.mobility[r, d, c] * share * partners.out[c]
+                entry.response += data.mobility[r, d, c] * share * out[c]
             row.delassus += entry.normal * entry.response
             row.initial_gap -= entry.normal * data.boundary[entry.place].old_u
     if row.delassus == 0.0:  # all nodes are held
         row.delassus = 1.0
     if law.stores == BY_END:
-        row.kappa = law.weight_gap / (law.sigma + law.surplus * row.delassus)
+        row.kappa = law.weight_gap / (row.sigma + law.surplus * row.delassus)
 
 
 def bound_energy(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -303,24 +404,27 @@ def bound_energy(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:
         data.books[c].stored = 0.0
     for s in range(data.which.size):
         i = data.which[s]
-        law, row, state = points.law[i], points.row[i], points.state[i]
+        law, row, state, last, before = points.law[i], points.row[i], points.state[i], data.last[s], data.before[s]
         if law.source == FROM_LINE and law.always == 1 and law.never_pulls == 1 and law.sees_predicted_gap == 1:
-            book, sigma, force = data.books[law.contact], law.sigma / law.weight_gap, state.multiplier
-            drop = -sigma * data.before[s] - (state.gap - now.dt * state.rate)
+            book, sigma, force = data.books[law.contact], row.sigma / law.weight_gap, state.multiplier
+            drop = -sigma * before[0] - (state.gap - now.dt * state.rate)
             term = 0.5 * force * max(0.0, drop)
+            if sigma > before[1] and before[0] > 0.0:
+                square = min(before[0] * before[0], sigma / before[1] * force * force)
+                term += 0.25 * (sigma - before[1]) * square
             rate = 0.0
             for e in range(row.start, row.stop):
                 rate += points.entries[e].normal * data.boundary[points.entries[e].place].new_v
             book.work += 0.5 * now.dt * force * (state.rate + rate)
-            book.stored += 0.25 * sigma * (force * force + data.last[s] * data.last[s])
+            book.stored += 0.25 * (sigma * force * force + last[1] * last[0] * last[0])
             if n == 0:
                 book.pressed += term
             else:
                 book.renewal_so_far += term
             if n > 0 and term > book.term:
                 book.term, book.point, book.time = term, i, now.time
-            data.before[s] = data.last[s]
-            data.last[s] = force
+            before[0], before[1] = last[0], last[1]
+            last[0], last[1] = force, sigma
     for c in range(data.books.size):
         book = data.books[c]
         book.excess = max(book.excess, book.work + book.stored - book.renewal_so_far - book.pressed)
@@ -330,18 +434,28 @@ def bound_stiffness(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> No
     """Bound what the stiffness of each contact adds to a squared frequency, by the largest sum of a row of nodes."""
     points, dim = data.points, data.start.shape[1]
     for s in range(data.which.size):
-        row, book = points.row[data.which[s]], data.books[points.law[data.which[s]].contact]
+        i = data.which[s]
+        row, law, normal = points.row[i], points.law[i], points.normal[i]
+        book, whole = data.books[law.contact], 0.0
         if s == 0 or data.partners.first[s] != data.partners.first[s - 1]:
             for r in range(data.load.size):
                 data.load[r] = 0.0
-        whole = 2.0 * data.stiffness[s] if data.partners.partner[s] != NOBODY else 0.0
         for e in range(row.start, row.stop, dim):
-            r, share = points.entries[e].place // dim, 0.0
-            for d in range(dim):
-                share += points.entries[e + d].normal * points.normal[data.which[s], d]
-            data.load[r] += whole * abs(share) / data.boundary[r * dim].mass
+            whole += abs(share_of(points, e, normal))
+        whole *= data.stiffness[s] * (row.weight / law.weight)
+        for e in range(row.start, row.stop, dim):
+            r = points.entries[e].place // dim
+            data.load[r] += whole * abs(share_of(points, e, normal)) / data.boundary[r * dim].mass
             if data.load[r] > book.stiffness:
                 book.stiffness, book.stiffest = data.load[r], data.now[0].time
+
+
+def share_of(points: Points, e: int, normal: Floats) -> float:
+    """Return the share of a node in a row of N, whose entries begin at e."""
+    share = 0.0
+    for d in range(normal.size):
+        share += points.entries[e + d].normal * normal[d]
+    return share
 
 
 def record_renewal(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> None:

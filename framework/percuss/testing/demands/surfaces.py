@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from percuss.contact.sliding import points_at_the_start
+from percuss.contact.sliding import half_size, points_at_the_start, points_that_move, renewed_points
 from percuss.jsonable import Entries
 from percuss.mesh.cells import cells_of
 from percuss.mesh.surfaces import surface_of
-from percuss.methods.interfaces import BodyMesh, Floats, Integers, Mesh, PairedPoints, Region, Surface, Wall
+from percuss.methods.interfaces import (
+    BodyMesh,
+    FacingSurfaces,
+    Floats,
+    Integers,
+    Mesh,
+    PairedPoints,
+    Region,
+    Surface,
+    Wall,
+)
 from percuss.methods.plugin_calls import answer
 from percuss.testing.demands.bodies import SPIN, uneven
 from percuss.testing.draws import largest_difference, must_balance, must_compile
@@ -259,6 +270,46 @@ def check_places(subject: Subject) -> None:
 
 
 @demand("pairings")
+def check_renewed(subject: Subject) -> None:
+    """The kernel `renew` writes the points of `points` where surfaces are at the start.
+
+    That is on surfaces that face each other, also tilted, and where the second one covers a part. Gaps, areas, normals
+    and shares are the same, what `points` leaves out has no area, and the shares of a point add up to 1.
+    """
+    for pairing, dim in [(made, dim) for _, made in subject.made() for dim in made.renews]:
+        for tilt, wide in itertools.product((0.0, 0.1), (1.25, 0.6)):
+            first, second = _surfaces(0.1, np.eye(dim), wide=wide, tilt=tilt)
+            found, points = _points(pairing, first, second), renewed_points(first, len(second.nodes))
+            nodes = len(first.nodes)
+            at, facets = np.concatenate([first.positions, second.positions]), second.facets + nodes
+            low, high = at[facets].min(axis=(0, 1)), at[facets].max(axis=(0, 1))
+            pairing.renew(
+                FacingSurfaces(
+                    at, first.facets, facets, first.facets, first.areas, low[None], high[None], len(facets),
+                    half_size(first),
+                ),
+                points,
+            )  # fmt: skip
+            meets = np.flatnonzero(points.area > 0.0)
+            must(meets.size == found.gap.size, f"{meets.size} points have an area, and `points` finds {found.gap.size}")
+            for name, written, expected in (
+                ("gap", points.gap, found.gap), ("area", points.area, found.weight),
+                ("normal", points.normal, found.normal),
+            ):  # fmt: skip
+                must_vanish(written[meets] - expected, f"its {name} is not that of `points`")
+            shares = np.zeros((meets.size, nodes + len(second.nodes)))
+            for row, p in zip(shares, meets, strict=True):
+                met = points.node[p, : points.meets[p]]
+                np.add.at(row, met, points.share[p, : met.size])
+                row[p] = -1.0
+            must_vanish(shares.sum(axis=1), "the shares of a point do not add up to 1")
+            rows = np.einsum("pnd,pd->pn", _rows(found, first, second), found.normal)
+            must_vanish(shares - rows[:, [*first.nodes, *second.nodes]], "a share is not that of `points`")
+    if not any(made.renews for _, made in subject.made()):
+        raise NotApplicable("it has no kernel `renew`")
+
+
+@demand("pairings")
 def check_slides_far(subject: Subject) -> None:
     """Surfaces that slide far are like those that slide little where they do, and like a wall where one is.
 
@@ -267,8 +318,8 @@ def check_slides_far(subject: Subject) -> None:
     """
     for options, pairing in subject.made():
         dim = pairing.dimensions[0]
-        if answer(pairing, "places", *_surfaces(0.1, np.eye(dim))) is None:
-            raise NotApplicable("it has no `places`: it does not slide")
+        if points_that_move(pairing, *_surfaces(0.1, np.eye(dim))) is None:
+            raise NotApplicable("it has neither `places` nor `renew`: it does not slide")
         small, large = (subject.run(subject.placed(_head_on(dim, far), options)) for far in ("small", "large"))
         must_compile(large)
         must_balance(large)
