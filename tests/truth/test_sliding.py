@@ -159,6 +159,25 @@ def test_energy_is_bounded_by_the_renewal_of_rows(pairing, law, seed, friction):
     assert energy["renewal"] >= 0.0
 
 
+@pytest.mark.parametrize("sides", [["ball.skin", "floor.top"], ["floor.top", "ball.skin"]])
+@pytest.mark.parametrize("elements", [16, 64])
+def test_a_disk_slides_over_a_floor_by_mortar(sides, elements):
+    """Facets on its flanks look along the floor, and meet nothing."""
+    disk = {"disk": {"radius": 0.5, "elements": 8}, "at": [0.0, 1.05], "velocity": [0.3, -0.1], "material": SOLID}
+    floor = {"block": {"size": [4.0, 0.5], "elements": [elements, 2]}, "at": [-1.0, 0.0], "material": SOLID}
+    case = {
+        "percuss": 1,
+        "bodies": {"ball": disk, "floor": floor | {"fixed": ["bottom"]}},
+        "contacts": {"seam": {"between": sides, "sliding": "large"}},
+        "method": {"integrator": WU, "contact": "lagrange", "pairing": "mortar"},
+        "time": {"end": 6.0, "courant": 0.5},
+    }
+    result = balanced(ran(case))
+    assert result.summary["energy_growth"]["kept"] is True
+    assert result.summary["energy"]["max"] < 1.05 * result.summary["energy"]["initial"]
+    assert result.summary["contacts"]["seam"]["first_closed"] == pytest.approx(0.5, abs=0.05)
+
+
 # ------------------------------------------------------------------------------------------------------------- partners
 
 
@@ -182,6 +201,10 @@ MEETINGS = {
         2, {"block": {"size": [1, 1], "elements": [5, 5]}, "at": [0, 0]},
         {"block": {"size": [1, 1], "elements": [3, 3]}, "at": [1.13, 0.4], "angle": 40.0}, on="a.right", of="b.left",
     ),
+    "tilted": solids(
+        2, {"block": {"size": [1, 1], "elements": [5, 2]}, "at": [0, 0]},
+        {"block": {"size": [1.2, 1], "elements": [7, 2]}, "at": [0.45, 1.2], "angle": 14.0}, on="a.top", of="b.bottom",
+    ),
     "balls": solids(
         3, {"ball": {"radius": 1, "elements": 4}, "at": [0, 0, 0]},
         {"ball": {"radius": 0.8, "elements": 6}, "at": [1.15, 1.05, 0.86]},
@@ -195,7 +218,7 @@ MEETINGS = {
 
 
 MET = [
-    (pairing, name) for pairing in PAIRINGS for name in MEETINGS if pairing != "mortar" or name in {"disks", "corner"}
+    (pairing, name) for pairing in PAIRINGS for name in MEETINGS if pairing != "mortar" or name in {"tilted", "corner"}
 ]
 
 

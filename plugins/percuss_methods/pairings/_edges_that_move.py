@@ -18,14 +18,15 @@ from percuss_methods.pairings._closest import AT_AN_END
 if TYPE_CHECKING:
     from percuss import FacingSurfaces, Floats, Integers, RenewedPoints
 
+FACING = 0.5  # least cosine of the angle by which edges that meet may be turned from facing each other
 SHARP = 0.5**0.5  # cosine of the angle between the mean normal and that of a facet beyond which they make an edge
 # What is kept of each edge of the first surface. Of the edges of the second one that lie over it, in the order in which
 # they are found: number, and where their ends project to. Of its pieces: which of these covers it, start and stop. And
 # in the last row: how many pieces there are, A, c, r^2.
 EDGE, BEGINS, ENDS, OVER, START, STOP = range(6)
 PIECES, AREA, CENTRE, SPREAD = range(4)
-# What is kept of each point: its mean gap times its area, the least gap at the corners of its pieces, the least cosine
-# between its normal and those that it meets, and whether it meets more nodes than there is room for.
+# What is kept of each point: its mean gap times its area, the least gap at the corners of its pieces, the cosine of the
+# angle between the edges over that corner, and whether it meets more nodes than there is room for.
 MEAN, LEAST, COSINE, CROWDED = range(4)
 
 
@@ -76,7 +77,9 @@ def edges_over(surfaces: FacingSurfaces, points: RenewedPoints, e: int) -> int:
             p, q = surfaces.second[f, 0], surfaces.second[f, 1]
             begins = ((at[p, 0] - x) * along_x + (at[p, 1] - y) * along_y) / square
             ends = ((at[q, 0] - x) * along_x + (at[q, 1] - y) * along_y) / square
-            if begins > ends and begins > 0.0 and ends < 1.0 and count < len(kept) - 1:
+            length = np.sqrt((at[q, 0] - at[p, 0]) ** 2 + (at[q, 1] - at[p, 1]) ** 2)
+            faces = (begins - ends) * np.sqrt(square) >= FACING * length
+            if faces and begins > 0.0 and ends < 1.0 and count < len(kept) - 1:
                 kept[count, EDGE], kept[count, BEGINS], kept[count, ENDS] = f, begins, ends
                 count += 1
     return count
@@ -116,7 +119,7 @@ def cover(surfaces: FacingSurfaces, points: RenewedPoints, e: int) -> None:
     whole, centre, spread = 0.0, 0.0, 0.0
     for k in range(int(kept[-1, PIECES])):
         length, middle = kept[k, STOP] - kept[k, START], 0.5 * (kept[k, START] + kept[k, STOP])
-        area, other = surfaces.area[e] * length, surfaces.second[int(kept[int(kept[k, OVER]), EDGE])]
+        area, other = surfaces.area[e] * length, surfaces.second[over(kept, k)]
         whole += length
         centre += length * middle
         for d in range(2):
@@ -139,27 +142,47 @@ def meet(surfaces: FacingSurfaces, points: RenewedPoints, e: int, k: int) -> Non
     kept, c = points.of_facets[e], int(points.of_facets[e, k, OVER])
     start, stop, begins, ends = kept[k, START], kept[k, STOP], kept[c, BEGINS], kept[c, ENDS]
     length, middle, f = stop - start, 0.5 * (start + stop), int(kept[c, EDGE])
-    area, other = surfaces.area[e] * length, surfaces.second[int(kept[c, EDGE])]
+    area = surfaces.area[e] * length
     for a in range(2):
         j = surfaces.points[e, a]
         centre = kept[-1, CENTRE]
         own = centre if a == 1 else 1.0 - centre
         slope = own * (a - centre) / kept[-1, SPREAD]
         dual = own + slope * (middle - centre)
-        at_start, at_stop, cosine = 0.0, 0.0, 0.0
+        at_start, at_stop = 0.0, 0.0
         for d in range(2):
             normal = points.normal[j, d]
             at_start += normal * apart(surfaces, points, e, c, start, d)
             at_stop += normal * apart(surfaces, points, e, c, stop, d)
-            cosine -= normal * outward(surfaces.at, other, d)
         mean = dual * 0.5 * (at_start + at_stop) + slope * (at_stop - at_start) * length / 12.0
         points.of_points[j, MEAN] += area * mean
         points.of_points[j, LEAST] = min(points.of_points[j, LEAST], at_start, at_stop)
-        points.of_points[j, COSINE] = min(points.of_points[j, COSINE], cosine)
+        if min(at_start, at_stop) < points.of_points[j, LEAST]:
+            points.of_points[j, COSINE] = cosine_at(surfaces, points, e, k, at_start < at_stop)
         rise = 1.0 / (ends - begins)
         far = dual * (middle - begins) * rise + slope * rise * length * length / 12.0
         add_share(points, j, surfaces.second[f, 0], area * (dual - far))
         add_share(points, j, surfaces.second[f, 1], area * far)
+
+
+def cosine_at(surfaces: FacingSurfaces, points: RenewedPoints, e: int, k: int, at_start: bool) -> float:
+    """Return the cosine of the angle between the edges that meet over an end of a piece, 1 where one edge goes on."""
+    kept, other = points.of_facets[e], k - 1 if at_start else k + 1
+    if other < 0 or other >= kept[-1, PIECES]:
+        return 1.0
+    apart = kept[k, START] - kept[other, STOP] if at_start else kept[other, START] - kept[k, STOP]
+    if apart > 0.0:
+        return 1.0
+    one, next_one = surfaces.second[over(kept, k)], surfaces.second[over(kept, other)]
+    cosine = 0.0
+    for d in range(2):
+        cosine += outward(surfaces.at, one, d) * outward(surfaces.at, next_one, d)
+    return cosine
+
+
+def over(kept: Floats, k: int) -> int:
+    """Return the number of the edge of the second surface that lies over a piece."""
+    return int(kept[int(kept[k, OVER]), EDGE])
 
 
 def add_share(points: RenewedPoints, j: int, node: int, share: float) -> None:

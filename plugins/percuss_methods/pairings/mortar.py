@@ -35,6 +35,10 @@ class Mortar(Pairing):
     as they project onto it. In three dimensions that holds for triangles and parallelograms; on other quadrilaterals
     the integrals have an error, below 1e-8 of the pressure where nodes are moved by a sixth of an edge along each axis.
     The nodes of the second surface may have negative shares in a gap. At a wall the points are nodes.
+
+    In two dimensions surfaces may slide far: each step cuts the edges anew. Edges that are turned by more than 60
+    degrees from facing each other then do not meet, and a gap is the least one only where that is at a corner of the
+    second surface, between edges turned by more than 45 degrees from each other.
     """
 
     name = "mortar"
