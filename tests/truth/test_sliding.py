@@ -8,6 +8,7 @@ import pytest
 import accounts
 import corners
 import percuss
+import places
 from accounts import ran
 from percuss.contact.moving_rows import stiffness_of_points
 from percuss.contact.sliding import surfaces_of
@@ -176,6 +177,14 @@ def test_a_disk_slides_over_a_floor_by_mortar(sides, elements):
     assert result.summary["energy_growth"]["kept"] is True
     assert result.summary["energy"]["max"] < 1.05 * result.summary["energy"]["initial"]
     assert result.summary["contacts"]["seam"]["first_closed"] == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("pairing", ["node-to-segment", "mortar"])
+def test_a_block_that_leaves_points_behind_gains_nothing(pairing):
+    """A point that has lost its partner moves no node in the sweeps of the next step."""
+    result = balanced(percuss.run(percuss.load(places.CASES / "slide-off.yaml", {"method.pairing": pairing})))
+    assert result.summary["energy_growth"]["kept"] is True
+    assert result.summary["contacts"]["seam"]["returned_points"] > 1
 
 
 # ------------------------------------------------------------------------------------------------------------- partners

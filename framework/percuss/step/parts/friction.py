@@ -335,7 +335,10 @@ def turn(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
         row, cosine = points.row[tangent.point], 1.0
-        if tangent.moves == 0 or row.start == row.stop:
+        if tangent.moves == 0:
+            continue
+        tangent.width = row.stop - row.start
+        if tangent.width == 0:  # it meets nothing, and moves no node
             continue
         for d in range(dim):
             cosine += rows.turned[j, d] * points.normal[tangent.point, d]
@@ -351,7 +354,6 @@ def turn(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
                 rows.along[j, k, d] /= np.sqrt(square)
         for d in range(dim):
             rows.turned[j, d] = points.normal[tangent.point, d]
-        tangent.width = row.stop - row.start
         tangent.sigma = tangent.compliance * (points.law[tangent.point].weight / row.weight)
         write_along(rows, j, row.start, tangent.width)
 
@@ -685,7 +687,7 @@ def record_points(data: History, n: int, u: Floats, v: Floats, a: Floats) -> Non
         data.status[r, p] = OPEN if rows.points.state[i].multiplier == 0.0 else SLIDES
         for d in range(data.traction.shape[2]):
             data.traction[r, p, d] = (
-                -rows.points.normal[i, d] * rows.points.state[i].multiplier / rows.points.row[i].weight
+                -rows.points.normal[i, d] * rows.points.state[i].multiplier / rows.points.law[i].weight
             )
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
@@ -694,7 +696,7 @@ def record_points(data: History, n: int, u: Floats, v: Floats, a: Floats) -> Non
         for k in range(rows.slip.shape[1]):
             for d in range(data.traction.shape[2]):
                 force = rows.along[j, k, d] * rows.multiplier[j, k]
-                data.traction[r, tangent.number, d] -= force / rows.points.row[tangent.point].weight
+                data.traction[r, tangent.number, d] -= force / rows.points.law[tangent.point].weight
     for k in range(rows.moving.size):
         row = rows.points.row[rows.moving[k]]
         if row.start == row.stop:

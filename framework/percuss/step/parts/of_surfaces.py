@@ -129,7 +129,7 @@ def record_pressures(data: Surfaces, n: int, u: Floats, v: Floats, a: Floats) ->
     if n % data.every == 0:
         r = n // data.every
         for i in range(data.pressure.shape[1]):
-            data.pressure[r, data.number[i]] = data.points.state[i].multiplier / data.points.row[i].weight
+            data.pressure[r, data.number[i]] = data.points.state[i].multiplier / data.points.law[i].weight
         if data.lags == 1:
             for i in range(data.velocity.shape[1]):
                 data.velocity[r, i] = 0.5 * (data.velocity[r, i] + v[i])
