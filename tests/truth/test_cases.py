@@ -50,6 +50,7 @@ def test_a_case_gives_what_it_expects(path: Path) -> None:
     assert failed == []
     assert result.summary["energy"]["ledger_error"] < 1e-12
     assert result.summary["momentum"]["error"] < 1e-12
+    assert result.summary["energy_growth"]["kept"] is not False
     told = result.summary["notes"]
     of_surfaces = ("lies", "presses")  # points that see nothing, or press at a distance
     assert not [note for note in told if any(f" {kind} " in note for kind in of_surfaces)]
