@@ -299,17 +299,21 @@ def _found(model: Model, criterion: RunCriterion | None, *, search: bool) -> Fin
     else:
         search = True  # it has found the critical step already
     if criterion.kind in {Bounds, Lanczos, Glance}:
-        return _about_large_solids(criterion, laws)
+        return _about_solids(criterion, laws)
     return _about_linear_bodies(criterion, laws, search=search)
 
 
-def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
-    """Return what is found about a run of solids that are not factored."""
+def _about_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
+    """Return what is found about a run of solids whose motions are not factored, nor given to the black box."""
     model, dt = criterion.model, criterion.model.dt
     assessment = criterion.assess_step(dt)
     by, proven = assessment.by or criterion.by, criterion.proven_step
     known: dict[str, Any] = {"by": by, "dt_critical_why": too_large(model) or NOT_ASKED}
     known["stretch"] = criterion.times(assessment)
+    verdicts: dict[Answer, Verdict] = {"stable": "yes", "grows": "no"}
+    stable = verdicts.get(assessment.answer, "unknown")
+    energy, energy_why = _energy_guarantee(model, laws, assessment, stable)
+    known |= {"stable": stable, "energy": energy, "energy_why": energy_why}
     if not np.isnan(proven):
         known |= {"dt_proven": proven, "dt_proven_why": BOUND}
     if model.steps > LONG_RUN * products_for(MARGIN, model.bodies.mass_of_dofs.size) and criterion.kind is Lanczos:
@@ -328,13 +332,9 @@ def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
             cure = no_step(model, criterion.free, critical)
         else:
             cure = cure_of(criterion, critical, searched=criterion.kind is not Glance)
-        energy, energy_why = _energy_guarantee(model, laws, assessment, "no")
-        return _unknown(
-            model, laws, why, **known, stable="no", worst=worst, cure=cure, energy=energy, energy_why=energy_why
-        )
-    energy, energy_why = _energy_guarantee(model, laws, assessment, "yes")
+        return _unknown(model, laws, why, **known, worst=worst, cure=cure)
     why = f"the step is {percent(dt / proven, 6)} of {proven:.6g}, {BOUND}" if by == Bounds.by else BY_LANCZOS
-    return _unknown(model, laws, why, **known, stable="yes", energy=energy, energy_why=energy_why)
+    return _unknown(model, laws, why, **known)
 
 
 def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, *, search: bool) -> Finding:
