@@ -19,7 +19,7 @@ from percuss.certificate.linear_laws import doubts_of
 if TYPE_CHECKING:
     from percuss.contact.model import Model
 
-MOST_MOTIONS = 2300  # degrees of freedom of solids of which the step itself is looked at, those of all stretches
+MOST_MOTIONS = 1500  # degrees of freedom of solids of which the step itself is looked at, those of all stretches
 OF_EACH_STRETCH = 300  # that take as long as what is done once in a stretch
 MOST_IN_GAPS = 100_000  # entries of the gaps of all motions, which are kept in full
 
