@@ -367,18 +367,18 @@ def type_of(data: object) -> Any:
     """
     import numba
 
-    structure = _structure(data)
+    structure = structure_of(data)
     if structure not in _TYPES:
         _TYPES[structure] = numba.typeof(data)
     return _TYPES[structure]
 
 
-def _structure(data: object) -> object:
-    """Return what the numba type of arrays, numbers and tuples of them depends on."""
+def structure_of(data: object) -> object:
+    """Return what the numba type of arrays, numbers and tuples of them depends on; it is found again far faster."""
     import numba
 
     if isinstance(data, tuple):
-        return type(data), *map(_structure, data)
+        return type(data), *map(structure_of, data)
     if isinstance(data, np.ndarray):
         return type(data), data.dtype, data.ndim, data.flags.num
     return numba.typeof(data)
@@ -389,12 +389,16 @@ class Compiled:
     """A bound function, compiled for the types of its arguments when it is first called with them."""
 
     bound: Bound
+    _known: dict[object, Kernel] = field(default_factory=dict, compare=False)
 
     def of(self, arguments: tuple[object, ...]) -> Kernel:
         """Return the function compiled for the types of these arguments."""
         import numba
 
-        return cast("Kernel", entry(self.bound, numba.njit, tuple(map(type_of, arguments))))
+        structure = structure_of(arguments)
+        if structure not in self._known:
+            self._known[structure] = cast("Kernel", entry(self.bound, numba.njit, tuple(map(type_of, arguments))))
+        return self._known[structure]
 
     def __call__(self, *arguments: object, **named: object) -> Any:
         """Call the function."""

@@ -7,12 +7,14 @@ from hypothesis import strategies as st
 
 import percuss
 from blocks import SEAM, block, loaded, plane_at
+from percuss.certificate import glance
+from percuss.certificate.black_box import BlackBox
 from percuss.certificate.criteria import RunCriterion
 from percuss.certificate.lanczos import CHANCE, Lanczos, products_for, why_not_covered
 from percuss.certificate.linear_laws import doubts_of, linear_laws
 from percuss.certificate.verdict import certificate, settled, verdict_alone
 from percuss.errors import InputError, RefusedPair
-from percuss.march.model_of_case import model_of
+from percuss.march.model_of_case import model_of, with_step
 from percuss.mesh.cell_stiffness import stiffness_of_cells
 from solid_figures import CENTRAL, GAUSS, MORTAR, NODES, WU
 
@@ -142,3 +144,41 @@ def test_where_nothing_moves_no_step_is_chosen_and_none_is_told():
     assert "fast cell" not in str(percuss.check(percuss.load(case)))
     with pytest.raises(InputError, match="expected methods of which some step is known to be stable"):
         percuss.run(percuss.load(case, {"time.courant": "auto"}))
+
+
+def under_a_kernel(count, courant=0.5, **law):
+    """Blocks that meet under a law that no stiffness and inertia describe, or another one."""
+    bodies = {"left": block(0.0, 0.1, [count, count]), "right": block(1.0, -0.1, [count, count])}
+    law = law or {"name": "walton-braun", "beta_s": 40.0, "restitution": 0.6}
+    method = {"integrator": CENTRAL, "contact": law, "pairing": NODES}
+    return loaded(bodies, SEAM, method, {"courant": courant, "steps": 3})
+
+
+def test_a_run_of_solids_does_not_wait_for_the_black_box(monkeypatch):
+    """It says what it does not know, and that a check looks: at each contact by itself, on every line of its law."""
+    monkeypatch.setattr(BlackBox, "assess_step", lambda *_: pytest.fail("it was asked"))
+    found = percuss.run(under_a_kernel(3, 0.05)).summary["certificate"]
+    assert (found["stable"], found["dt_critical"], found["by"]) == ("unknown", None, "none")
+    assert found["why"].startswith("walton-braun has a kernel of its own")
+    assert "`percuss check` looks for growth" in found["why"]
+
+
+@pytest.mark.parametrize("count", [3, 8])
+def test_growth_that_few_products_show_is_that_of_the_stiffest_line(count):
+    """By full matrices of few motions and by Krylov's of more: the law unloads on a line that is stiffer."""
+    stiffest = {"name": "penalty", "beta_s": 40.0 / 0.6**2}
+    critical = certificate(model_of(under_a_kernel(count, **stiffest)))["courant_critical"]
+    below, above = (verdict_alone(model_of(under_a_kernel(count, share * critical))) for share in (0.99, 1.01))
+    assert (below["stable"], above["stable"]) == ("unknown", "no")
+    assert (above["by"], above["worst"]) == ("black-box", ["tip"])
+    assert "`percuss check` searches how far" in above["cure"]
+
+
+def test_above_what_the_bodies_allow_a_run_looks_at_no_contact(monkeypatch):
+    limit = certificate(model_of(under_a_kernel(2, name="penalty")))["dt_critical_free"]
+    monkeypatch.setattr(glance, "grows_clearly", lambda *_: pytest.fail("it was asked"))
+    model = model_of(under_a_kernel(2))
+    found = verdict_alone(with_step(model, 1.0001 * limit))
+    assert (found["stable"], found["by"], found["worst"]) == ("no", "lanczos", [])
+    monkeypatch.setattr(glance, "MOST_MOTIONS", 0)  # nor of large solids
+    assert verdict_alone(with_step(model, 0.99 * limit))["stable"] == "unknown"

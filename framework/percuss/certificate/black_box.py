@@ -46,6 +46,8 @@ KRYLOV_VECTORS = 24
 # Number of restarts of Arnoldi's iteration, halved for states of `LARGE_STATE` entries or more to bound the time.
 ARNOLDI_RESTARTS = 12
 LARGE_STATE = 5000
+FEW_RESTARTS = 3  # where a run looks for growth, about as many products as it has steps
+CLEAR_GROWTH = 1e-4  # in a step: no round-off, nor the highest mode of a free body at its limit
 # Growth in a step below which it cannot be told from rounding with certainty.
 GROWTH_RESOLUTION = 1e-7
 # Relative change by contact below which a motion counts as unaffected by contact.
@@ -142,6 +144,30 @@ def examine(motions: Motions, dt: float, closed: Sequence[int]) -> ClosedStepSta
     return found
 
 
+def grows_clearly(motions: Motions, dt: float, closed: Sequence[int]) -> bool:
+    """Return whether few products show that the step grows with the given contacts closed, as they load or unload.
+
+    It may grow where they do not.
+    """
+    try:
+        step = ClosedStep(motions, dt, closed)
+        lines = [step, *itertools.islice(_other_lines(step), 1)]
+        return any(_grows_clearly(line) for line in lines if set(line.acting) <= set(closed) and line.linear())
+    except (PercussError, MemoryError):
+        raise
+    except Exception:  # noqa: BLE001  A kernel need not be made for overlaps this deep.
+        return False
+
+
+def _grows_clearly(step: ClosedStep) -> bool:
+    idle: Floats = np.kron(np.eye(step.parts), step.motions.without_strain(step.acting)).astype(np.float64)
+    if step.parts * step.size <= LARGEST_DENSE_STATE:
+        radius = float(np.abs(np.linalg.eigvals(deflated(step.matrix(), idle))).max(initial=0.0))
+    else:
+        radius = _largest_modulus(step, idle, FEW_RESTARTS)
+    return radius > 1.0 + CLEAR_GROWTH
+
+
 def _named(motions: Motions, closed: Sequence[int]) -> str:
     """Return some contacts in words."""
     return f"contacts {quoted(motions.model.contact_points.names, closed) or 'none'}"
@@ -220,7 +246,7 @@ def _theta(closed: ClosedStep, free: ClosedStep) -> float | None:
     return float(np.linalg.eigvalsh(0.5 * (x + x.T))[-1])
 
 
-def _largest_modulus(step: ClosedStep, idle: Floats) -> float:
+def _largest_modulus(step: ClosedStep, idle: Floats, most_restarts: int = ARNOLDI_RESTARTS) -> float:
     """Return the largest eigenvalue modulus that Arnoldi's iteration finds, or 0 if no eigenvalue converges."""
     size = step.parts * step.size
 
@@ -231,7 +257,7 @@ def _largest_modulus(step: ClosedStep, idle: Floats) -> float:
     operator: Any = LinearOperator((size, size), matvec=product, dtype=float)
     search: Any = {"k": 2, "ncv": KRYLOV_VECTORS, "which": "LM", "tol": 1e-9, "return_eigenvectors": False}
     search |= {"v0": np.random.default_rng(0).standard_normal(size), **without_chance(eigs)}
-    restarts = ARNOLDI_RESTARTS if size < LARGE_STATE else ARNOLDI_RESTARTS // 2
+    restarts = most_restarts if size < LARGE_STATE else most_restarts // 2
     values: Any
     try:
         values = eigs(operator, maxiter=restarts, **search)

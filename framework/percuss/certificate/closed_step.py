@@ -247,8 +247,15 @@ class Motions:
 
         They change no closed gap, and move no end that a load follows.
         """
-        gaps = np.concatenate([self.gaps[sorted(closed)], self.followed])
         groups = [self.strainless] if self.model.stages else [self.strainless, self.critical_modes(dt)]
+        return self._unfelt(groups, closed)
+
+    def without_strain(self, closed: Sequence[int]) -> Floats:
+        """Return those of the motions of `idle` that are without strain, at any step, (n, w)."""
+        return self._unfelt([self.strainless], closed)
+
+    def _unfelt(self, groups: Sequence[Floats], closed: Sequence[int]) -> Floats:
+        gaps = np.concatenate([self.gaps[sorted(closed)], self.followed])
         kept = np.concatenate([unfelt(group, gaps) for group in groups], axis=1)
         return np.linalg.qr(kept)[0] if kept.size else kept
 

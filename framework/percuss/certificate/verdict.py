@@ -29,6 +29,7 @@ from percuss.certificate.closed_laws import (
     why_unlike,
 )
 from percuss.certificate.criteria import RunCriterion, criterion_of, too_large, unknown_by_mass
+from percuss.certificate.glance import Glance, looked_at_by_check, takes_longer_than_a_run
 from percuss.certificate.lanczos import CHANCE, MARGIN, Lanczos, products_for
 from percuss.certificate.linear_laws import doubts_of, linear_laws
 from percuss.certificate.oscillator import limit_ratio
@@ -56,7 +57,6 @@ SHARE_OF_CRITICAL_STEP = 0.9
 CURE_TOLERANCE = 1e-10
 LONGER = "longer steps may be stable where this one is not, or nothing is known of them"
 LONG_RUN = 20  # times the products of a Lanczos run, which then costs little beside the march
-LOOKED_AT_BY_CHECK = "`percuss check` looks for growth under a law that no stiffness and inertia describe"
 NOT_ASKED = "a run does not search it unless it is asked for; `percuss check` does"
 BY_LANCZOS = (
     "the highest frequency with closed contacts that a Lanczos run finds leaves the step stable; it misses a higher "
@@ -233,7 +233,8 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> Certific
 def verdict_alone(model: Model, criterion: RunCriterion | None = None) -> Certificate:
     """Return the certificate of a run, which searches a critical step only where the step is unstable.
 
-    Not even there if the black box alone can tell it: that takes many times as long as to examine one step.
+    Not even there if the black box alone can tell it: that takes many times as long as to examine one step. Of solids
+    that is left to `certificate` too, but for growth that few products show.
     """
     return dataclasses.asdict(_finding(model, criterion, search=False))
 
@@ -257,7 +258,7 @@ def _finding(model: Model, criterion: RunCriterion | None, *, search: bool) -> F
         slides, rubs, stuck = model.contact_points.slides.any(), bool(frictional(model)), held(model)
         # The black box looks at each of the many lines of stick, which takes far longer than the run itself.
         if rubs and not search and doubts_of(stuck):
-            sticking = _unknown(stuck, closed_laws(stuck, stuck.dt), LOOKED_AT_BY_CHECK)
+            sticking = _unknown(stuck, closed_laws(stuck, stuck.dt), looked_at_by_check(stuck))
         else:
             sticking = _found(stuck, criterion, search=search)
         apart = sticking
@@ -291,22 +292,28 @@ def _found(model: Model, criterion: RunCriterion | None, *, search: bool) -> Fin
         return _about_nonlinear_bodies(model, laws)
     if why := model.bodies.why_not_linear or unknown_by_mass(model) or model.why("criterion"):
         return _unknown(model, laws, why)
-    if criterion is None or (search and criterion.kind is Lanczos):
+    if criterion is None and not (search or large) and doubts_of(model) and takes_longer_than_a_run(model):
+        criterion = RunCriterion(model, Glance)
+    elif criterion is None or (search and criterion.kind is Lanczos):
         criterion = criterion_of(model, quickly=not search)
     else:
         search = True  # it has found the critical step already
-    if criterion.kind in {Bounds, Lanczos}:
-        return _about_large_solids(criterion, laws)
+    if criterion.kind in {Bounds, Lanczos, Glance}:
+        return _about_solids(criterion, laws)
     return _about_linear_bodies(criterion, laws, search=search)
 
 
-def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
-    """Return what is found about a run of solids that are not factored."""
+def _about_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
+    """Return what is found about a run of solids whose motions are not factored, nor given to the black box."""
     model, dt = criterion.model, criterion.model.dt
     assessment = criterion.assess_step(dt)
     by, proven = assessment.by or criterion.by, criterion.proven_step
     known: dict[str, Any] = {"by": by, "dt_critical_why": too_large(model) or NOT_ASKED}
     known["stretch"] = criterion.times(assessment)
+    verdicts: dict[Answer, Verdict] = {"stable": "yes", "grows": "no"}
+    stable = verdicts.get(assessment.answer, "unknown")
+    energy, energy_why = _energy_guarantee(model, laws, assessment, stable)
+    known |= {"stable": stable, "energy": energy, "energy_why": energy_why}
     if not np.isnan(proven):
         known |= {"dt_proven": proven, "dt_proven_why": BOUND}
     if model.steps > LONG_RUN * products_for(MARGIN, model.bodies.mass_of_dofs.size) and criterion.kind is Lanczos:
@@ -319,15 +326,15 @@ def _about_large_solids(criterion: RunCriterion, laws: ClosedLaws) -> Finding:
         critical = criterion.critical_step
         worst = named(criterion.names, assessment.worst)
         closed = f" with closed contacts {quoted(criterion.names, assessment.worst)}" if worst else " without contact"
-        why = f"a motion{closed} grows in each step of {dt:.6g}, as its frequency shows"
-        cure = cure_of(criterion, critical) if critical > 0 else no_step(model, criterion.free, critical)
-        energy, energy_why = _energy_guarantee(model, laws, assessment, "no")
-        return _unknown(
-            model, laws, why, **known, stable="no", worst=worst, cure=cure, energy=energy, energy_why=energy_why
-        )
-    energy, energy_why = _energy_guarantee(model, laws, assessment, "yes")
+        shows = "the step itself" if by == BlackBox.by else "its frequency"
+        why = f"a motion{closed} grows in each step of {dt:.6g}, as {shows} shows"
+        if critical <= 0:
+            cure = no_step(model, criterion.free, critical)
+        else:
+            cure = cure_of(criterion, critical, searched=criterion.kind is not Glance)
+        return _unknown(model, laws, why, **known, worst=worst, cure=cure)
     why = f"the step is {percent(dt / proven, 6)} of {proven:.6g}, {BOUND}" if by == Bounds.by else BY_LANCZOS
-    return _unknown(model, laws, why, **known, stable="yes", energy=energy, energy_why=energy_why)
+    return _unknown(model, laws, why, **known)
 
 
 def _about_linear_bodies(criterion: RunCriterion, laws: ClosedLaws, *, search: bool) -> Finding:

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, cast
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from percuss.jit import Kernel
 from percuss.methods.interfaces import Floats
+
+if TYPE_CHECKING:
+    from percuss.step.linked import Block
 
 # The places of a step in their order, then those of a stage of a multi-stage scheme. They are no integers of Python,
 # since numba compiles a function anew for each one of those that it is called with.
@@ -78,6 +82,19 @@ class Action:
     allocates: bool = False
     name: str = "the step"
     order: int = 0
+
+    @cached_property
+    def block(self) -> Block:
+        """The data as compiled code reads them.
+
+        Raises
+        ------
+        CannotLink
+            If compiled code cannot read them.
+        """
+        from percuss.step.linked import Block
+
+        return Block(self.data)
 
 
 def perform(actions: Any, place: int, n: int, u: Floats, v: Floats, a: Floats) -> None:

@@ -22,6 +22,7 @@ from percuss.jit import (
     entry,
     jit_disabled,
     plain,
+    structure_of,
     type_of,
 )
 from percuss.mesh import cell_kernels
@@ -76,14 +77,15 @@ class Entrance:
         from percuss.step.linked import SIGNATURE, CannotLink
 
         try:
-            kind = type_of(data)
+            structure = structure_of(data)
+            kind = None if structure in self._compiled else type_of(data)
         except ValueError as error:  # as for an array of objects
             raise CannotLink(str(error)) from None
         with LOCK:
-            if kind not in self._compiled:
+            if structure not in self._compiled:
                 signature = numba.types.int32(numba.types.CPointer(kind), *SIGNATURE)
-                self._compiled[kind] = entry(self._bound, numba.cfunc, signature)
-        return int(self._compiled[kind].address)
+                self._compiled[structure] = entry(self._bound, numba.cfunc, signature)
+        return int(self._compiled[structure].address)
 
 
 def _binder(filled: Slots, *, allocates: bool = False, checked: bool = False) -> Binder:
@@ -176,7 +178,7 @@ class Kernels:
 
     compiled: bool
     reasons: tuple[str, ...] = ()
-    _kept: list[Any] = field(default_factory=list)  # blocks of memory that compiled code reads
+    _kept: list[Any] = field(default_factory=list)  # what has the memory that compiled code reads
 
     def linked(self, actions: Sequence[Action]) -> Any:
         """Return the actions of a step as `percuss.step.records.Step` has them."""
@@ -186,14 +188,13 @@ class Kernels:
             for action in ordered:
                 places[action.place].append((_plain(action.kernel, tuple(action.slots.items())), action.data))
             return places
-        from percuss.step.linked import Block, LinkedActions
+        from percuss.step.linked import LinkedActions
 
-        blocks = {id(action.data): Block(action.data) for action in ordered}
         rows = np.zeros((len(ordered), 2), dtype=np.int64)
         for row, action in zip(rows, ordered, strict=True):
-            row[:] = _of_action(action).address(action.data), blocks[id(action.data)].address
+            row[:] = _of_action(action).address(action.data), action.block.address
         edges = np.searchsorted([action.place for action in ordered], np.arange(len(PLACES) + 1)).astype(np.int64)
-        self._kept.append(blocks)
+        self._kept.append(ordered)
         return LinkedActions(rows, edges)
 
     def loop(self, function: Kernel, scheme: Scheme | None = None) -> Callable[..., int]:
@@ -250,14 +251,14 @@ def _failure(action: Action, refuse: Callable[[Exception], None]) -> str:
 
     A kernel that allocates arrays needs reference counts; one that does not say so is compiled twice.
     """
-    from percuss.step.linked import Block, CannotLink
+    from percuss.step.linked import CannotLink
 
     for allocates in (None, True):
         entrance = _of_action(action, allocates=allocates)
         if entrance.failure:
             return entrance.failure
         try:
-            Block(action.data)
+            _ = action.block  # its data may be such that compiled code cannot read them
             entrance.address(action.data)
         except compile_error() as error:
             refuse(error)
