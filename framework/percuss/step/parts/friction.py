@@ -1,15 +1,14 @@
 """Friction: forces of contact points along the surfaces, which stick or slide.
 
-A point has a row of T for each direction along the surfaces. Its multipliers follow from a line, as that of the normal
-does, and are then shortened to the largest force that the friction allows. Normal and tangential rows are solved
-together, point by point, in sweeps that move velocities: S is not built. Where a point sticks with a stiffness, its
-elastic slip s is a state: ``lambda_t = -s / sigma_t``.
+A point has a row of T for each direction along the surfaces: the shares of its nodes times that tangent. Its
+multipliers follow from a line, as that of the normal does, and are then shortened to the largest force that the
+friction allows. Normal and tangential rows are solved together, point by point, in sweeps that move velocities: S is
+not built. Where a point sticks with a stiffness, its elastic slip s is a state: ``lambda_t = -s / sigma_t``.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import numpy as np
@@ -17,8 +16,8 @@ import numpy as np
 from percuss.contact.features import Feature
 from percuss.contact.frictions import frictional, frictions_of, tangents_of, with_stick
 from percuss.contact.moving_rows import mobilities
-from percuss.contact.points import ENTRY, FROM_LINE, Points, rows_of
-from percuss.record_arrays import Records, empty_records, record_array
+from percuss.contact.points import FROM_LINE, Points
+from percuss.record_arrays import Records, Row, empty_records, record_array
 from percuss.step.actions import AFTER_CONTACT, BEFORE_ACCOUNT, CONTACT_EQUATION, LAWS, RECORD, Action
 from percuss.step.equation import is_active, right_side
 from percuss.step.loads import react
@@ -28,25 +27,23 @@ from percuss.step.records import SHARE, Loads
 if TYPE_CHECKING:
     from percuss.contact.frictions import BoundFriction
     from percuss.contact.model import Model
-    from percuss.mesh.loads import Constraint
     from percuss.methods.interfaces import Array, Floats, Friction, Integers
 
 OPEN, STICKS, SLIDES, ALONE = 0, 1, 2, 3  # states of a point; it is alone where it meets nothing
-# A contact point with friction; its rows of T follow one another, with as many entries each.
+# A contact point with friction.
 TANGENT = np.dtype(
     [
         # what no step changes
         ("point", "i8"),  # index in the loop
         ("number", "i8"),  # in the model
-        ("start", "i8"),  # first entry of its first row
-        ("width", "i8"),  # number of entries of a row; a step may change it
         ("compliance", "f8"),  # of stick, with the area of which the law is bound
         ("response", "f8"),  # w_t, the factor of S
         ("diagonal", "f8"),  # largest eigenvalue of the block of S of its rows
         ("predicted", "i8"),  # 1 if slip is taken after the bulk update, 0 if at t_n
-        ("moves", "i8"),  # 1 if a step writes its rows
-        ("free", "i8"),  # 1 if a force moves each of its nodes in its own direction
+        ("moves", "i8"),  # 1 if a step writes its row
         # what a step changes
+        ("width", "i8"),  # number of its nodes
+        ("free", "i8"),  # 1 if a force moves each of its nodes in its own direction
         ("sigma", "f8"),  # compliance of stick
         ("rate", "f8"),  # slip rate at n - 1/2
         ("state", "i8"),  # OPEN, STICKS or SLIDES
@@ -58,7 +55,7 @@ TANGENT = np.dtype(
 
 
 # A node of a point: index of its first boundary degree of freedom, its share in the motion of the point relative to
-# what it meets, and that share over its mass.
+# what it meets, and that share over its mass, of a node that nothing holds.
 NODE = np.dtype([("place", "i8"), ("share", "f8"), ("response", "f8")])
 
 
@@ -71,11 +68,9 @@ class Rows(NamedTuple):
     now: Records  # percuss.step.records.NOW
     totals: Records  # percuss.step.records.TOTAL
     tangents: Records  # (F,) TANGENT
-    entries: Records  # ENTRY, of the rows of T
-    shares: Records  # SHARE, of supports and drives in the rows of T
     nodes: Records  # (F, nodes of a point) NODE
-    seen: Floats  # (dim,) acceleration of a point relative to what it meets, by the contact forces found so far
-    change: Floats  # (dim,) of the force of a point
+    seen: Floats  # (dim,) motion of a point relative to what it meets
+    change: Floats  # (dim,) of the force of a point, or its motion after the bulk update
     along: Floats  # (F, dim - 1, dim) unit tangents
     pushed: Floats  # (boundary,) accelerations by the contact forces found so far
     multiplier: Floats  # (F, dim - 1) of the rows of T
@@ -86,9 +81,9 @@ class Rows(NamedTuple):
     impulse: Floats  # (points of the model, dim) along the surfaces
     moving: Integers  # index in the loop of each point whose rows a step writes
     turned: Floats  # (F, dim) normals across which the tangents are
-    mobility: Floats  # (nodes, dim, dim) acceleration by a force; of no node where all rows stay
+    mobility: Floats  # (nodes, dim, dim) acceleration by a force
     loose: Integers  # (nodes,) 1 where nothing holds the node
-    force: Floats  # (nodes * dim) of the points whose rows move
+    force: Floats  # (nodes * dim) on nodes along the surfaces, and all of the points whose rows move
     held: Records  # SHARE, of supports and drives: the node, as a point, has a force
     pushes: Floats  # (nodes * dim) impulse of the points whose rows move
     work: Floats  # (contacts,) of friction so far
@@ -157,7 +152,6 @@ class Frictions(Part[History]):
         rows = self.data.rows
         if rows.moving.size:
             yield Action(LAWS, turn, rows, order=1)
-            yield Action(AFTER_CONTACT, push_nodes, rows, order=1)
         yield Action(LAWS, begin, rows, order=1)
         for group, friction in self.groups:
             if friction is None:
@@ -170,6 +164,7 @@ class Frictions(Part[History]):
                 slots = {renew: type(friction).renew}  # type: ignore[attr-defined]
                 yield Action(AFTER_CONTACT, renew_states, group, slots, order=1, **about)
         yield Action(AFTER_CONTACT, push_along, rows)
+        yield Action(AFTER_CONTACT, push_nodes, rows, order=1)
         yield Action(BEFORE_ACCOUNT, account_for, rows)
         yield Action(RECORD, record, self.data)
         if self.data.traction.size:
@@ -211,13 +206,6 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     where = np.concatenate([np.zeros(0, dtype=np.int64), *(one.where for one in bound)])
     along, count, dim = tangents_of(points.normal[where]), len(where), model.dim
     constraints = [model.loads.constraints[k] for k in model.active_constraints(setting.midpoint)]
-    of_axes = [
-        rows_of(
-            dataclasses.replace(points, value=points.share[:, None] * tangents_of(points.normal)[points.point, k]),
-            model.bodies, constraints, model.dt,
-        )
-        for k in range(dim - 1)
-    ]  # fmt: skip
     tangents = empty_records(count, TANGENT)
     tangents["point"], tangents["number"] = np.argsort(order)[where], where
     for name, values in (
@@ -228,41 +216,25 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     ):
         tangents[name] = np.concatenate([np.zeros(0), *(getattr(one, values) for one in bound)])
     tangents["moves"] = points.slides[where]
-    block = np.zeros((count, dim - 1, dim - 1))
-    entries: list[tuple[int, float, float]] = []
-    shares: list[tuple[int, int, float]] = []
-    for j, p in enumerate(where.tolist()):
-        at = slice(of_axes[0].start[p], of_axes[0].start[p + 1])
-        first = [setting.place[node] for node in of_axes[0].node[at].tolist()]
-        tangents["start"][j], tangents["width"][j] = len(entries), len(first) * dim
-        for k, rows in enumerate(of_axes):
-            places = [place + d for place in first for d in range(dim)]
-            entries += zip(places, rows.normal[at].ravel().tolist(), rows.response[at].ravel().tolist(), strict=True)
-            block[j, k] = [np.vdot(other.normal[at], rows.response[at]) for other in of_axes]
-            shares += [
-                (i, j * (dim - 1) + k, float(constraint.direction @ rows.normal[e]))
-                for i, constraint in enumerate(constraints)
-                for e in range(at.start, at.stop)
-                if rows.node[e] == constraint.node and not points.slides[p]
-            ]
-    tangents["diagonal"] = np.linalg.eigvalsh(block)[:, -1]
-    nodes = _nodes(setting, tangents, constraints)
-    moving = np.flatnonzero(points.slides[order])
-    mobility = mobilities(model, setting.place, setting.midpoint) if moving.size else np.zeros((0, dim, dim))
+    tangents["width"] = points.count[where]
+    most = int(points.count[where].max(initial=0))
     held = [(i, setting.place[one.node], 1.0) for i, one in enumerate(constraints) if one.node in setting.place]
+    mobility = mobilities(model, setting.place, setting.midpoint)
     loose = np.ones(len(mobility), dtype=np.int64)
-    loose[[place // dim for _, place, _ in held] if moving.size else []] = 0
+    loose[[place // dim for _, place, _ in held]] = 0
     contacts = len(model.case.contacts)
     records = setting.record.energy.size
     per_axis = {name: np.zeros((count, dim - 1)) for name in ("multiplier", "rate", "slip", "trial", "last")}
     rows_now = Rows(
-        step.points, step.boundary, step.loads, step.now, step.totals, tangents, record_array(entries, ENTRY),
-        record_array(shares, SHARE), nodes, np.zeros(dim), np.zeros(dim), along, np.zeros(step.boundary.size),
-        **per_axis, impulse=np.zeros((len(points), dim)), work=np.zeros(contacts), stored=np.zeros(contacts),
-        moving=moving,
+        step.points, step.boundary, step.loads, step.now, step.totals, tangents,
+        cast("Records", empty_records(count * most, NODE).reshape(count, most)), np.zeros(dim), np.zeros(dim), along,
+        np.zeros(step.boundary.size), **per_axis, impulse=np.zeros((len(points), dim)), work=np.zeros(contacts), stored=np.zeros(contacts),
+        moving=np.flatnonzero(points.slides[order]),
         turned=points.normal[where], mobility=mobility, loose=loose, force=np.zeros(mobility.size // dim),
-        held=record_array(held if moving.size else [], SHARE), pushes=np.zeros(mobility.size // dim),
+        held=record_array(held, SHARE), pushes=np.zeros(mobility.size // dim),
     )  # fmt: skip
+    for j in range(count):
+        write_nodes(rows_now, j)
     if before is not None:
         for name in ("sigma", "rate", "state", "held", "before", "path"):
             tangents[name] = before.rows.tangents[name]
@@ -278,25 +250,6 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
         rows_now, *copies, force, setting.record.field_every, order, traction, of_points,
         of_points.copy(),
     )  # fmt: skip
-
-
-def _nodes(setting: Setting, tangents: Records, constraints: Sequence[Constraint]) -> Records:
-    """Return the nodes of each point, (F, most), and mark the points all of whose nodes are free."""
-    model, points = setting.model, setting.model.contact_points
-    held = {constraint.node for constraint in constraints}
-    tangents["free"] = int(not model.bodies.couples_nodes)
-    most = int(points.count[tangents["number"]].max(initial=0))
-    found = empty_records(tangents.size * most, NODE)
-    for j, p in enumerate(tangents["number"].tolist()):
-        at = slice(points.start[p], points.start[p + 1])
-        mine = slice(j * most, j * most + points.count[p])
-        found["place"][mine] = [setting.place[node] for node in points.node[at].tolist()]
-        found["share"][mine] = points.share[at]
-        mass = model.bodies.mass[points.node[at]]
-        found["response"][mine] = np.divide(points.share[at], mass, out=np.zeros(mass.size), where=mass > 0.0)
-        if not held.isdisjoint(points.node[at].tolist()) or (mass <= 0.0).any():
-            tangents["free"][j] = 0
-    return cast("Records", found.reshape(tangents.size, most))
 
 
 def _groups(
@@ -327,7 +280,7 @@ def renew(friction: object, point: int, force: float, rate: float, before: Float
 
 
 def turn(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Turn the tangents of points whose normals have turned, by the least rotation, and write their rows.
+    """Turn the tangents of points whose normals have turned, by the least rotation, and write their nodes.
 
     The components of forces and slips along them stay as they are, and so do their lengths.
     """
@@ -337,7 +290,7 @@ def turn(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
         row, cosine = points.row[tangent.point], 1.0
         if tangent.moves == 0:
             continue
-        tangent.width = row.stop - row.start
+        tangent.width = (row.stop - row.start) // dim
         if tangent.width == 0:  # it meets nothing, and moves no node
             continue
         for d in range(dim):
@@ -355,43 +308,39 @@ def turn(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
         for d in range(dim):
             rows.turned[j, d] = points.normal[tangent.point, d]
         tangent.sigma = tangent.compliance * (points.law[tangent.point].weight / row.weight)
-        write_along(rows, j, row.start, tangent.width)
+        write_nodes(rows, j)
 
 
-def write_along(rows: Rows, j: int, start: int, width: int) -> None:
-    """Write the rows of T of a point from its row of N, and the largest eigenvalue of their block of S."""
+def write_nodes(rows: Rows, j: int) -> None:
+    """Write the nodes of a point from its row of N, and the largest eigenvalue of the block of S of its tangents."""
     tangent, axes, dim = rows.tangents[j], rows.slip.shape[1], rows.turned.shape[1]
+    start, one, other = rows.points.row[tangent.point].start, rows.along[j, 0], rows.along[j, axes - 1]
     first, cross, last = 0.0, 0.0, 0.0
     tangent.free = 1
-    for e in range(0, width, dim):
-        place, share = rows.points.entries[start + e].place, 0.0
+    for k in range(tangent.width):
+        place, share = rows.points.entries[start + k * dim].place, 0.0
         for d in range(dim):
-            share += rows.points.entries[start + e + d].normal * rows.turned[j, d]
-        node = rows.nodes[j, e // dim]
-        node.place, node.share, node.response = place, share, share * rows.mobility[place // dim, 0, 0]
+            share += rows.points.entries[start + k * dim + d].normal * rows.turned[j, d]
+        node, mobility = rows.nodes[j, k], rows.mobility[place // dim]
+        node.place, node.share, node.response = place, share, share * mobility[0, 0]
         if rows.loose[place // dim] == 0:
             tangent.free = 0
-        for k in range(axes):
+        for c in range(dim):
             for d in range(dim):
-                entry = rows.entries[tangent.start + k * width + e + d]
-                entry.place = place + d
-                entry.normal = share * rows.along[j, k, d]
-                entry.response = 0.0
-                for c in range(dim):
-                    entry.response += rows.mobility[place // dim, d, c] * share * rows.along[j, k, c]
-        for d in range(dim):
-            one, other = rows.entries[tangent.start + e + d], rows.entries[tangent.start + (axes - 1) * width + e + d]
-            first += one.normal * one.response
-            cross += one.normal * other.response
-            last += other.normal * other.response
+                first += share * share * one[c] * mobility[c, d] * one[d]
+                cross += share * share * one[c] * mobility[c, d] * other[d]
+                last += share * share * other[c] * mobility[c, d] * other[d]
     tangent.diagonal = 0.5 * (first + last) + np.sqrt(0.25 * (first - last) * (first - last) + cross * cross)
     if axes == 1:
         tangent.diagonal = first
 
 
 def push_nodes(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Find the forces on nodes of the points whose rows move, add up their impulses, and let supports react to them."""
-    now, dim, axes = rows.now[0], rows.turned.shape[1], rows.slip.shape[1]
+    """Let supports react to the forces along the surfaces, and to all of the points whose rows move.
+
+    The impulses of the latter on their nodes are added up.
+    """
+    now, dim = rows.now[0], rows.turned.shape[1]
     for i in range(rows.force.size):
         rows.force[i] = 0.0
     for k in range(rows.moving.size):
@@ -399,14 +348,10 @@ def push_nodes(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
         row, force = rows.points.row[i], rows.points.state[i].multiplier
         for e in range(row.start, row.stop):
             rows.force[rows.points.entries[e].place] += force * rows.points.entries[e].normal
-    for j in range(rows.tangents.size):
-        tangent = rows.tangents[j]
-        for k in range(axes if tangent.moves == 1 else 0):
-            start = tangent.start + k * tangent.width
-            for e in range(start, start + tangent.width):
-                rows.force[rows.entries[e].place] += rows.multiplier[j, k] * rows.entries[e].normal
+    force_along(rows, 1)
     for i in range(rows.force.size):
         rows.pushes[i] += now.dt * rows.force[i]
+    force_along(rows, 0)
     work = 0.0
     for i in range(rows.held.size):
         share, along = rows.held[i], 0.0
@@ -414,6 +359,33 @@ def push_nodes(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
             along += rows.loads.axes[rows.loads.constraints[share.hold].axis + d] * rows.force[share.point + d]
         work += react(rows.loads, share, along, rows.boundary, now)
     rows.totals[0].work_of_parts += 0.5 * now.dt * work
+
+
+def force_along(rows: Rows, moves: int) -> None:
+    """Add the forces along the surfaces of points whose rows move, or stay, to those of their nodes."""
+    for j in range(rows.tangents.size):
+        if rows.tangents[j].moves == moves:
+            set_force(rows, j)
+            for k in range(rows.tangents[j].width):
+                node = rows.nodes[j, k]
+                for d in range(rows.change.size):
+                    rows.force[node.place + d] += node.share * rows.change[d]
+
+
+def set_force(rows: Rows, j: int) -> None:
+    """Set `change` to the force of a point along the surfaces."""
+    for d in range(rows.change.size):
+        rows.change[d] = 0.0
+        for k in range(rows.slip.shape[1]):
+            rows.change[d] += rows.multiplier[j, k] * rows.along[j, k, d]
+
+
+def component(rows: Rows, j: int, k: int, vector: Floats) -> float:
+    """Return the component of a vector along one of the tangents of a point."""
+    total = 0.0
+    for d in range(vector.size):
+        total += rows.along[j, k, d] * vector[d]
+    return total
 
 
 def begin(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -429,19 +401,26 @@ def begin(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
         square = 0.0
+        see_rates(rows, j)
         for k in range(rows.slip.shape[1]):
-            start = tangent.start + k * tangent.width
-            rate, predicted = 0.0, 0.0
-            for e in range(start, start + tangent.width):
-                entry = rows.entries[e]
-                rate += entry.normal * rows.boundary[entry.place].old_v
-                predicted += entry.normal * rows.boundary[entry.place].new_v
+            rate, predicted = component(rows, j, k, rows.seen), component(rows, j, k, rows.change)
             square += rate * rate
             rows.rate[j, k] = rate
             rows.trial[j, k] = rows.slip[j, k] + dt * (predicted if tangent.predicted == 1 else rate)
-            push_by(rows.pushed, rows.entries, start, start + tangent.width, rows.multiplier[j, k])
+        set_force(rows, j)
+        push_point(rows, j)
         tangent.rate = np.sqrt(square)
         tangent.before = tangent.held
+
+
+def see_rates(rows: Rows, j: int) -> None:
+    """Set `seen` and `change` to the velocity of a point relative to what it meets, before and after the update."""
+    for d in range(rows.seen.size):
+        rows.seen[d], rows.change[d] = 0.0, 0.0
+        for k in range(rows.tangents[j].width):
+            q, share = rows.boundary[rows.nodes[j, k].place + d], rows.nodes[j, k].share
+            rows.seen[d] += share * q.old_v
+            rows.change[d] += share * q.new_v
 
 
 def push_by(pushed: Floats, entries: Records, start: int, stop: int, force: float) -> None:
@@ -474,12 +453,13 @@ def sweep(group: Group, n: int, u: Floats, v: Floats, a: Floats) -> None:
         if free:  # its tangents do not see its own normal force
             see_point(rows, t)
         press(rows, i, free)
+        if not free:
+            see_point(rows, t)
         force, limit = rows.points.state[i].multiplier, 0.0
         if force > 0.0:
             limit = bound_of(group.friction, j, force, rows.tangents[t].rate, group.before[j])
         stick_or_slide(rows, t, limit)
-        if free:
-            push_point(rows, t)
+        push_point(rows, t)
 
 
 def see_point(rows: Rows, j: int) -> None:
@@ -487,18 +467,28 @@ def see_point(rows: Rows, j: int) -> None:
     for d in range(rows.seen.size):
         rows.seen[d] = 0.0
         rows.change[d] = 0.0
-    for k in range(rows.tangents[j].width // rows.seen.size):
+    for k in range(rows.tangents[j].width):
         node = rows.nodes[j, k]
         for d in range(rows.seen.size):
             rows.seen[d] += node.share * rows.pushed[node.place + d]
 
 
 def push_point(rows: Rows, j: int) -> None:
-    """Add the accelerations by a change of the force of a point whose nodes are free."""
-    for k in range(rows.tangents[j].width // rows.seen.size):
+    """Add the accelerations by a change of the force of a point."""
+    for k in range(rows.tangents[j].width):
         node = rows.nodes[j, k]
         for d in range(rows.change.size):
-            rows.pushed[node.place + d] += node.response * rows.change[d]
+            rows.pushed[node.place + d] += moved(rows, node, d)
+
+
+def moved(rows: Rows, node: Row, d: int) -> float:
+    """Return a component of the acceleration of a node by a change of the force of its point."""
+    r, total = node.place // rows.change.size, 0.0
+    if rows.loose[r] == 1:
+        return node.response * rows.change[d]  # type: ignore[no-any-return]
+    for c in range(rows.change.size):
+        total += rows.mobility[r, d, c] * rows.change[c]
+    return node.share * total  # type: ignore[no-any-return]
 
 
 def press(rows: Rows, i: int, free: bool) -> None:
@@ -526,28 +516,6 @@ def press(rows: Rows, i: int, free: bool) -> None:
     now.largest = max(now.largest, abs(before), abs(state.multiplier))
 
 
-def seen_along(rows: Rows, j: int, k: int) -> float:
-    """Return the acceleration of a point along one of its tangents, by the contact forces found so far."""
-    tangent, pushed = rows.tangents[j], 0.0
-    if tangent.free == 0:
-        start = tangent.start + k * tangent.width
-        return along(rows.pushed, rows.entries, start, start + tangent.width)
-    for d in range(rows.seen.size):
-        pushed += rows.along[j, k, d] * rows.seen[d]
-    return pushed
-
-
-def change_along(rows: Rows, j: int, k: int, change: float) -> None:
-    """Change the force of a point along one of its tangents."""
-    tangent = rows.tangents[j]
-    if tangent.free == 0:
-        start = tangent.start + k * tangent.width
-        push_by(rows.pushed, rows.entries, start, start + tangent.width, change)
-    else:
-        for d in range(rows.change.size):
-            rows.change[d] += change * rows.along[j, k, d]
-
-
 def stick_or_slide(rows: Rows, j: int, limit: float) -> None:
     """Find the multipliers of a point along the surfaces, as if it stuck, and shorten them to the largest force."""
     tangent, now = rows.tangents[j], rows.now[0]
@@ -559,7 +527,7 @@ def stick_or_slide(rows: Rows, j: int, limit: float) -> None:
     for k in range(axes):
         value = 0.0
         if limit > 0.0 and stiff > 0.0:
-            pushed = seen_along(rows, j, k)
+            pushed = component(rows, j, k, rows.seen)
             residual = -rows.trial[j, k] - tangent.sigma * rows.last[j, k] - tangent.response * pushed
             value = rows.last[j, k] + residual / stiff
         elif limit > 0.0 and drawn > 0.0:  # no force moves it: it is drawn along the surface, and slides
@@ -574,35 +542,32 @@ def stick_or_slide(rows: Rows, j: int, limit: float) -> None:
     for k in range(axes):
         change = rows.multiplier[j, k] - rows.last[j, k]
         now.moved = max(now.moved, abs(change))
-        change_along(rows, j, k, change)
+        for d in range(rows.change.size):
+            rows.change[d] += change * rows.along[j, k, d]
 
 
 def push_along(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Add the velocity changes by the forces along the surfaces, and the reactions of supports and drives to them.
+    """Add the velocity changes by the forces along the surfaces.
 
     The elastic slip after the step is that of the force, with what the corrector of the scheme moves after the law was
     asked.
     """
-    now, boundary, axes = rows.now[0], rows.boundary, rows.slip.shape[1]
+    now, boundary = rows.now[0], rows.boundary
     for j in range(rows.tangents.size):
         tangent = rows.tangents[j]
         tangent.held = 0.0
-        for k in range(axes):
-            start = tangent.start + k * tangent.width
+        see_point(rows, j)
+        for k in range(rows.slip.shape[1]):
             force = rows.multiplier[j, k]
             slip = -tangent.sigma * force
             if tangent.predicted == 1:
-                corrected = now.dt * now.dt - tangent.response
-                slip += corrected * along(rows.pushed, rows.entries, start, start + tangent.width)
+                slip += (now.dt * now.dt - tangent.response) * component(rows, j, k, rows.seen)
             rows.slip[j, k] = slip if tangent.state != OPEN and tangent.sigma > 0.0 else 0.0
             tangent.held -= force * rows.slip[j, k]
-            for e in range(start, start + tangent.width):
-                boundary[rows.entries[e].place].new_v += now.dt * rows.entries[e].response * force
-    work = 0.0
-    for i in range(rows.shares.size):
-        j, k = divmod(rows.shares[i].point, axes)
-        work += react(rows.loads, rows.shares[i], rows.multiplier[j, k], boundary, now)
-    rows.totals[0].work_of_parts += 0.5 * now.dt * work
+        set_force(rows, j)
+        for k in range(tangent.width):
+            for d in range(rows.change.size):
+                boundary[rows.nodes[j, k].place + d].new_v += now.dt * moved(rows, rows.nodes[j, k], d)
 
 
 def renew_states(group: Group, n: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -631,11 +596,9 @@ def account_for(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
         tangent, state = rows.tangents[j], rows.points.state[rows.tangents[j].point]
         contact = rows.points.law[tangent.point].contact
         product, square = 0.0, 0.0
+        see_rates(rows, j)
         for k in range(rows.slip.shape[1]):
-            force, rate = rows.multiplier[j, k], 0.0
-            start = tangent.start + k * tangent.width
-            for e in range(start, start + tangent.width):
-                rate += rows.entries[e].normal * rows.boundary[rows.entries[e].place].new_v
+            force, rate = rows.multiplier[j, k], component(rows, j, k, rows.change)
             rows.work[contact] += 0.5 * dt * force * (rows.rate[j, k] + rate)
             for d in range(rows.along.shape[2]):
                 rows.impulse[tangent.number, d] += dt * force * rows.along[j, k, d]
