@@ -228,10 +228,10 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     rows_now = Rows(
         step.points, step.boundary, step.loads, step.now, step.totals, tangents,
         cast("Records", empty_records(count * most, NODE).reshape(count, most)), np.zeros(dim), np.zeros(dim), along,
-        np.zeros(step.boundary.size), **per_axis, impulse=np.zeros((len(points), dim)), work=np.zeros(contacts), stored=np.zeros(contacts),
-        moving=np.flatnonzero(points.slides[order]),
-        turned=points.normal[where], mobility=mobility, loose=loose, force=np.zeros(mobility.size // dim),
-        held=record_array(held, SHARE), pushes=np.zeros(mobility.size // dim),
+        np.zeros(step.boundary.size), **per_axis, impulse=np.zeros((len(points), dim)), work=np.zeros(contacts),
+        stored=np.zeros(contacts), moving=np.flatnonzero(points.slides[order]), turned=points.normal[where],
+        mobility=mobility, loose=loose, force=np.zeros(mobility.size // dim), held=record_array(held, SHARE),
+        pushes=np.zeros(mobility.size // dim),
     )  # fmt: skip
     for j in range(count):
         write_nodes(rows_now, j)
