@@ -352,7 +352,8 @@ class Steps(Measure):
 """
 
 
-def test_a_measure_may_be_a_plug_in(tmp_path):
+@pytest.mark.parametrize("most", [1, deep(2)])
+def test_a_measure_may_be_a_plug_in(tmp_path, most):
     study = given(measure=["steps", "ripple", "doubled"], vary={"refine": [1, 2]})
 
     def made(factor, plan=study, workers=1):
@@ -360,7 +361,7 @@ def test_a_measure_may_be_a_plug_in(tmp_path):
         file.write_text(MEASURE.replace("FACTOR * result", f"{factor} * result").replace("FACTOR", str(factor)))
         return percuss.study(plan, tmp_path / "a.sqlite", workers=workers, plugins=[file])
 
-    first = made(2, workers=2)
+    first = made(2, workers=most)
     assert list(first.table.doubled) == [2 * steps for steps in first.table.steps]
     assert first.columns["doubled"] == "2 times the number of steps"
     assert 0 < first.table.ripple.iloc[1] < first.table.ripple.iloc[0] < 0.5
