@@ -27,11 +27,11 @@ def outcome(label):
 
 
 # Of the plug-ins of large families these are checked in every run, the others in the whole check.
-QUICK = ("contacts/penalty", "elements/bar", "materials/elastic", "masses/lumped", "loads/gravity")
-OF_MANY = ("contacts/", "integrators/", "elements/", "materials/", "masses/", "pairings/", "loads/")
+QUICK = ("contacts/penalty", "elements/bar", "materials/elastic", "masses/lumped", "loads/gravity", "frictions/coulomb")
+OF_MANY = ("contacts/", "integrators/", "elements/", "materials/", "masses/", "pairings/", "loads/", "frictions/")
 # These checks take long: they compile the loop anew, or march in plain Python.
 LASTING = ("no-hidden-state", "compiled-and-plain", "pushes-apart", "starts", "balances", "units", "options-bounded")
-LASTING += ("runs-in-a-case", "blocks")
+LASTING += ("runs-in-a-case", "blocks", "slides")
 
 
 def is_deep(label):

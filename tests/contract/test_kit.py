@@ -30,7 +30,10 @@ def check_of(cls, name, registry=REGISTRY):
 
 
 # These compile the loop anew, and the checks are seen by other mistakes too, or are long.
-LASTING, SLOW = {"units", "blocks", "slides-far"}, {"energy-claimed", "forgets-its-dashpot", "unbalanced"}
+LASTING, SLOW = (
+    {"units", "blocks", "slides-far"},
+    {"energy-claimed", "forgets-its-dashpot", "unbalanced", "speaks-python"},
+)
 
 
 @pytest.mark.slow

@@ -31,7 +31,17 @@ def written(tmp_path_factory):
 
 
 # These compile a loop or kernels of cells of their own.
-LASTING = ("shape", "integrator", "material", "solid-material", "pairing", "element", "solid-element")
+LASTING = (
+    "shape",
+    "integrator",
+    "material",
+    "solid-material",
+    "pairing",
+    "element",
+    "solid-element",
+    "friction",
+    "solution",
+)
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import yaml
 
 import percuss
 from command_line import percuss_command
+from marks import deep
 from strategies import hunek
 
 ROW = {"percuss-study": 1, "cases": ["case.yaml"], "vary": {"method.contact.ratio": [1.0, 2.0]}}
@@ -35,7 +36,7 @@ def study(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("there", [True, False], ids=["over a file", "anew"])
+@pytest.mark.parametrize("there", [pytest.param(True, id="over a file"), deep(False, id="anew")])
 def test_an_output_that_does_not_fit(study, there):
     for file in ("out.nc", "out.svg"):
         (study / file).unlink(missing_ok=True)

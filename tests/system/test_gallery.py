@@ -10,7 +10,7 @@ pytest.importorskip("matplotlib")
 import gallery
 import pages
 
-ALWAYS = {"hunek", "two-bars", "compared", "family"}  # the pictures of the first pages; each takes some seconds
+ALWAYS = {"hunek", "compared", "family"}  # the pictures of the first pages; each takes some seconds
 NIGHTLY = {"oblique-spheres", "two-spheres"}
 
 

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from marks import deep
 from places import CASES
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="descriptors and signals of Unix")
@@ -25,7 +26,7 @@ def test_a_letter_that_a_stream_lacks_is_written_as_its_code():
     assert r"\u011b" in done.stdout
 
 
-@pytest.mark.parametrize("words", [["check", HUNEK], ["schema"]], ids=["short", "long"])
+@pytest.mark.parametrize("words", [deep(["check", HUNEK], id="short"), pytest.param(["schema"], id="long")])
 def test_a_reader_that_leaves_is_told_nothing(words):
     reader, writer = os.pipe()
     os.close(reader)
@@ -52,7 +53,7 @@ runpy.run_module("percuss", run_name="__main__", alter_sys=True)
 """
 
 
-@pytest.mark.parametrize("place", ["typer", "numpy", "percuss.results.runner"])
+@pytest.mark.parametrize("place", ["typer", "numpy", deep("percuss.results.runner")])
 def test_ctrl_c_while_percuss_is_imported(place, tmp_path):
     done = run([sys.executable, "-c", INTERRUPTED_IMPORT, place, "run", HUNEK, "-o", "out.nc"], cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")

@@ -112,7 +112,9 @@ def test_a_command_runs(command: str, folder: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name, page in PAGES.items() if "```console" in page])
+@pytest.mark.parametrize(
+    "name", [deep(name) if "TEN_MINUTES" in name else name for name, page in PAGES.items() if "```console" in page]
+)
 def test_a_command_shows_what_the_page_says(name: str, tmp_path: Path) -> None:
     """`python tests/support/pages.py` writes the output anew."""
     if "--plot" in PAGES[name]:
@@ -135,7 +137,7 @@ def test_the_notebook_runs_from_top_to_bottom_and_shows_what_it_stores(
         assert pages.alike(notebook.stored(cell), made), made
 
 
-@pytest.mark.parametrize("text", PYTHON, ids=beginning)
+@pytest.mark.parametrize("text", [text if text in README else deep(text) for text in PYTHON], ids=beginning)
 def test_a_snippet_runs(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if ".table" in text:
         pytest.importorskip("pandas")

@@ -274,7 +274,8 @@ def test_the_page_begins_with_the_verdict_and_what_the_error_depends_on(several)
 
 def test_cost_is_that_of_the_method_alone():
     for integrator, stages in (("central-difference", 1), ("noh-bathe", 2)):
-        result = percuss.run(percuss.load(TWO_BARS, {"method": {"integrator": integrator, "contact": "penalty"}}))
+        case = percuss.load(TWO_BARS, {"method": {"integrator": integrator, "contact": "penalty"}})
+        result = percuss.run(case, compiled=False)
         assert metric(result, "node_steps") == stages * result.summary["steps"] * (20 + 1 + 40 + 1)
 
 
@@ -499,6 +500,7 @@ def test_every_choice_is_drawn(browser, pages):
                 assert opened.complaints == [], (choice, value)
 
 
+@pytest.mark.deep
 def test_a_click_shows_the_force_and_the_command_of_a_run(browser, pages, several):
     with Opened(browser, pages / "odd.html") as opened:
         page = opened.page

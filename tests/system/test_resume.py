@@ -177,7 +177,7 @@ def test_every_method_and_feature_goes_on_bit_for_bit(integrator):
 
 def test_ctrl_c_saves_the_state_whatever_the_time(monkeypatch):
     monkeypatch.setattr(saved_state, "SAVE_SECONDS", 1e9)
-    case = runs()[BARS].case
+    case = SOLIDS["quad4"]
 
     def press(done, total):
         if done == 21:
@@ -186,7 +186,7 @@ def test_ctrl_c_saves_the_state_whatever_the_time(monkeypatch):
     assert outcome(case, progress=press).status == "interrupted"
     left = []
     assert content(outcome(case, resume=True, progress=lambda *steps: left.append(steps))) == content(outcome(case))
-    assert left[0] == (7, 29)
+    assert left[0] == (7, 19)
 
 
 LAW = (places.SUPPORT / "bodies" / "spring.py").read_text(encoding="utf-8")
@@ -248,7 +248,7 @@ def test_a_disk_that_is_full_keeps_no_state_and_ends_no_run(monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(saved_state, "replacing", full)
-    assert outcome(runs()[BARS].case).status == "done"
+    assert outcome(SOLIDS["quad4"]).status == "done"
 
 
 @pytest.mark.deep

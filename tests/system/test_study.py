@@ -102,7 +102,9 @@ def test_a_row_is_what_the_run_says(tmp_path):
     plateau = {"name": "plateau", "quantity": "contact_force", "contact": "tip", "during": [0.02, 0.18], "take": "mean"}
     tip = {"name": "tip", "quantity": "displacement", "probe": "short.right", "take": "final"}
     paths = ["impulse", "energy.final", "contacts.*.peak_force", "exact.contacts.*.force_error_l2"]
-    plan = given(vary={"method.contact.beta_s": [0.5]}, measure=[*paths, plateau, tip])
+    held = {"name": "held", "quantity": "support_force", "support": "long.right", "take": "min"}
+    of_support = [held, "supports.long.right.impulse_x", "supports.*.impulse_x"]
+    plan = given(vary={"method.contact.beta_s": [0.5]}, measure=[*paths, plateau, tip, *of_support])
     study = percuss.study(plan, tmp_path / "a.sqlite", workers=1)
     (row,) = study.as_records()
     result = percuss.run(percuss.load(HUNEK), {**SMALL, "method.contact.beta_s": 0.5})
@@ -116,6 +118,9 @@ def test_a_row_is_what_the_run_says(tmp_path):
     assert row["plateau"] == pytest.approx(float(force.mean()), rel=1e-12)
     assert row["tip"] == float(result.arrays["displacement"][-1, result.coordinates["probe"].index("short.right"), 0])
     assert study.columns["plateau"] == "mean of contact_force of tip during 0.02 to 0.18"
+    assert row["held"] == result.arrays["support_force"].min() < 0.0
+    assert study.columns["held"] == "min of support_force of long.right, component 0"
+    assert {row[path] for path in of_support[1:]} == {result.summary["supports"]["long.right"]["impulse_x"]}
 
 
 def test_values_go_together_under_conditions_and_a_run_that_is_not_valid_says_so(tmp_path):
@@ -347,7 +352,8 @@ class Steps(Measure):
 """
 
 
-def test_a_measure_may_be_a_plug_in(tmp_path):
+@pytest.mark.parametrize("most", [1, deep(2)])
+def test_a_measure_may_be_a_plug_in(tmp_path, most):
     study = given(measure=["steps", "ripple", "doubled"], vary={"refine": [1, 2]})
 
     def made(factor, plan=study, workers=1):
@@ -355,7 +361,7 @@ def test_a_measure_may_be_a_plug_in(tmp_path):
         file.write_text(MEASURE.replace("FACTOR * result", f"{factor} * result").replace("FACTOR", str(factor)))
         return percuss.study(plan, tmp_path / "a.sqlite", workers=workers, plugins=[file])
 
-    first = made(2, workers=2)
+    first = made(2, workers=most)
     assert list(first.table.doubled) == [2 * steps for steps in first.table.steps]
     assert first.columns["doubled"] == "2 times the number of steps"
     assert 0 < first.table.ripple.iloc[1] < first.table.ripple.iloc[0] < 0.5
@@ -439,6 +445,12 @@ WRONG = {  # studies with some mistakes each, which are told at once: of form, t
         "7:19: measure.1: the summary of a run has no 'energy.finl'",
         "7:32: measure.2: the name 'status' is the name of another column",
         "8:16: where.0.path: 'a' is not varied",
+    ],
+    HEAD + "vary: {refine: [1]}\nmeasure:\n  - supports.long.rigth.impulse_x\n"
+    "  - {name: held, quantity: support_force, support: long.rigth, component: 1, take: max}\n": [
+        "5:5: measure.0: the summary of a run has no 'supports.long.rigth'",
+        "6:52: measure.1.support: there is no support 'long.rigth'",
+        "6:75: measure.1.component: expected 0 only, found 1",
     ],
     HEAD + "methods: {contacts: [lagrange, {name: penalty, beta_s: [1, 2]}]}\nvary: {refine: [1, 0]}\n"
     "paired: [{time.courant: -1}, {time.courant: 1}]\n": [

@@ -112,7 +112,7 @@ def test_without_threads_that_may_run_at_once_a_run_is_serial_and_says_so(before
 
 def test_one_thread_in_studies_and_comparisons(monkeypatch):
     monkeypatch.setattr(arrays, "FEW_NUMBERS", 0)
-    (run,) = percuss.compare(percuss.load(shared_out.CASES["tet4"]))
+    (run,) = percuss.compare(percuss.load(shared_out.CASES["weight"]))
     assert run.result.summary["threads"] == 1
 
 

@@ -35,6 +35,7 @@ def coarse(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.deep
 def test_a_run_with_a_large_error_names_the_search_for_better_methods(coarse: Path) -> None:
     said = printed("run", str(coarse))
     told = re.search(rf"contact force is off by .*: try `percuss (recommend {coarse} [^`]*)`", said)

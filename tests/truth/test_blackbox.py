@@ -1,5 +1,6 @@
 """The black box against the linear laws, closed forms and one another; and that a wrong one would be seen."""
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from test_stability import beside_another, wall
 
 import long_bars
 import percuss
+from marks import deep
 from percuss.certificate.black_box import BlackBox, ClosedStepStability, combinations, examine
 from percuss.certificate.closed_laws import closed_laws
 from percuss.certificate.closed_step import ClosedStep, Motions
@@ -314,8 +316,13 @@ class Crushing(percuss.ContactLaw):
             multiplier[p] = bound.stiffness[p] * max(-trial.gap[p] - crushed, 0.0)
 
 
-@pytest.mark.parametrize("courant", [0.55, 0.3, 0.1, 0.01])
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(
+    ("courant", "turned"),
+    [
+        row if row in ((0.55, False), (0.01, True)) else deep(*row)
+        for row in itertools.product((0.55, 0.3, 0.1, 0.01), (False, True))
+    ],
+)
 def test_what_is_said_of_a_law_that_yields_hangs_neither_on_the_step_nor_on_the_orientation(courant, turned):
     line = {"direction": [3, -4]} if turned else {}
     body = bar(2.47, 4, [0.0, 0.0] if turned else 0.0, 0.77, {"young": 143.38, "density": 0.1}, 0.51, **line)
@@ -332,7 +339,7 @@ def test_what_is_said_of_a_law_that_yields_hangs_neither_on_the_step_nor_on_the_
     assert said(50.0) == ("no" if courant > critical else "unknown")
 
 
-@pytest.mark.parametrize("e", [0.9, 0.5])
+@pytest.mark.parametrize("e", [0.9, deep(0.5)])
 def test_a_spring_that_is_stiffer_while_unloading_is_unstable_above_the_critical_step_of_that(e):
     def said(law, courant):
         return certificate(made(hunek(10, courant, CD, law)))["stable"]

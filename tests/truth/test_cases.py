@@ -31,6 +31,11 @@ LONG = {
     "two-spheres",
 }  # coarser ones are quick: test_disk.py
 LONG |= {"fifty-impacts"}  # its exact solution compiles a march of its own
+LONG |= {
+    "box-impact",
+    "gross-slip-disk",
+    "slide-off",
+}  # kernels of their own: test_space.py, test_friction.py, test_sliding.py
 
 
 def test_the_benchmarks_are_there() -> None:

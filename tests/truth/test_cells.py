@@ -146,19 +146,20 @@ def test_the_error_of_a_frequency_is_of_twice_the_order(element):
 VISCOUS = {"name": "viscous-central-difference", "viscosity": 0.3}
 
 
+@pytest.mark.parametrize("compiled", [False, deep(True)], ids=["plain", "compiled"])
 @pytest.mark.parametrize("integrator", ["central-difference", "velocity-verlet", deep(VISCOUS)], ids=str)
 @pytest.mark.parametrize(
     "element",
     [ELEMENTS[0], *map(deep, ELEMENTS[1:])],
     ids=element_id,
 )
-def test_a_run_is_that_of_dense_matrices(element, integrator):
+def test_a_run_is_that_of_dense_matrices(element, integrator, compiled):
     """Velocity Verlet has the displacements of central difference."""
     case = one_bar(element, 4, velocity=0.3, grading=2.0)
     case["loads"] = {"push": {"constant": 1.5, "on": "a.right"}}
     case["method"]["integrator"] = integrator
     case["time"] = {"steps": 50, "courant": 0.7}
-    model, result = made(case), run(case)
+    model, result = made(case), percuss.run(percuss.load(case), compiled=compiled)
     stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
     force, dt, lag = np.append(np.zeros(mass.size - 1), 1.5), model.dt, 0.3 * model.dt * (integrator is VISCOUS)
     u, v, history = np.zeros(mass.size), 0.3 - 0.5 * dt * force / (0.01 * mass), []
@@ -201,6 +202,7 @@ PAIRS = [
 OF_CORE = [pair for pair in PAIRS if pair[1]["name"] in CORE_LAWS]
 
 
+@pytest.mark.parametrize("compiled", [False, deep(True)], ids=["plain", "compiled"])
 @pytest.mark.parametrize(
     ("element", "pair"),
     [
@@ -209,9 +211,9 @@ OF_CORE = [pair for pair in PAIRS if pair[1]["name"] in CORE_LAWS]
     ],
     ids=lambda value: pair_id(value) if isinstance(value, tuple) else element_id(value),
 )
-def test_impacts_keep_momentum_and_close_the_ledger(element, pair):
+def test_impacts_keep_momentum_and_close_the_ledger(element, pair, compiled):
     integrator, law = pair
-    result = run(impact(element, law, integrator))
+    result = percuss.run(percuss.load(impact(element, law, integrator)), compiled=compiled)
     assert result.status == "done"
     assert result.summary["momentum"]["error"] < 1e-11
     assert result.summary["energy_growth"]["kept"] is not False  # what the certificate guarantees of the energy

@@ -165,7 +165,7 @@ def test_a_bond_that_is_stretched_or_broken_from_the_start_has_dissipated_nothin
     )
 
 
-@pytest.mark.parametrize("iterations", [1, 2, 3, 10])
+@pytest.mark.parametrize("iterations", [deep(1), 2, 3, deep(10)])
 def test_an_odd_number_of_iterations_halves_the_limit_of_uzawas_method(iterations):
     """The last iterate is a penalty at the predicted gap of ``theta_k = 1 - (1 - theta)^k``, stable up to 1."""
     even = iterations % 2 == 0

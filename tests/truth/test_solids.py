@@ -263,7 +263,7 @@ def test_the_force_of_each_support_makes_up_its_impulse(integrator, friction, co
     names, summary = ["base.left", "base.bottom", "draw", "again"], result.summary
     assert list(result.histories.support_force.support) == list(summary["supports"]) == names
     force = result.arrays["support_force"][:-1]  # the last record is a step beyond the end
-    impulses = np.array([summary["supports"][name]["impulse"] for name in names])
+    impulses = np.array([list(summary["supports"][name].values()) for name in names])
     assert summary["dt"] * force.sum(axis=0) == pytest.approx(impulses, abs=1e-15)
     assert impulses.sum(axis=0) == pytest.approx(summary["momentum"]["impulse_of_supports"], abs=1e-15)
     assert summary["momentum"]["error"] < 1e-13
@@ -273,6 +273,20 @@ def test_the_force_of_each_support_makes_up_its_impulse(integrator, friction, co
         middle = result.arrays["time"][:-1] + 0.5 * summary["dt"]  # where the velocity is prescribed
         for k, (start, stop) in enumerate(((0.5, 1.3), (2.1, 9.0)), start=2):
             assert np.array_equal(force[:, k, 0] != 0.0, (middle > start) & (middle < stop))
+
+
+def test_a_case_expects_the_force_and_the_impulse_of_a_support():
+    """Over the whole run the integral of the force is the impulse, of a region and of a prescribed motion."""
+    result = percuss.run(supported(), compiled=False)
+    expect = []
+    for support, component in (("base.bottom", 1), ("draw", 0)):
+        name, given = f"impulse_{'xyz'[component]}", {"within": "1e-7%", "source": "exact"}
+        impulse = result.summary["supports"][support][name]
+        force = {"quantity": "support_force", "support": support, "component": component, "integral": impulse}
+        expect += [force | given, {"quantity": f"supports.{support}.{name}", "value": impulse} | given]
+    checks = percuss.verify(supported(expect=expect), result)
+    assert [check.passed for check in checks] == [True] * 4, checks
+    assert repr(checks[2]).startswith("<passed: integral of support_force of draw ")
 
 
 def test_rare_records_of_supports_are_those_of_every_step():
@@ -288,7 +302,7 @@ def test_a_support_gives_its_block_the_momentum_that_gravity_does_not():
               loads={"weight": {"gravity": [0.0, -1e-3]}})
     )  # fmt: skip
     summary, force = result.summary, result.arrays["support_force"][:, 0]
-    impulse, momentum = np.array(summary["supports"]["a.bottom"]["impulse"]), summary["momentum"]
+    impulse, momentum = np.array(list(summary["supports"]["a.bottom"].values())), summary["momentum"]
     gained = np.array(momentum["final"]) - momentum["initial"] - momentum["impulse_of_loads"]
     assert impulse == pytest.approx(gained, abs=1e-15)
     weight = 0.5 * 1e-3

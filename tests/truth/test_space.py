@@ -111,7 +111,7 @@ def test_balls_have_the_volume_of_their_polyhedron_and_no_slivers(cells):
     assert errors[1] / errors[0] == pytest.approx(0.25, abs=0.02)
 
 
-@pytest.mark.parametrize("grading", [4.0, 16.0, 1 / 16.0])
+@pytest.mark.parametrize("grading", [deep(4.0), 16.0, deep(1 / 16.0)])
 def test_graded_balls_keep_the_sphere_and_the_shapes_of_cells(grading):
     """At the lowest point lengths are grading^(1/2) times smaller, in all directions alike."""
     graded, even = (model_of(alone({**ball(16, "hex8", grading=one), "at": [0, 0, 0]})).bodies["a"].mesh

@@ -19,7 +19,7 @@ from percuss.reporting.explanation import explanation
 from strategies import hunek
 
 CASES = sorted(path for path in places.CASES.glob("*.yaml") if path.stem != "oblique-spheres")  # a check takes minutes
-LARGE = {"ball-on-wall-3d", "box-impact", "two-spheres"}
+LARGE = {"ball-on-wall-3d", "box-impact", "gross-slip-disk", "two-spheres"}
 REGISTRY = Registry.load()
 
 

@@ -100,6 +100,13 @@ class Case(CaseSection):
         in_contact = (side for contact in self.contacts.values() for side in contact.sides)
         return list(dict.fromkeys(in_contact) if self.record.probes is None else self.record.probes)
 
+    @property
+    def supports(self) -> list[str]:
+        """Names of the regions that are held and of the loads that prescribe a velocity."""
+        held = (f"{name}.{region}" for name, body in self.bodies.items() for region, _ in body.supports)
+        driven = (name for name, load in self.loads.items() if load.acts_as == "velocity")
+        return list(dict.fromkeys([*held, *driven]))
+
     def files_among(self, values: Iterable[Any]) -> list[tuple[str, Path]]:
         """Return role and path of each file that the case would read if its options had these values."""
         paths = (self.origin.folder / value for value in values if isinstance(value, str))

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from percuss.case.defaults import DEFAULTS, WITHOUT_BARS
+from percuss.case.quantities import first_key
 from percuss.case.source import Source
 from percuss.case.specs import (
     Address,
@@ -43,8 +44,10 @@ def after_the_end(during: tuple[float, float] | None, at: float | None, end: flo
     return key, message, "Choose an earlier time, or make the run longer."
 
 
-def misfits(section: Expectation | MeasureSection, contacts: Collection[str]) -> Iterator[Mistake]:
-    """Yield the entries of an expectation or a measure that do not suit its quantity; `contacts` are there."""
+def misfits(
+    section: Expectation | MeasureSection, owners: Mapping[str, Collection[str]], dimension: int
+) -> Iterator[Mistake]:
+    """Yield the entries of an expectation or a measure that do not suit its quantity, `owners` and dimension."""
     name, quantity, statistic = section.quantity, quantity_named(section.quantity), section.statistic
     takes = isinstance(section, MeasureSection)
     key = "take" if takes else statistic
@@ -65,14 +68,18 @@ def misfits(section: Expectation | MeasureSection, contacts: Collection[str]) ->
         yield Mistake(
             ("at",), message, f"Write `{'take: value' if takes else 'value:'}` instead, or `during:`.", key=True
         )
-    for owner, words in (("contact", "a contact"), ("probe", "an end")):
+    for owner, words in (("contact", "a contact"), ("probe", "an end"), ("support", "a support")):
         if quantity.of != owner and getattr(section, owner) is not None:
             yield Mistake((owner,), f"{name} is not a quantity of {words}", f"Remove `{owner}:`.", key=True)
     if quantity.of == "probe" and section.probe is None:
         yield Mistake(("probe",), f"missing (the owner of {name})", "Add `probe:` with an end.", key=True)
-    if quantity.of == "contact" and section.contact is not None and section.contact not in contacts:
-        advice = suggestion(section.contact, contacts, "name")
-        yield Mistake(("contact",), f"there is no contact '{section.contact}'", advice)
+    owner = quantity.of
+    if owner in owners and (named := getattr(section, owner)) is not None and named not in owners[owner]:
+        yield Mistake((owner,), f"there is no {owner} '{named}'", suggestion(named, owners[owner], "name"))
+    components = dimension if quantity.of in {"probe", "support"} else 1
+    if section.component >= components:
+        limit = f"0 to {components - 1}" if components > 1 else "0 only"
+        yield Mistake(("component",), f"expected {limit}, found {section.component}")
 
 
 def completed(case: CaseSection, dimension: int, source: Source, registry: Registry) -> CaseSection:
@@ -396,29 +403,36 @@ class CrossChecks:
 
     def _check_expectations(self) -> None:
         items = self.reader.source.get(("expect",), ())
-        contacts = [name for name, *_ in self._parts("contacts")]
+        supports = [name for name, *_, load in self._parts("loads") if load is None or load.acts_as == "velocity"]
+        for body, fixed in self.fixed.items():
+            regions = dict.fromkeys(held.get("on") if isinstance(held, Mapping) else held for held in fixed)
+            supports += [f"{body}.{region}" for region in regions]
+        owners = {"contact": [name for name, *_ in self._parts("contacts")], "support": supports}
         for i in range(len(items) if isinstance(items, tuple) else 0):
             at, expectation = ("expect", i), self.reader.part(("expect", i))
             if expectation is not None:
-                for mistake in misfits(expectation, contacts):
+                for mistake in misfits(expectation, owners, self.dimension):
                     self.reader.report(mistake, at)
-                self._check_owner(at, expectation, contacts)
+                self._check_owner(at, expectation, owners)
                 self._check_time(at, expectation)
 
-    def _check_owner(self, path: KeyPath, expectation: Expectation, contacts: Sequence[str]) -> None:
-        """Report a contact that is missing, a probe that the case has not, and a component that it has not."""
+    def _check_owner(self, path: KeyPath, expectation: Expectation, owners: Mapping[str, Sequence[str]]) -> None:
+        """Report an owner that is missing, and a probe or an entry of the summary that the case has not."""
         name, of = expectation.quantity, quantity_named(expectation.quantity).of
-        reported = self.reader.problems and not contacts  # as mistakes in the contacts
-        if of == "contact" and expectation.contact is None and len(contacts) != 1 and not reported:
-            one = f"Add `contact:` with one of: {', '.join(sorted(contacts))}."
-            advice = one if contacts else "The case has no contact."
-            self.wrong((*path, "contact"), f"missing (the owner of {name})", advice, key=True)
+        names = owners.get(of, ())
+        reported = self.reader.problems and not names  # as mistakes in the contacts
+        if of in owners and getattr(expectation, of) is None and len(names) != 1 and not reported:
+            one = f"Add `{of}:` with one of: {', '.join(sorted(names))}."
+            advice = one if names else f"The case has no {of}."
+            self.wrong((*path, of), f"missing (the owner of {name})", advice, key=True)
+        head, _, rest = name.partition(".")
+        entries = {"bodies": self.ends, "contacts": owners["contact"], "supports": owners["support"]}.get(head)
+        if rest and entries is not None and (key := first_key(rest, entries)[0]) not in {"*", *entries}:
+            message = f"the summary of a run has no '{head}.{key}'"
+            self.wrong((*path, "quantity"), message, suggestion(key, entries, "entry"))
         at = (*path, "probe")
         if of == "probe" and expectation.probe is not None and self._is_end(at, expectation.probe):
             self._check_recorded(at, expectation.probe)
-        if expectation.component and (of != "probe" or expectation.component >= self.dimension):
-            limit = f"0 to {self.dimension - 1}" if of == "probe" and self.dimension > 1 else "0 only"
-            self.wrong((*path, "component"), f"expected {limit}, found {expectation.component}")
 
     def _check_recorded(self, path: KeyPath, probe: Address) -> None:
         """Report a probe whose motion the case does not record; without `probes` that of the ends in contact is."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -107,13 +107,13 @@ QUANTITIES = {name: Quantity(**entry) for name, entry in _TABLE.items()}
 
 # Numbers that the summary of a run has of each contact.
 CONTACT_NUMBERS = {name: quantity for name, quantity in QUANTITIES.items() if quantity.path.startswith("contacts.")}
-# Quantities that an expectation of a case or a measure of a study may name with a contact, a probe or times.
+# Quantities that an expectation of a case or a measure of a study may name with an owner or times.
 MEASURABLE = {
     name: quantity
     for name, quantity in QUANTITIES.items()
     if (
         quantity.axis is not None
-        and quantity.of not in {"element", "point", "point vector", "contact state", "contact vector", "support"}
+        and quantity.of not in {"element", "point", "point vector", "contact state", "contact vector"}
     )
     or name in CONTACT_NUMBERS
 }
@@ -172,6 +172,7 @@ SUMMARY = (
     "seconds",
     "stages",
     "steps",
+    "supports",
 )
 
 STATISTICS = ("mean", "max", "min", "final", "integral", "value")
@@ -203,10 +204,21 @@ def in_unit(value: float, digits: int, unit: str, names: Mapping[str, str]) -> s
     return f"{value:.{digits}g} {unit_name(unit, names)}".rstrip()
 
 
+def first_key(path: str, names: Collection[str]) -> tuple[str, str]:
+    """Return the first key of a dotted path below which there are `names`, and the rest of the path.
+
+    The names of supports have dots themselves.
+    """
+    found = [name for name in names if f"{path}.".startswith(f"{name}.")]
+    unknown = path.rpartition(".")[0] or path if any("." in name for name in names) else path.partition(".")[0]
+    key = max(found, key=len, default=unknown)
+    return key, path[len(key) + 1 :]
+
+
 def values_at(entry: Any, path: str) -> Iterator[Any]:
     """Yield the values at a dotted path into a summary, in which a star stands for all entries."""
-    key, _, rest = path.partition(".")
     if isinstance(entry, Mapping):
+        key, rest = first_key(path, entry)
         for name in entry if key == "*" else [key]:
             yield from values_at(entry.get(name), rest) if rest else [entry.get(name)]
 

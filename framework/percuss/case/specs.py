@@ -489,7 +489,8 @@ class Expectation(Section):
     ]
     contact: Annotated[str, Doc("which contact")] | None = None
     probe: Annotated[AnAddress, Doc("which end")] | None = None
-    component: Annotated[int, Ge(0), Doc("component of a displacement or velocity")] = 0
+    support: Annotated[str, Doc("which support or prescribed motion, as short.left")] | None = None
+    component: Annotated[int, Ge(0), Doc("component of a displacement, a velocity or the force of a support")] = 0
     during: During | None = None
     at: Annotated[float, Ge(0), Unit("time"), Doc("time at which `value` holds")] | None = None
     mean: Annotated[float, Doc("expected mean")] | None = None
@@ -540,7 +541,7 @@ class Expectation(Section):
 
 @dataclass(frozen=True)
 class MeasureSection(Section):
-    """A number taken from each run: a quantity, its contact or probe, the time, and the statistic."""
+    """A number taken from each run: a quantity, its contact, probe or support, the time, and the statistic."""
 
     kind: ClassVar[str] = "the measure"
 
@@ -551,7 +552,8 @@ class MeasureSection(Section):
     ] = "value"
     contact: Annotated[str, Doc("which contact")] | None = None
     probe: Annotated[AnAddress, Doc("which end")] | None = None
-    component: Annotated[int, Ge(0), Doc("component of a displacement or velocity")] = 0
+    support: Annotated[str, Doc("which support or prescribed motion, as short.left")] | None = None
+    component: Annotated[int, Ge(0), Doc("component of a displacement, a velocity or the force of a support")] = 0
     during: During | None = None
     at: Annotated[float, Ge(0), Unit("time"), Doc("time at which `take: value` is read")] | None = None
 

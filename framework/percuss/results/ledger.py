@@ -280,7 +280,11 @@ def supports_summary(march: March, outcome: Outcome) -> SupportEntries:
     if model.bodies.about_axis:  # across the axis the forces on a ring cancel
         for impulse in found.values():
             impulse[0] = 0.0
-    return {"supports": {name: {"impulse": impulse.tolist()} for name, impulse in found.items()}} if found else {}
+    entries: Any = {
+        name: {f"impulse_{axis}": float(value) for axis, value in zip("xyz", impulse, strict=False)}
+        for name, impulse in found.items()
+    }
+    return {"supports": entries} if found else {}
 
 
 def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> MomentumSummary | None:

@@ -96,7 +96,9 @@ class EnergySummary(TypedDict):
 class SupportSummary(TypedDict):
     """Impulse of a support or prescribed motion on its body over the run."""
 
-    impulse: list[float]
+    impulse_x: float
+    impulse_y: NotRequired[float]
+    impulse_z: NotRequired[float]
 
 
 class SupportEntries(TypedDict):

@@ -33,8 +33,8 @@ def measure(result: Result, wanted: Expectation | MeasureSection) -> float:
         Result of a run.
     wanted
         What is measured: a history (``contact_force``, ``gap``, ``displacement``, ``energy``, ...), a number of a
-        contact (``impulse``, ``peak_force``, ...) or a dotted path into the summary; of which contact or probe; when,
-        in an interval with both ends or at a time (interpolated); and the statistic.
+        contact (``impulse``, ``peak_force``, ...) or a dotted path into the summary; of which contact, probe or
+        support; when, in an interval with both ends or at a time (interpolated); and the statistic.
 
     Raises
     ------
@@ -73,8 +73,8 @@ def _history(result: Result, wanted: Expectation | MeasureSection) -> Floats:
     values = arrays[wanted.quantity]
     if of == "contact":
         return values[:, _axis_index(result, "contact", wanted.contact)]
-    if of == "probe":
-        return values[:, _axis_index(result, "probe", wanted.probe), wanted.component]
+    if of in ("probe", "support"):
+        return values[:, _axis_index(result, of, getattr(wanted, of)), wanted.component]
     return values
 
 
@@ -144,8 +144,8 @@ class Check:
 
 
 def describe(wanted: Expectation | MeasureSection) -> str:
-    """Return in words what is measured: the statistic, the quantity, of which contact or probe, and when."""
-    owner = str(wanted.contact or wanted.probe or "")
+    """Return in words what is measured: the statistic, the quantity, of which contact, probe or support, and when."""
+    owner = str(wanted.contact or wanted.probe or wanted.support or "")
     when = "" if wanted.at is None else f" at {wanted.at:g}"
     if wanted.during:
         when = f" during {wanted.during[0]:g} to {wanted.during[1]:g}"

@@ -9,7 +9,7 @@ from typing import Any, get_args, get_origin, get_type_hints, is_typeddict
 import numpy as np
 
 from percuss.case.case import Case
-from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
+from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, first_key, values_at
 from percuss.case.specs import MeasureSection
 from percuss.case.type_words import branches
 from percuss.certificate.verdict import OF_CRITICAL_STEP
@@ -64,7 +64,7 @@ class Column:
             return None
 
     def check(self, names: Mapping[str, Iterable[str]]) -> None:
-        """Check that the dotted path leads to a number in the summary of a run with these ``contacts`` and ``bodies``.
+        """Check that the dotted path leads to a number in the summary of a run that has these ``contacts`` and so on.
 
         Entries of the certificate and times by name differ between runs: they are not checked.
 
@@ -74,18 +74,20 @@ class Column:
             With message and advice, if it does not.
         """
         kind: Any = Summary
-        parts = self.path.split(".") if self.kind == "summary" else []
-        for n, part in enumerate(parts):
-            kind = next(branches(kind))
+        part, rest = "", self.path if self.kind == "summary" else ""
+        while rest:
+            kind, before = next(branches(kind)), part
             known = get_type_hints(kind) if is_typeddict(kind) else {}
             if get_origin(kind) is dict:
                 inside = get_args(kind)[1]
-                known = dict.fromkeys(["*", *names[parts[n - 1]]] if is_typeddict(inside) else [part], inside)
+                here = ["*", *names[before]] if is_typeddict(inside) else [rest.partition(".")[0]]
+                known = dict.fromkeys(here, inside)
+            part, rest = first_key(rest, known)
             if part not in known:
-                message = f"the summary of a run has no '{'.'.join(parts[: n + 1])}'"
+                message = f"the summary of a run has no '{self.path.removesuffix(f'.{rest}')}'"
                 raise ValueError(message, suggestion(part, known, "entry"))
             kind = known[part]
-        if parts and (is_typeddict(next(branches(kind))) or get_origin(next(branches(kind))) in (dict, list)):
+        if part and (is_typeddict(next(branches(kind))) or get_origin(next(branches(kind))) in (dict, list)):
             raise ValueError(f"{self.name} is not one number", "Name a number in it.")
 
 
@@ -165,7 +167,7 @@ def column(section: MeasureSection, bodies: Sequence[str]) -> Column:
     if section.probe is not None and section.probe.body not in bodies:
         advice = suggestion(str(section.probe), bodies)
         raise ValueError(f"there is no body '{section.probe.body}'", advice, "probe")
-    axis = f", component {section.component}" if quantity.of == "probe" else ""
+    axis = f", component {section.component}" if quantity.of in ("probe", "support") else ""
     return Column(section.name, f"{describe(section)}{axis}", "history", section=section)
 
 

@@ -297,14 +297,17 @@ class _StudyReader:
         """Return the column of a measure, or None if the measure is wrong."""
         contacts = dict.fromkeys(name for case in cases.values() for name in case.contacts)
         bodies = [name for case in cases.values() for name in case.bodies]
+        supports = list(dict.fromkeys(name for case in cases.values() for name in case.supports))
+        owners = {"contact": contacts, "support": supports}
+        dimension = max((case.dimension for case in cases.values()), default=3)
         try:
             if isinstance(measure, str):
                 made = column_by_name(measure, [case.registry for case in cases.values()])
             else:
-                for mistake in misfits(measure, contacts):
+                for mistake in misfits(measure, owners, dimension):
                     self.reader.report(mistake, at)
                 made = column(measure, bodies)
-            made.check({"contacts": contacts, "bodies": bodies})
+            made.check({"contacts": contacts, "bodies": bodies, "supports": supports})
         except ValueError as error:  # raised without the place in the study, which the column does not know
             message, advice, *inside = error.args
             self.reader.wrong((*at, *inside), message, advice)
