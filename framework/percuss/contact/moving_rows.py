@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contact.sliding import slides, sliding
+from percuss.contact.sliding import renews, slides, sliding
 from percuss.errors import Problem
 from percuss.mesh.loads import directions_at_nodes
 
@@ -59,8 +59,8 @@ def of_every_step(model: Model) -> str:
     if share is None:
         return "of a law with inertia no bound at every position is known"
     shown = "each step by itself is stable" if share <= 1.0 else "no step by itself is shown to be stable"
-    pairings = [spec.pairing for spec in sliding(model.case).values() if spec.pairing is not None]
-    covered = " at which facets are covered as a whole" if any(model.dim in one.renews for one in pairings) else ""
+    renewed = any(renews(spec, model.dim) for spec in sliding(model.case).values())
+    covered = " at which facets are covered as a whole" if renewed else ""
     return f"{shown} at every position{covered}: its bound is {share:.4g} of what the step allows"
 
 
@@ -113,7 +113,8 @@ def refusals(model: Model) -> Iterator[Problem]:
             yield case.problem((*path, "sliding"), message, advice)
         if spec.overlap != "refuse" and not slides(spec):
             message = f"expected an overlap of surfaces that slide, found overlap: {spec.overlap} with rows that stay"
-            yield case.problem((*path, "overlap"), message, "Add `sliding: large`, or move the bodies apart.")
+            advice = "Add `sliding: large`, or move the bodies apart." if spec.wall is None else "Move it off the wall."
+            yield case.problem((*path, "overlap"), message, advice)
 
 
 def _why_small(model: Model, spec: ContactSpec) -> tuple[str, str] | None:
@@ -122,7 +123,7 @@ def _why_small(model: Model, spec: ContactSpec) -> tuple[str, str] | None:
         return None
     bodies = [model.bodies[side.body] for side in spec.sides]
     own = model.contact_points.of_contact(spec.name)
-    pairing = spec.pairing
+    pairing: Any = spec.pairing
     found = (
         (bodies[0] is bodies[-1], "two bodies, found one that meets itself", "Such a contact is not built."),
         (
@@ -142,10 +143,8 @@ def _why_small(model: Model, spec: ContactSpec) -> tuple[str, str] | None:
             "A bond does not slide: drop `sliding`.",
         ),
         (
-            pairing is not None
-            and model.dim in pairing.renews
-            and any(one.linear is None for one in model.laws if own[list(one.where)].any()),
-            f"a linear law on areas that change from step to step, found {spec.law.name}",
+            renews(spec, model.dim) and any(one.linear is None for one in model.laws if own[list(one.where)].any()),
+            f"a linear law with {pairing.name}, whose areas change from step to step, found {spec.law.name}",
             "Take node-to-segment or gauss-points.",
         ),
     )

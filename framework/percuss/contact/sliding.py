@@ -30,6 +30,11 @@ def sliding(case: Case) -> dict[str, ContactSpec]:
     return {name: spec for name, spec in case.contacts.items() if slides(spec)}
 
 
+def renews(spec: ContactSpec, dim: int) -> bool:
+    """Return whether the pairing of a contact that slides writes its points anew in each step, with their areas."""
+    return spec.pairing is not None and dim in spec.pairing.renews
+
+
 def surfaces_of(spec: ContactSpec, bodies: Mapping[str, Body]) -> tuple[Surface, Surface]:
     """Return both surfaces of a contact of two bodies."""
     first, second = (bodies[side.body].surface(side.region).surface for side in spec.sides)
@@ -145,9 +150,9 @@ def largest_response(case: Case, bodies: Bodies, points: PointArrays, name: str)
     of_nodes = np.bincount(second.facets.ravel(), second.of_nodes().ravel(), len(second.nodes))
     mass = bodies.mass
     widest = float(points.weight[where].max())
-    pairing: Any = case.contacts[name].pairing
-    renewed = first.positions.shape[1] in pairing.renews
-    of_second = pairing.mean_bound * of_nodes if renewed else of_nodes + widest
+    spec: Any = case.contacts[name]
+    renewed = renews(spec, first.positions.shape[1])
+    of_second = spec.pairing.mean_bound * of_nodes if renewed else of_nodes + widest
     return float((area / mass[first.nodes]).max() + (of_second / mass[second.nodes]).max())
 
 

@@ -24,7 +24,7 @@ from percuss.contact.frictions import frictions_of
 from percuss.contact.moving_rows import mobilities, stiffness_of_points, with_rows_that_stay
 from percuss.contact.near import GROUP, MOST, NOBODY, Partners, enclose, enclose_groups, meet, search
 from percuss.contact.points import BY_END, FROM_LINE, Points
-from percuss.contact.sliding import half_size, renewed_points, sliding, surfaces_of
+from percuss.contact.sliding import half_size, renewed_points, renews, sliding, surfaces_of
 from percuss.methods.interfaces import FacingSurfaces
 from percuss.record_arrays import Records, empty_records
 from percuss.step.actions import BEFORE_ACCOUNT, BEFORE_CONTACT, RECORD, Action
@@ -173,8 +173,8 @@ def _slides(setting: Setting) -> Slides:
         of_facets = (number[second.nodes[second.facets]], *second.rims(), np.arange(len(order)))
         facets.append((*(one[order] for one in of_facets), _size(second)))
         width = second.facets.shape[1]
-        own = np.ones(where.size, dtype=np.int64) if _renews(spec, dim) else points.count[where] - width
-        seekers += 0 if _renews(spec, dim) else where.size
+        own = np.ones(where.size, dtype=np.int64) if renews(spec, dim) else points.count[where] - width
+        seekers += 0 if renews(spec, dim) else where.size
         share, node = np.zeros((where.size, 4)), np.zeros((where.size, 4), dtype=np.int64)
         for s, p in enumerate(where.tolist()):
             entries = slice(points.start[p], points.start[p] + own[s])
@@ -219,14 +219,9 @@ def _slides(setting: Setting) -> Slides:
     )  # fmt: skip
 
 
-def _renews(spec: ContactSpec, dim: int) -> bool:
-    """Return whether the points of a contact are renewed by the kernel of their pairing."""
-    return spec.pairing is not None and dim in spec.pairing.renews
-
-
 def _in_order(model: Model) -> list[tuple[str, ContactSpec]]:
     """Return the contacts that slide, those whose points seek the nearest facet before the others."""
-    return sorted(sliding(model.case).items(), key=lambda one: _renews(one[1], model.dim))
+    return sorted(sliding(model.case).items(), key=lambda one: renews(one[1], model.dim))
 
 
 def _renewed(model: Model, data: Slides) -> Iterator[tuple[Renewed, ContactSpec]]:
@@ -235,7 +230,7 @@ def _renewed(model: Model, data: Slides) -> Iterator[tuple[Renewed, ContactSpec]
     for name, spec in _in_order(model):
         where, (first, second) = points.of_contact(name), surfaces_of(spec, model.bodies)
         count, end = int(where.sum()), begin + len(second.facets)
-        if _renews(spec, model.dim):
+        if renews(spec, model.dim):
             groups = slice(begin, end, GROUP)
             surfaces = FacingSurfaces(
                 partners.at, data.node[start : start + count, 0][first.facets],
