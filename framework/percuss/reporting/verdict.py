@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import JUDGED_BY, METRICS, TRUE_ERRORS, by_two, of_column, percent, ranking
+from percuss.case.yaml_text import flow
 from percuss.certificate.verdict import capitalised
 from percuss.jsonable import Data
 from percuss.march.stop import NOT_STARTED
@@ -232,7 +233,8 @@ def tie_words(rows: Iterable[Data], columns: Iterable[str]) -> Iterator[str]:
     for row in rows:
         found = tuple(row[name] for name in measured if is_number(row[name]))
         if row["status"] == "done" and any(isinstance(value, float) and not value.is_integer() for value in found):
-            numbers.setdefault((row["integrator"], row["contact"]), set()).add((row["case"], varied_of(row), found))
+            pair = row["integrator"], row["contact"]
+            numbers.setdefault(pair, set()).add((row["case"], flow(varied_of(row)), found))
     alike: dict[frozenset[object], list[str]] = {}
     for pair, of_pair in numbers.items():
         alike.setdefault(frozenset(of_pair), []).append(" + ".join(pair))
@@ -253,7 +255,7 @@ def equal_mesh_words(rows: Iterable[Data], error: str) -> Iterator[str]:
     """
     problems: dict[tuple[str, tuple[Any, ...]], list[Data]] = {}
     for row in rows:
-        mesh = tuple(value for path, value in varied_of(row) if path == "refine" or path.endswith(".elements"))
+        mesh = tuple(flow(value) for path, value in varied_of(row) if path == "refine" or path.endswith(".elements"))
         if mesh and row["status"] == "done" and row["contact"] != TIED and is_number(row[error]):
             problems.setdefault((row["case"], mesh), []).append(row)
     pairs = [[(row["integrator"], row["contact"]) for row in of_problem] for of_problem in problems.values()]
