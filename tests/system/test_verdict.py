@@ -9,7 +9,7 @@ import percuss
 import places
 from command_line import percuss_command, printed
 from marks import deep
-from percuss.reporting.verdict import best_words, error_words, failures, rows_verdict, run_verdict
+from percuss.reporting.verdict import best_words, error_words, failures, rows_verdict, run_verdict, tie_words
 from percuss.results.true_error import largest_error
 from percuss.studies.columns import metric
 
@@ -201,3 +201,12 @@ def test_one_reason_is_told_once_with_the_number_of_its_runs() -> None:
     ]
     (alone,) = failures(runs[:1])
     assert alone.endswith("node 0 of body 'steel' limits the step; cause: a step")
+
+
+def test_values_that_are_no_keys_may_vary():
+    """A friction is a mapping, a mesh a list: runs with the same numbers are told all the same."""
+    mu = {"method.friction": {"name": "coulomb", "mu": 0.2}, "bodies.block.block.elements": [8, 2]}
+    head = ({"case": "a", "integrator": name, "contact": "lagrange"} for name in ("central-difference", "wu"))
+    rows = [{**one, **mu, "status": "done", "energy_kept": 0.5} for one in head]
+    (told,) = tie_words(rows, ["energy_kept"])
+    assert told.startswith("central-difference + lagrange and wu + lagrange tie")

@@ -367,6 +367,28 @@ def test_two_frictions_in_one_case_and_supports_that_react():
     assert_same(compiled, plain, within=1e-12)
 
 
+def test_a_fault_of_a_bound_is_told_at_its_line():
+    """The step is repeated in plain Python, where turns and sweeps of the points are no kernels of a law."""
+
+    @dataclass(frozen=True)
+    class Wrong(percuss.Friction):
+        """A friction whose bound reads what it has not."""
+
+        name = "wrong"
+        summary = "for a test"
+
+        def bind(self, points, dt):
+            return (0.1,)
+
+        @staticmethod
+        def bound(data, point, force, rate, before):
+            return data[0][3] * force
+
+    case = thrown_disk(CD, "lagrange", "mortar", "wrong", 5.0)
+    with pytest.raises(percuss.PluginError, match=r"friction wrong: bound_of: TypeError(.|\n)*in step 0"):
+        percuss.run(percuss.load(case, registry=with_methods(Wrong)))
+
+
 @pytest.mark.parametrize("compiled", [False, deep(True)], ids=["plain", "compiled"])
 def test_a_friction_with_state_and_its_kernel_once_a_step(compiled):
     """The state counts the steps in which a point presses; the bound falls with it."""

@@ -440,6 +440,7 @@ def test_what_is_known_of_the_step(law, scheme, energy, said):
     assert certificate["states"]["closed later"] == "unknown"
     assert certificate["energy"] == energy
     assert said in certificate["why"].lower()
+    assert (summary["energy"]["renewal"] is None) == (energy == "not guaranteed")
     stiffness = stiffness_of_points(model_of(case))
     if (stiffness > 0.0).any():
         model = model_of(case)
@@ -503,8 +504,10 @@ def test_an_overlap_at_the_start(overlap):
         with pytest.raises(percuss.InputError, match=r"overlap of 0\.01"):
             ran(case)
         return
-    force = balanced(ran(case)).arrays["contact_force"]
+    result = balanced(ran(case))
+    force = result.arrays["contact_force"]
     assert (force.max() > 1e-3) if overlap == "press" else (force == 0.0).all()
+    assert any("0.01 deep, presses" in note for note in result.summary["notes"]) == (overlap == "press")
 
 
 def test_points_that_meet_nothing_are_told():

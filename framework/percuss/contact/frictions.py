@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.case.type_words import found
 from percuss.contact.laws import bind_laws, laws_at
 from percuss.contact.model import rows_over_the_run
 from percuss.contact.moving_rows import with_rows_that_stay
@@ -206,15 +207,17 @@ def stick_in_words(model: Model, contact: str) -> str:
 
 def refusals(model: Model) -> Iterator[Problem]:
     """Yield what does not go with friction: bars, bonds, schemes of stages, laws that leave stick without a line."""
-    case, found = model.case, frictional(model)
-    reasons = {name: why for name in found if (why := _why_frictionless(model, name))}
+    case, acting = model.case, frictional(model)
+    reasons = {name: why for name in acting if (why := _why_frictionless(model, name))}
     for name, (message, advice) in reasons.items():
-        yield case.problem(_path(model, name), message.format(found[name].name), advice)
+        yield case.problem(_path(model, name), message.format(acting[name].name), advice)
     for bound in [] if reasons else frictions_of(model):
         exact = (bound.compliance == 0.0) & (bound.response <= 0.0)
         without = np.isnan(bound.compliance) | exact
         for name in dict.fromkeys(model.contact_points.names[p] for p in bound.where[without]):
-            message = f"expected a stiffness of stick under {case.contacts[name].law.name}, found none"
+            friction: Any = case.contacts[name].friction
+            given = found(friction.stiffness) if friction.stiffness else "none"
+            message = f"expected a stiffness of stick under {case.contacts[name].law.name}, found {given}"
             advice = "Of a law that is not judged at the end of the step no exact stick follows: give a number."
             yield case.problem((*_path(model, name), "stiffness"), message, advice)
 

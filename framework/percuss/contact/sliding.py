@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.contact.limits import LARGEST_COURANT
 from percuss.methods.interfaces import PairedPoints, RenewedPoints
 from percuss.methods.plugin_calls import answer
 
@@ -170,8 +171,10 @@ def limits_at_every_position(bodies: Bodies, points: PointArrays, sums: Floats, 
     """Return the stiffness of each point for which central difference is stable at every position, (P,) [force/length].
 
     It is that of ``omega^2 + b <= 4 / dt^2``, omega the highest frequency of the cells and b the sum of what the
-    stiffness of each contact adds at most, by the sums of the rows of S at every position.
+    stiffness of each contact adds at most, by the sums of the rows of S at every position. A longer step than the cells
+    bear has the limit of nearly the longest one.
     """
+    step = min(dt, LARGEST_COURANT * 2.0 / bodies.omega)
     total = sum((sums * points.weight)[points.contact == number].max() for number in np.unique(points.contact))
-    limits: Floats = points.weight * (max(4.0 / dt**2 - bodies.omega**2, 0.0) / total)
+    limits: Floats = points.weight * ((4.0 / step**2 - bodies.omega**2) / total)
     return limits

@@ -26,9 +26,8 @@ from percuss.methods.blame import (
     plain_function,
     third_party_files,
 )
-from percuss.step.actions import LAWS
 from percuss.step.build import Kernels
-from percuss.step.law_kernels import multipliers
+from percuss.step.law_kernels import apply_law, multipliers
 
 if TYPE_CHECKING:
     from percuss.contact.model import Model
@@ -110,7 +109,7 @@ def repeat_in_python(march: Marching, amplitudes: object, step: int) -> BaseExce
     names = iter([(law.law.name, law.points.names) for law in arrays.kernel_laws])
     actions = [
         dataclasses.replace(action, slots={multipliers: probing_kernel(next(kernels), *next(names))})
-        if action.place == LAWS
+        if action.kernel is apply_law
         else action
         for action in arrays.actions
     ]

@@ -377,9 +377,9 @@ def colour_bar(figure: Figure, panels: Sequence[Axes], scene: Scene, units: Data
     bar.ax.set_xlabel(with_unit(scene.label, figures.STRESS[1], units))
     if scene.pressure > 0.0:
         words = f"longest arrow: contact pressure {figures.number(scene.pressure)}"
-        bar.ax.set_title(with_unit(words, figures.STRESS[1], units), loc="right", size=9.5, color=figures.ALARM)
         if "point_traction" in scene.fields:
-            bar.ax.set_title("blue arrows: points stick", loc="left", size=9.5, color=figures.CALM)
+            words = f"arrows: tractions, red where a point slides, blue where it sticks\n{words}"
+        bar.ax.set_title(with_unit(words, figures.STRESS[1], units), loc="right", size=9.5, color=figures.ALARM)
     if np.isnan(scene.stress).all():
         figures.write_reason(panels[0], "No element calls the stress of its material.")
 

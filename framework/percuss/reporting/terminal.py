@@ -113,7 +113,8 @@ def _is_closed(contact: Data) -> bool:
 def balances(result: Result) -> dict[str, str]:
     """Return in words the energies and works, and how well they and the momentum balance."""
     energy, momentum = result.summary["energy"], result.summary["momentum"]
-    renewed = f" (rows that move brought {number_text(energy['renewal'], 2)} at most)" if "renewal" in energy else ""
+    bound = energy.get("renewal")
+    renewed = f" (rows that move brought {number_text(bound, 2)} at most)" if bound is not None else ""
     balance = "NOT balanced: off by" if momentum.get("balanced") is False else "balanced to"
     return {
         with_unit("energy", "energy", result.units): f"{number_text(energy['initial'])} at the start, "

@@ -28,8 +28,8 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.certificate.closed_laws import BETWEEN, BOUNDED, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
-from percuss.contact.moving_rows import share_of_limit
-from percuss.contact.points import BY_CURRENT, BY_END
+from percuss.contact.moving_rows import complementary, share_of_limit
+from percuss.contact.points import BY_CURRENT, BY_END, TOUCHING
 from percuss.contact.sliding import slides
 from percuss.jsonable import Data
 from percuss.march.march import March, Outcome
@@ -206,7 +206,7 @@ def energy_summary(
         "ledger_closed": bool(error <= allowed and agree) if judged else None,
     }
     if (renewal := outcome.histories.get("renewal_so_far")) is not None:
-        summary["renewal"] = float(renewal.sum())
+        summary["renewal"] = float(renewal.sum()) if complementary(march.model) else None
     return summary
 
 
@@ -411,7 +411,8 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
             summaries[name][key] = float(friction[key][-1, number]) if friction[key].size else 0.0
         if "renewal_so_far" in outcome.histories and slides(model.case.contacts[name]):
             returned, renewal = (float(outcome.histories[key][number]) for key in ("returned", "renewal_so_far"))
-            summaries[name] |= {"returned_points": int(returned), "renewal": renewal}
+            bounded = renewal if complementary(model) else None
+            summaries[name] |= {"returned_points": int(returned), "renewal": bounded}
             summaries[name]["stiffness_bound"] = float(outcome.histories["stiffness"][number])
     return summaries
 
@@ -421,6 +422,12 @@ def renewal_notes(march: March, outcome: Outcome, largest_energy: float) -> Iter
     books, points, order, model = outcome.histories, march.model.contact_points, march.arrays.order, march.model
     for number, name in enumerate(model.case.contacts if "renewal_so_far" in books else ()):
         renewal, returned = float(books["renewal_so_far"][number]), int(books["returned"][number])
+        overlap, facet = float(books["overlap"][number]), float(points.facet[points.contact == number].min())
+        if overlap > TOUCHING * facet:
+            yield (
+                f"an overlap of contact '{name}' at the start, {overlap:.3g} deep, presses the bodies apart: what it "
+                "brings is contact work, which no bound of the energy knows"
+            )
         if returned:
             yield (
                 f"points of contact '{name}' came back {returned} times to a surface that they had left, and lay "

@@ -47,7 +47,7 @@ class ContactSummary(TypedDict):
     friction_stored: NotRequired[float]
     contact_slip: NotRequired[float]
     returned_points: NotRequired[int]
-    renewal: NotRequired[float]
+    renewal: NotRequired[float | None]
     stiffness_bound: NotRequired[float]
 
 
@@ -90,7 +90,7 @@ class EnergySummary(TypedDict):
     ledger_error: float
     ledger_allowed: float | None
     ledger_closed: bool | None
-    renewal: NotRequired[float]
+    renewal: NotRequired[float | None]
 
 
 class SupportSummary(TypedDict):

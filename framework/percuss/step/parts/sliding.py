@@ -44,7 +44,8 @@ BOOKS = np.dtype(
         ("work", "f8"),  # contact work of points whose law is a complementarity problem
         ("stored", "f8"),  # what these store after the step
         ("renewal_so_far", "f8"),  # R
-        ("pressed", "f8"),  # the term of an overlap at the start
+        ("overlap", "f8"),  # largest one at the start that presses, and its term
+        ("pressed", "f8"),
         ("excess", "f8"),  # largest value of work + stored - R, less that term
         ("term", "f8"),  # largest term of R, its point in the loop and its time
         ("point", "i8"),
@@ -346,7 +347,8 @@ def move(data: Slides) -> bool:
 
 def put_in(data: Slides, s: int, overlap: float) -> None:
     """Count the energy of an overlap at the start that presses as put in, with the force that it brings."""
-    row = data.points.row[data.which[s]]
+    row, book = data.points.row[data.which[s]], data.books[data.points.law[data.which[s]].contact]
+    book.overlap = max(book.overlap, overlap)
     softness = row.sigma + row.response * row.delassus
     if softness > 0.0:
         data.totals[0].began_with += 0.5 * overlap * overlap / softness
