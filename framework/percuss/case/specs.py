@@ -101,8 +101,8 @@ def quantity_named(name: str) -> Quantity:
 def _existing_quantity(name: str) -> str:
     head, dot, _ = name.partition(".")
     if name not in MEASURABLE and head not in SUMMARY:
-        names = [key + dot for key in SUMMARY] if dot else [*MEASURABLE, *SUMMARY]
-        raise failure(Mistake((), f"unknown quantity '{name}'", suggestion(head + dot, names, "name")))
+        names = list(SUMMARY if dot else dict.fromkeys([*MEASURABLE, *SUMMARY]))
+        raise failure(Mistake((), f"unknown quantity '{name}'", suggestion(head, names, "name")))
     return name
 
 
