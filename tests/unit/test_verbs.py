@@ -27,7 +27,12 @@ def command(*words):
 
 def test_the_functions_give_what_the_commands_print(case):
     assert percuss.check(case).data == command("check")
-    assert percuss.waves(case).rows() == command("waves")["rows"]
+    # The last bits of LAPACK's small solutions hang on where its arrays lie in memory.
+    for row, printed in zip(percuss.waves(case).rows(), command("waves")["rows"], strict=True):
+        assert row.keys() == printed.keys()
+        for value, other in zip(row.values(), printed.values(), strict=True):
+            number = isinstance(other, float)
+            assert value == (pytest.approx(other, rel=1e-12, abs=1e-12) if number else other)
     assert percuss.schema() == json.loads(percuss_command("schema").stdout)
     assert percuss.schema(study=True) == json.loads(percuss_command("schema", "--study").stdout)
     for words in ((), ("penalty",)):
