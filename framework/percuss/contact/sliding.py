@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.contact.limits import LARGEST_COURANT
-from percuss.methods.interfaces import PairedPoints, RenewedPoints
+from percuss.methods.interfaces import PairedPoints, Places, RenewedPoints
 from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from percuss.contact.points import PointArrays
     from percuss.mesh.bodies import Bodies
     from percuss.mesh.body import Body
-    from percuss.methods.interfaces import Floats, Places, Surface
+    from percuss.methods.interfaces import Floats, Surface
 
 
 def slides(spec: ContactSpec) -> bool:
@@ -59,30 +59,29 @@ def points_at_nodes(found: PairedPoints, first: Surface, second: Surface) -> Pai
 
     Those that were not `found` have the rows of the nearest place of the second surface.
     """
-    every, dim = np.arange(len(first.nodes)), first.positions.shape[1]
+    facet, local = np.zeros((2, len(first.nodes)), dtype=np.int64)
+    for k, nodes in enumerate(first.facets.T):  # any facet at a node serves
+        facet[nodes], local[nodes] = np.arange(len(first.facets)), k
+    area: Floats = np.bincount(first.facets.ravel(), first.of_nodes().ravel(), facet.size).astype(float)
+    nearest = points_at_the_start(Places(facet, np.eye(first.facets.shape[1])[local], area), first, second)
+    gap, normal, other = nearest.gap, nearest.normal, nearest.facets[:, 1]
     own, point = np.isin(found.node, first.nodes), np.repeat(np.arange(found.gap.size), np.diff(found.start))
     at = np.searchsorted(first.nodes, found.node[own])  # the node of each point that was found
     at, by, met, value = at[np.argsort(point[own])], point[~own], found.node[~own], found.value[~own]
-    facet = np.zeros(every.size, dtype=np.int64)
-    facet[first.facets] = np.arange(len(first.facets))[:, None]
-    area: Floats = np.bincount(first.facets.ravel(), first.of_nodes().ravel(), every.size).astype(float)
-    other, share = second.nearest(first.positions)
-    normal = -second.outward(other, share)
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    nearest = np.einsum("pa,pad->pd", share, second.positions[second.facets[other]])
-    gap = np.vecdot(nearest - first.positions, normal)
+    width = second.facets.shape[1]
+    room = max(_room(first, second), int(np.bincount(by, minlength=1).max()), width)
+    node, shares = np.tile(first.nodes[:, None], room + 1), np.zeros((facet.size, room + 1))
+    node[:, : 1 + width] = nearest.node.reshape(facet.size, -1)
+    shares[:, : 1 + width] = np.vecdot(nearest.value.reshape(facet.size, 1 + width, -1), normal[:, None])
     gap[at], normal[at], other[at] = found.gap, found.normal, found.facets[:, 1]
-    room = max(_room(first, second), int(np.bincount(by, minlength=1).max()), share.shape[1])
-    node, shares = np.tile(first.nodes[:, None], room + 1), np.zeros((every.size, room + 1))
-    node[:, 1 : 1 + share.shape[1]], shares[:, 1 : 1 + share.shape[1]] = second.nodes[second.facets[other]], share
-    node[at, 1:], shares[at, 1:], shares[:, 0] = first.nodes[at, None], 0.0, -1.0
+    node[at, 1:], shares[at, 1:] = first.nodes[at, None], 0.0
     order = np.argsort(by, kind="stable")
     place = np.arange(by.size) - np.searchsorted(by[order], by[order])
     node[at[by[order]], 1 + place] = met[order]
     shares[at[by[order]], 1 + place] = np.vecdot(value, found.normal[by])[order]
     return PairedPoints(
-        gap, area, normal, np.stack([facet, other], axis=1), np.arange(every.size + 1) * (room + 1), node.ravel(),
-        (shares[..., None] * normal[:, None]).reshape(-1, dim),
+        gap, area, normal, np.stack([facet, other], axis=1), np.arange(facet.size + 1) * (room + 1), node.ravel(),
+        (shares[..., None] * normal[:, None]).reshape(-1, normal.shape[1]),
     )  # fmt: skip
 
 
@@ -97,7 +96,7 @@ def renewed_points(first: Surface, room: int) -> RenewedPoints:
     return RenewedPoints(
         gap=np.zeros(count), area=np.zeros(count), normal=np.zeros((count, dim)), meets=np.zeros(count, dtype=np.int64),
         node=np.zeros((count, room), dtype=np.int64), share=np.zeros((count, room)),
-        of_facets=np.zeros((len(first.facets), 2 * room + 2, 6)), of_points=np.zeros((count, 4)),
+        of_facets=np.zeros((len(first.facets), 2 * room + 2, 6)), of_points=np.zeros((count, 3)),
     )  # fmt: skip
 
 

@@ -19,15 +19,14 @@ if TYPE_CHECKING:
     from percuss import FacingSurfaces, Floats, Integers, RenewedPoints
 
 FACING = 0.5  # least cosine of the angle by which edges that meet may be turned from facing each other
-SHARP = 0.5**0.5  # cosine of the angle between the mean normal and that of a facet beyond which they make an edge
 # What is kept of each edge of the first surface. Of the edges of the second one that lie over it, in the order in which
 # they are found: number, and where their ends project to. Of its pieces: which of these covers it, start and stop. And
-# in the last row: how many pieces there are, A, c, r^2.
+# in the last row: how many pieces there are, c, r^2.
 EDGE, BEGINS, ENDS, OVER, START, STOP = range(6)
-PIECES, AREA, CENTRE, SPREAD = range(4)
-# What is kept of each point: its mean gap times its area, the least gap at the corners of its pieces, the cosine of the
-# angle between the edges over that corner, and whether it meets more nodes than there is room for.
-MEAN, LEAST, COSINE, CROWDED = range(4)
+PIECES, CENTRE, SPREAD = range(3)
+# What is kept of each point: its mean gap times its area, the least gap at the corners of its pieces, and whether it
+# meets more nodes than there is room for.
+MEAN, LEAST, CROWDED = range(3)
 
 
 def renew(surfaces: FacingSurfaces, points: RenewedPoints) -> None:
@@ -35,8 +34,7 @@ def renew(surfaces: FacingSurfaces, points: RenewedPoints) -> None:
     for j in range(points.gap.size):
         points.area[j], points.meets[j] = 0.0, 0
         points.normal[j, 0], points.normal[j, 1] = 0.0, 0.0
-        points.of_points[j, MEAN], points.of_points[j, LEAST] = 0.0, np.inf
-        points.of_points[j, COSINE], points.of_points[j, CROWDED] = 1.0, 0.0
+        points.of_points[j, MEAN], points.of_points[j, LEAST], points.of_points[j, CROWDED] = 0.0, np.inf, 0.0
     for e in range(surfaces.area.size):
         cut(surfaces, points, e, edges_over(surfaces, points, e))
         cover(surfaces, points, e)
@@ -53,8 +51,7 @@ def renew(surfaces: FacingSurfaces, points: RenewedPoints) -> None:
         if points.area[j] > 0.0:
             for k in range(points.meets[j]):
                 points.share[j, k] /= points.area[j]
-            mean, least = points.of_points[j, MEAN] / points.area[j], points.of_points[j, LEAST]
-            points.gap[j] = least if points.of_points[j, COSINE] < SHARP else max(mean, least)
+            points.gap[j] = max(points.of_points[j, MEAN] / points.area[j], points.of_points[j, LEAST])
             if points.of_points[j, CROWDED] == 1.0:
                 points.gap[j] = np.nan
 
@@ -132,7 +129,7 @@ def cover(surfaces: FacingSurfaces, points: RenewedPoints, e: int) -> None:
     for k in range(int(kept[-1, PIECES])):
         length, off = kept[k, STOP] - kept[k, START], 0.5 * (kept[k, START] + kept[k, STOP]) - centre
         spread += length * (off * off + length * length / 12.0) / whole
-    kept[-1, AREA], kept[-1, CENTRE], kept[-1, SPREAD] = surfaces.area[e] * whole, centre, spread
+    kept[-1, CENTRE], kept[-1, SPREAD] = centre, spread
     points.area[first] += surfaces.area[e] * whole * (1.0 - centre)
     points.area[second] += surfaces.area[e] * whole * centre
 
@@ -157,27 +154,10 @@ def meet(surfaces: FacingSurfaces, points: RenewedPoints, e: int, k: int) -> Non
         mean = dual * 0.5 * (at_start + at_stop) + slope * (at_stop - at_start) * length / 12.0
         points.of_points[j, MEAN] += area * mean
         points.of_points[j, LEAST] = min(points.of_points[j, LEAST], at_start, at_stop)
-        if min(at_start, at_stop) < points.of_points[j, LEAST]:
-            points.of_points[j, COSINE] = cosine_at(surfaces, points, e, k, at_start < at_stop)
         rise = 1.0 / (ends - begins)
         far = dual * (middle - begins) * rise + slope * rise * length * length / 12.0
         add_share(points, j, surfaces.second[f, 0], area * (dual - far))
         add_share(points, j, surfaces.second[f, 1], area * far)
-
-
-def cosine_at(surfaces: FacingSurfaces, points: RenewedPoints, e: int, k: int, at_start: bool) -> float:
-    """Return the cosine of the angle between the edges that meet over an end of a piece, 1 where one edge goes on."""
-    kept, other = points.of_facets[e], k - 1 if at_start else k + 1
-    if other < 0 or other >= kept[-1, PIECES]:
-        return 1.0
-    apart = kept[k, START] - kept[other, STOP] if at_start else kept[other, START] - kept[k, STOP]
-    if apart > 0.0:
-        return 1.0
-    one, next_one = surfaces.second[over(kept, k)], surfaces.second[over(kept, other)]
-    cosine = 0.0
-    for d in range(2):
-        cosine += outward(surfaces.at, one, d) * outward(surfaces.at, next_one, d)
-    return cosine
 
 
 def over(kept: Floats, k: int) -> int:

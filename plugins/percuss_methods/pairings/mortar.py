@@ -10,11 +10,13 @@ import numpy as np
 from percuss import PairedPoints, Pairing, Wall
 from percuss_methods.pairings._closest import AT_AN_END
 from percuss_methods.pairings._covered import between, covered
-from percuss_methods.pairings._edges_that_move import SHARP, renew
+from percuss_methods.pairings._edges_that_move import renew
 from percuss_methods.pairings.node_to_segment import NodeToSegment
 
 if TYPE_CHECKING:
     from percuss import Surface
+
+SHARP = 0.5**0.5  # cosine of the angle between the mean normal and that of a facet beyond which they make an edge
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,8 @@ class Mortar(Pairing):
     The nodes of the second surface may have negative shares in a gap. At a wall the points are nodes.
 
     In two dimensions surfaces may slide far: each step cuts the edges anew. Edges that are turned by more than 60
-    degrees from facing each other then do not meet, and a gap is the least one only where that is at a corner of the
-    second surface, between edges turned by more than 45 degrees from each other.
+    degrees from facing each other then do not meet, and a gap is the mean, or the least one where that is larger. So a
+    corner of the second surface, both sides of which are in it, closes late by a part of a facet of the first one.
     """
 
     name = "mortar"

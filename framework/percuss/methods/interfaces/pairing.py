@@ -251,7 +251,7 @@ class RenewedPoints(NamedTuple):
         Number of nodes of the second surface that it meets.
     node, share : (P, most) arrays
         These, as rows of `FacingSurfaces.at`, and what each of them has in the motion of the gap: together 1.
-    of_facets, of_points : (F, 2 most + 2, 6), (P, 4) arrays
+    of_facets, of_points : (F, 2 most + 2, 6), (P, 3) arrays
         Room for what the kernel keeps of facets of the first surface, and of points, while it works.
     """
 
