@@ -164,7 +164,8 @@ class Frictions(Part[History]):
                 slots = {renew: type(friction).renew}  # type: ignore[attr-defined]
                 yield Action(AFTER_CONTACT, renew_states, group, slots, order=1, **about)
         yield Action(AFTER_CONTACT, push_along, rows)
-        yield Action(AFTER_CONTACT, push_nodes, rows, order=1)
+        if rows.moving.size or rows.held.size:
+            yield Action(AFTER_CONTACT, push_nodes, rows, order=1)
         yield Action(BEFORE_ACCOUNT, account_for, rows)
         yield Action(RECORD, record, self.data)
         if self.data.traction.size:
@@ -208,13 +209,9 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     constraints = [model.loads.constraints[k] for k in model.active_constraints(setting.midpoint)]
     tangents = empty_records(count, TANGENT)
     tangents["point"], tangents["number"] = np.argsort(order)[where], where
-    for name, values in (
-        ("compliance", "compliance"),
-        ("sigma", "compliance"),
-        ("response", "response"),
-        ("predicted", "predicted"),
-    ):
-        tangents[name] = np.concatenate([np.zeros(0), *(getattr(one, values) for one in bound)])
+    for name in ("compliance", "response", "predicted"):
+        tangents[name] = np.concatenate([np.zeros(0), *(getattr(one, name) for one in bound)])
+    tangents["sigma"] = tangents["compliance"]
     tangents["moves"] = points.slides[where]
     tangents["width"] = points.count[where]
     most = int(points.count[where].max(initial=0))
