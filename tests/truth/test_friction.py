@@ -367,6 +367,27 @@ def test_two_frictions_in_one_case_and_supports_that_react():
     assert_same(compiled, plain, within=1e-12)
 
 
+@pytest.mark.parametrize("factor", [-0.1, np.nan])
+def test_a_bound_that_is_none_ends_the_run(factor):
+    @dataclass(frozen=True)
+    class Wrong(percuss.Friction):
+        """A friction whose bound is negative, or no number."""
+
+        name = "wrong"
+        summary = "for a test"
+
+        def bind(self, points, dt):
+            return (factor,)
+
+        @staticmethod
+        def bound(data, point, force, rate, before):
+            return data[0] * force
+
+    case = thrown_disk(CD, "lagrange", "mortar", "wrong", 5.0)
+    with pytest.raises(percuss.PluginError, match=r"ValueError: the largest force .* negative, or no number"):
+        percuss.run(percuss.load(case, registry=with_methods(Wrong)), compiled=False)
+
+
 def test_a_fault_of_a_bound_is_told_at_its_line():
     """The step is repeated in plain Python, where turns and sweeps of the points are no kernels of a law."""
 

@@ -399,6 +399,17 @@ def test_accounts_close_in_space(pairing, law, cells):
 
 
 @pytest.mark.parametrize("pairing", ["node-to-segment", "mortar"])
+def test_the_bound_of_the_energy_is_that_of_the_last_record(pairing):
+    """Whose energies are those half a step behind the last one."""
+    case = percuss.load(dragged(2, None, "lagrange", pairing), {"time.end": 0.4})
+    model = model_of(case)
+    grown = np.diff(March(model).run().histories["renewal"].sum(axis=1)) > 0.0
+    last = int(np.flatnonzero(grown)[-2]) + 1  # a step that has a term
+    books = March(model_of(case.with_overrides({"time.end": last * model.dt}))).run().histories
+    assert books["renewal_so_far"].tolist() == books["renewal"][-1].tolist() != books["renewal"][-2].tolist()
+
+
+@pytest.mark.parametrize("pairing", ["node-to-segment", "mortar"])
 def test_a_run_goes_on_bit_for_bit_and_in_plain_python(pairing):
     """State that a killed run would have saved is all that it needs; plain Python differs by round-off."""
     case = percuss.load(dragged(2, None, "lagrange", pairing), {"time.end": 0.4})
@@ -533,6 +544,43 @@ def test_a_corner_that_falls_on_a_face_closes_when_it_reaches_it(order):
     assert result.summary["contacts"]["hit"]["first_closed"] == pytest.approx(
         corners.GAP / corners.SPEED, abs=result.summary["dt"]
     )
+
+
+SQUARE = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$Nodes
+4
+1 0 0 0
+2 1 1 0
+3 0 2 0
+4 -1 1 0
+$EndNodes
+$Elements
+1
+1 3 2 0 1 1 2 3 4
+$EndElements
+"""
+
+
+@pytest.mark.parametrize(("angle", "between", "told"), [(0, 0, 0), (0, 1, 1), (20, 1, 1), (44, 1, 0)])
+def test_a_corner_that_mortar_may_see_late_is_told(tmp_path, angle, between, told):
+    """Both of its sides are in the second surface, and point at the first one."""
+    (tmp_path / "square.msh").write_text(SQUARE, encoding="utf-8")
+    bodies = {
+        "floor": {"block": {"size": [4.0, 0.5], "elements": [8, 2]}, "at": [-1.8, -0.7]},
+        "square": {"mesh": {"file": str(tmp_path / "square.msh")}, "angle": angle, "velocity": [0.0, -0.1]},
+    }
+    case = {
+        "percuss": 1,
+        "bodies": {name: body | {"material": SOLID} for name, body in bodies.items()},
+        "contacts": {"seam": {"between": ["square.skin", "floor.top"][:: 1 - 2 * between], "sliding": "large"}},
+        "method": {"contact": "lagrange", "pairing": "mortar"},
+        "time": {"end": 0.1, "courant": 0.5},
+    }
+    notes = [note for note in ran(case).summary["notes"] if "may close late there" in note]
+    assert len(notes) == told
+    assert all("the corner of square.skin at [0, 0] points at floor.top" in note for note in notes) or angle
 
 
 @pytest.mark.parametrize(("dim", "pairing"), [(2, "node-to-segment"), (3, "node-to-segment"), (2, "mortar")])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from percuss.mesh.bodies import Bodies
     from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats, Surface
+
+SHARP = 0.75  # cosine of the least turn of a corner, of 41 degrees
+LEADS_AWAY = 0.1  # least sine of the angle at which a facet leads away
 
 
 def slides(spec: ContactSpec) -> bool:
@@ -83,6 +86,37 @@ def points_at_nodes(found: PairedPoints, first: Surface, second: Surface) -> Pai
         gap, area, normal, np.stack([facet, other], axis=1), np.arange(facet.size + 1) * (room + 1), node.ravel(),
         (shares[..., None] * normal[:, None]).reshape(-1, normal.shape[1]),
     )  # fmt: skip
+
+
+def late_corners(case: Case, bodies: Mapping[str, Body]) -> Iterator[str]:
+    """Yield a note on each contact whose second surface comes with a corner that the first one may see late.
+
+    Its points see means over facets, so that a corner closes as late as the middle of a facet lies behind it. At the
+    end of a region the points see half a facet alone, and the corner in time.
+    """
+    for name, spec in sliding(case).items():
+        first, second = surfaces_of(spec, bodies)
+        if renews(spec, first.positions.shape[1]) and (corner := _corner_that_points(first, second)) is not None:
+            at = ", ".join(f"{x:.6g}" for x in second.positions[corner])
+            yield (
+                f"the corner of {spec.sides[1]} at [{at}] points at {spec.sides[0]}, whose points see means over "
+                f"facets: contact '{name}' may close late there, by a part of a facet. Name {spec.sides[1]} first"
+            )
+
+
+def _corner_that_points(first: Surface, second: Surface) -> int | None:
+    """Return the node of a second surface nearest to a first one if its two edges turn and lead away from there."""
+    facet, share = first.nearest(second.positions)
+    out = first.outward(facet, share)
+    there = np.einsum("pa,pad->pd", share, first.positions[first.facets[facet]])
+    distance = np.vecdot(second.positions - there, out) / np.linalg.norm(out, axis=1)
+    nearest = int(np.abs(distance).argmin())
+    beside = np.flatnonzero((second.facets == nearest).any(axis=1))
+    if beside.size < 2 or second.normals[beside[0]] @ second.normals[beside[1]] > SHARP:
+        return None
+    ends = second.facets[beside][second.facets[beside] != nearest]
+    away = np.linalg.norm(second.positions[ends] - second.positions[nearest], axis=1)
+    return nearest if (distance[ends] - distance[nearest] > LEADS_AWAY * away).all() else None
 
 
 def half_size(surface: Surface) -> float:

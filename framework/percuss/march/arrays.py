@@ -269,6 +269,10 @@ class Arrays:
         """Return copies of what the parts have summed up over the steps so far, by name."""
         return {name: array.copy() for part in self.parts for name, array in part.sums().items()}
 
+    def sums_of_records(self) -> dict[str, Floats]:
+        """Return what the parts have summed up until the last record, by name."""
+        return {name: array for part in self.parts for name, array in part.sums_of_records().items()}
+
     def histories(self) -> dict[str, Floats]:
         """Return the histories that the parts record, by name."""
         return {name: array for part in self.parts for name, array in part.results().items()}

@@ -241,6 +241,7 @@ class March:
                 state = self.arrays.step.points.state[self._case_order]
                 outcome.multipliers = np.array(state["multiplier"])
                 outcome.sums["deepest"] = np.fmax(outcome.sums["deepest"], -state["gap"])
+            outcome.histories |= self.arrays.sums_of_records()
         every = self.arrays.record.every
         if outcome.status == "done":
             outcome.records = self.arrays.time.size

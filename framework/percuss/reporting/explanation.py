@@ -17,7 +17,7 @@ from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.frictions import frictional, stick_in_words
 from percuss.contact.laws import parameters, points_of_law
 from percuss.contact.pairs import unlike_sides
-from percuss.contact.sliding import slides
+from percuss.contact.sliding import late_corners, slides
 from percuss.jsonable import Data, Entries, plain
 from percuss.march.estimate import bytes_of_run, seconds_of_steps
 from percuss.march.recording import recordable
@@ -73,6 +73,7 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
         "notes": [
             *case.notes,
             *unlike_sides(case, model.bodies),
+            *late_corners(case, model.bodies),
             *verdict["ignores"],
             *expected_meetings(model),
             *slow_step(model, verdict),

@@ -12,6 +12,7 @@ from percuss.certificate.verdict import Certificate
 from percuss.contact.laws import ignored_couplings
 from percuss.contact.model import Model
 from percuss.contact.pairs import unlike_sides
+from percuss.contact.sliding import late_corners
 from percuss.jit import Stopwatch
 from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
@@ -90,6 +91,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     notes = [
         *model.case.notes,
         *unlike_sides(model.case, model.bodies),
+        *late_corners(model.case, model.bodies),
         *_warnings(march, outcome, certificate, energy),
         *doubts(march, outcome, arrays),
         *slow_step(model, certificate),

@@ -113,6 +113,10 @@ class Part(Generic[Data]):
         """Return what the part has summed up over the steps so far, by name."""
         return {}
 
+    def sums_of_records(self) -> Mapping[str, Floats]:
+        """Return what the part has summed up until its last record, by name: with the step behind the last one."""
+        return {}
+
     def results(self) -> Mapping[str, Floats]:
         """Return the histories that the part records, by name."""
         return {}

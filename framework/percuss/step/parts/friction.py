@@ -455,6 +455,8 @@ def sweep(group: Group, n: int, u: Floats, v: Floats, a: Floats) -> None:
         force, limit = rows.points.state[i].multiplier, 0.0
         if force > 0.0:
             limit = bound_of(group.friction, j, force, rows.tangents[t].rate, group.before[j])
+            if not limit >= 0.0:
+                raise ValueError("the largest force of a point along the surfaces is negative, or no number")
         stick_or_slide(rows, t, limit)
         push_point(rows, t)
 

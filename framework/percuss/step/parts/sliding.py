@@ -143,7 +143,7 @@ class Sliding(Part[Slides]):
         found = [partners.candidates, partners.candidate_count, partners.partner, data.made, data.allowed]
         return [*found, data.offset, data.last, data.before, data.books, data.points.normal]
 
-    def sums(self) -> Mapping[str, Floats]:
+    def sums_of_records(self) -> Mapping[str, Floats]:
         """Return what each contact has summed up."""
         return {str(name): np.asarray(self.data.books[name], dtype=float) for name in BOOKS.names or ()}
 
