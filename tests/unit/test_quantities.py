@@ -47,6 +47,7 @@ def of_blocks():
     asked = {"quantity": "certificate.courant_critical", "value": 1, "within": 1, "source": "exact"}
     changes |= {
         "bodies.long.material.poisson": 0.3,
+        "bodies.long.damping": {"mass": 0.1},
         "method.friction.name": "coulomb",
         "method.friction.mu": 0.1,
         "expect": [asked],
@@ -57,7 +58,7 @@ def of_blocks():
 # No result of bars with an exact solution has them.
 OF_BLOCKS = ("hourglass_energy", "von_mises", "contact_pressure", "contact_area", "contact_force_finer", "gap_finer")
 OF_BLOCKS += ("point_traction", "point_slip", "point_status", "contact_force_vector", "contact_slip", "sticking_area")
-OF_BLOCKS += ("sliding_area", "friction_work", "friction_stored", "friction_dissipated")
+OF_BLOCKS += ("damped_energy", "sliding_area", "friction_work", "friction_stored", "friction_dissipated")
 OF_OTHER_BODIES = ("internal_work", "dissipated_energy")  # no result with linear bodies has them
 
 

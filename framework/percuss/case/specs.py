@@ -207,6 +207,15 @@ class Roller(Section):
 
 
 @dataclass(frozen=True)
+class DampingSpec(Section):
+    """The damping of a body: ``{mass: 0.05}``."""
+
+    kind: ClassVar[str] = "the damping"
+
+    mass: Annotated[float, Ge(0), Unit("1/time"), Doc("force on each node against its velocity, over its momentum")]
+
+
+@dataclass(frozen=True)
 class BodySpec(Section):
     """A body; one key is the name of its shape, as ``bar: {length: 10, elements: 100}``.
 
@@ -244,6 +253,9 @@ class BodySpec(Section):
         Unit("1/time"),
         Doc("initial angular velocity about the centre of mass: a number in two dimensions, else a vector"),
     ] = 0.0
+    damping: (
+        Annotated[DampingSpec, Doc("damping in proportion to the mass, of nodes that nothing holds or drives")] | None
+    ) = None
     fixed: Annotated[
         tuple[Annotated[str | Roller, Expects("an end, or a mapping as {on: right, along: x}")], ...],
         Expects("a list of ends, as [right]"),

@@ -89,6 +89,20 @@ class Model:
         """Courant number of the element with the highest frequency omega, ``omega dt / 2``: c dt/h of a bar."""
         return 0.5 * self.dt * self.bodies.omega
 
+    @cached_property
+    def slowing(self) -> Floats:
+        """By what the damping of its body raises the inertia of each node, 1 + alpha dt/2, (nodes,).
+
+        It is 1 at nodes that supports and drives move, and at ends on which forces depend on the motion.
+        """
+        slowing = np.ones(self.bodies.n_nodes)
+        for body in self.bodies.values():
+            if body.spec.damping is not None:
+                slowing[body.start : body.stop] += 0.5 * self.dt * body.spec.damping.mass
+        slowing[[constraint.node for constraint in self.whole.loads.constraints]] = 1.0
+        slowing[[force.node for force in self.facts.forces]] = 1.0
+        return slowing
+
     @property
     def multistage(self) -> bool:
         """Whether the integrator is a multi-stage scheme; if not, it is a leap-frog scheme."""
@@ -162,6 +176,13 @@ class Model:
     def rows_at(self, midpoint: float) -> Rows:
         """Return the rows of N and S for the supports and drives that act in the step around `midpoint`."""
         return self.rows[self.active_constraints(midpoint)]
+
+    def rows_of_step(self, midpoint: float) -> Rows:
+        """Return the rows of N, and S by the inertia that forces meet in the step around `midpoint`."""
+        if (self.slowing == 1.0).all():
+            return self.rows_at(midpoint)
+        constraints = [self.loads.constraints[k] for k in self.active_constraints(midpoint)]
+        return rows_of(self.contact_points, self.bodies, constraints, self.dt, self.slowing)
 
     @cached_property
     def delassus(self) -> Any:

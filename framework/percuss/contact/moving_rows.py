@@ -94,7 +94,7 @@ def mobilities(model: Model, place: Mapping[int, int], midpoint: float) -> Float
     """
     nodes = list(place)
     acting = (model.loads.constraints[k] for k in model.active_constraints(midpoint))
-    mass = model.bodies.mass[nodes][:, None, None]
+    mass = (model.bodies.mass * model.slowing)[nodes][:, None, None]
     found: Floats = np.eye(model.dim) * np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
     number = {node: k for k, node in enumerate(nodes)}
     for node, directions in directions_at_nodes(acting).items():

@@ -208,15 +208,20 @@ class Rows(NamedTuple):
         )  # fmt: skip
 
 
-def rows_of(points: PointArrays, bodies: Bodies, constraints: Iterable[Constraint], dt: float) -> Rows:
-    """Return the rows of contact points while some supports and drives act."""
+def rows_of(
+    points: PointArrays, bodies: Bodies, constraints: Iterable[Constraint], dt: float, slowing: Floats | None = None
+) -> Rows:
+    """Return the rows of contact points while some supports and drives act.
+
+    `slowing` is what the inertia of each node is over its mass, (nodes,); 1 where it is None.
+    """
     free, directions = points.value.copy(), directions_at_nodes(constraints)
     # A force moves its node along no direction in which a constraint holds it.
     for k in np.flatnonzero(np.isin(points.node, list(directions))):
         for direction in directions[int(points.node[k])]:
             free[k] -= (direction @ free[k]) * direction
     node, normal, beside, point = points.node, points.value, np.full(points.node.size, -1), points.point
-    mass = bodies.mass[node][:, None]
+    mass = (bodies.mass if slowing is None else bodies.mass * slowing)[node][:, None]
     response = np.divide(free, mass, out=np.zeros_like(free), where=mass > 0.0)
     for k in np.flatnonzero(mass == 0.0):
         body, end = bodies.at(int(node[k])), int(node[k])

@@ -74,8 +74,10 @@ def prisms_of(model: Model) -> dict[str, Prism]:
     Raises
     ------
     NotARowOfPrisms
-        If a solid is no prism.
+        If a solid is no prism, or a body is damped.
     """
+    if damped := [body.name for body in model.bodies.values() if body.spec.damping is not None]:
+        raise NotARowOfPrisms(f"body '{damped[0]}' is damped")
     if model.bodies.of_lines:
         return {body.name: _bar(body) for body in model.bodies.values()}
     axis = _axis(model)

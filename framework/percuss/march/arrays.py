@@ -152,7 +152,7 @@ class Arrays:
 
     def _points(self, midpoint: float) -> tuple[Rows, Points]:
         """Return the rows and the records of the contact points in the order of the loop."""
-        rows = self.model.rows_at(midpoint).permuted(self.order)
+        rows = self.model.rows_of_step(midpoint).permuted(self.order)
         laws = self.law_records
         if inactive := self.model.inactive_points(midpoint):
             laws = laws.copy()
@@ -161,7 +161,7 @@ class Arrays:
 
     def _loads(self, constraints: Sequence[tuple[int, Any]], rows: Rows, midpoint: float) -> Loads:
         """Return supports and loads with the constraints of a stretch, whose reactions start at zero."""
-        model, dim = self.model, self.model.dim
+        model, dim, slowing = self.model, self.model.dim, self.model.slowing
         first = 0 if model.multistage else self.columns  # column of the first prescribed velocity
         held = [
             (self.place[support.node], i * dim, model.bodies.mass_held(support.node), first + support.column, 0.0, 0.0)
@@ -175,7 +175,7 @@ class Arrays:
             for k in np.flatnonzero((rows.node == constraint.node) & stays[point])
         ]
         forces = [
-            (self.place[force.node], i * dim, model.bodies.mobility(force.node), force.column)
+            (self.place[force.node], i * dim, model.bodies.mobility(force.node) / slowing[force.node], force.column)
             for i, force in enumerate(model.loads.nodal_forces, start=len(constraints))
         ]
         axes = [

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from percuss.contact import frictions, moving_rows
 from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
-from percuss.step.parts import coupled_masses, ends_without_mass, followers, friction, own_steps, viscosity
+from percuss.step.parts import coupled_masses, damping, ends_without_mass, followers, friction, own_steps, viscosity
 from percuss.step.parts import sliding as slides
 from percuss.step.parts.internal_work import InternalWork
 from percuss.step.parts.of_surfaces import SurfacesRecorded
@@ -26,6 +26,7 @@ PARTS: tuple[type[Part[Any]], ...] = (
     ends_without_mass.EndsWithoutMass,
     InternalWork,
     viscosity.Viscosity,
+    damping.Damping,
     own_steps.OwnSteps,
     slides.Sliding,
     friction.Frictions,
@@ -37,6 +38,7 @@ PARTS: tuple[type[Part[Any]], ...] = (
 # one counts.
 FEATURES: tuple[Callable[[Model], Feature | None], ...] = (
     viscosity.feature,
+    damping.feature,
     own_steps.feature,
     coupled_masses.feature,
     ends_without_mass.feature,
@@ -45,7 +47,7 @@ FEATURES: tuple[Callable[[Model], Feature | None], ...] = (
     slides.feature,
 )
 # What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
-BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals)
+BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals, damping.refusals)
 WITH_LAWS = (ends_without_mass.refusals, laws_refused, moving_rows.refusals, frictions.refusals)
 
 

@@ -24,11 +24,12 @@ def initial_velocity(model: Model) -> Floats:
 
 
 def starting_velocity(model: Model) -> Floats:
-    """Return v_{-1/2} = v_0 - dt/2 M^-1 f_ext(0), (nodes, dim), without contact forces.
+    """Return v_{-1/2} = v_0 - dt/2 M^-1 f_ext(0), (nodes, dim), without contact forces; f_ext has those of damping.
 
     With this starting velocity the scheme is of second order.
     """
     velocity = initial_velocity(model)
+    velocity *= model.slowing[:, None]
     before = velocity.copy()
     for force in model.loads.on_nodes:
         impulse = force.impulse_at_start(_impulse_before_start(force.load, model.dt), velocity[force.node])

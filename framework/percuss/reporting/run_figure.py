@@ -131,6 +131,8 @@ def _energies(axes: Axes, result: Result) -> None:
     if "friction_work" in arrays:
         friction = arrays["friction_work"].sum(axis=1)
         lines.append((heads["friction_work"], friction, "#CC79A7", (0, (3, 1.2)), 1.5))
+    if "damped_energy" in arrays:
+        lines.append((heads["damped_energy"], arrays["damped_energy"], "#56B4E9", (0, (5, 1, 1, 1)), 1.5))
     entries: Entries = {}
     for label, values, colour, dash, width in lines:
         style: Entries = {"color": colour, "linestyle": dash, "linewidth": width, "zorder": 1.9 if width > 2 else 2}

@@ -72,7 +72,8 @@ def run_verdict(result: Result, next_command: str) -> Iterator[str]:
     grown = kept - 1.0 if kept is not None and not summary["energy_growth"]["kept"] else 0.0
     if kept is not None and grown <= GROWN:
         changed = f"{'lost' if kept < 1.0 else 'added'} {percent(abs(kept - 1.0), 2)} of"
-        yield f"Contacts, scheme and materials {changed if abs(kept - 1.0) > ROUND_OFF else 'kept'} the energy put in."
+        damped = ", materials and damping" if "damped" in summary["energy"] else " and materials"
+        yield f"Contacts, scheme{damped} {changed if abs(kept - 1.0) > ROUND_OFF else 'kept'} the energy put in."
     if summary["fragile"] is not None:
         what = "contact force" if summary["contacts"] else "motion"
         sensitivity = "depends on round-off: a change of 1e-10 % in one area changes it"

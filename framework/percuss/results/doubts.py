@@ -41,6 +41,7 @@ SLENDER = 5.0  # length over thickness of a body that is expected to bend
 MOST_TOO_STIFF = 0.1  # in bending
 SAME_LINE = 1e-6  # of the direction and of the length of a bar, to which two bars are on one line
 NOT_DECLARED = "no contact is declared between them"
+STOPS = 2.0  # damping times the step from which on a free node turns back
 TOLD = 1e-3  # of a facet: a node that lies deeper inside another body is told
 APART = 1e-2  # of a facet: a larger distance of surfaces that press is told; means over facets err by less
 OF_THE_START = (
@@ -59,6 +60,11 @@ def doubts(march: March, outcome: Outcome, arrays: Entries) -> Iterator[str]:
     for body in model.bodies.values():
         turn = turned_by(body, moved[body.start : body.stop]) if body.of_small_strains else 0.0
         yield from doubts_about(body, turn)
+        if body.spec.damping is not None and (strength := body.spec.damping.mass * model.dt) > STOPS:
+            yield (
+                f"a node of body '{body.name}' that nothing pushes turns back in each step: its damping times the step "
+                f"is {strength:.3g}, {STOPS:g} at most is right. Take a shorter step"
+            )
     if model.bodies.of_lines:
         yield from _seen_of_bars(march, outcome, arrays)
     elif outcome.status != "unstable":

@@ -28,6 +28,7 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.certificate.closed_laws import BETWEEN, BOUNDED, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
+from percuss.contact.model import Model
 from percuss.contact.moving_rows import complementary, share_of_limit
 from percuss.contact.points import BY_CURRENT, BY_END, TOUCHING
 from percuss.contact.sliding import slides
@@ -76,8 +77,8 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
     dict
         ``kinetic_energy``, ``elastic_energy``, ``external_work``, ``contact_work``, ``contact_energy`` (stored
         in closed contacts), where a body is not linear ``internal_work``, where a material dissipates
-        ``dissipated_energy``, and where an element has hourglass points ``hourglass_energy`` [energy]; and over the
-        largest energy so far ``energy_error``, the closure error, and
+        ``dissipated_energy``, where a body is damped ``damped_energy``, and where an element has hourglass points
+        ``hourglass_energy`` [energy]; and over the largest energy so far ``energy_error``, the closure error, and
         ``energy_growth``, the growth of contact work plus contact energy since the first step; (records,) each, at
         t_{n+1/2}.
     """
@@ -87,18 +88,22 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
     sums_internal_work, energy_before = march.model.sums_internal_work, outcome.totals.energy_before
     in_bodies = internal if sums_internal_work else elastic
     before = outcome.kinetic_before if sums_internal_work else energy_before
+    bodies = {"internal_work": internal} if sums_internal_work else {}
     closure = kinetic + in_bodies - before - external - contact
     works = [kinetic, elastic, external, contact]
     if friction := of_friction(outcome):
         works.append(friction["friction_work"].sum(axis=1))
         closure -= works[-1]
+    if "damped_energy" in outcome.histories:
+        works.append(outcome.histories["damped_energy"][: outcome.records])
+        closure += works[-1]
+        bodies["damped_energy"] = works[-1]
     sizes = np.max(np.abs(works), axis=0, initial=abs(energy_before))
     # Where all forces balance, nothing moves and the energies are round-off: the scale is then the energy that a force
     # would bring by itself.
     step_energy = outcome.totals.step_energy
     largest = np.maximum(np.maximum.accumulate(sizes), step_energy) if sizes.size else sizes
     growth = contact + stored - (contact + stored)[:1]
-    bodies = {"internal_work": internal} if sums_internal_work else {}
     if march.model.facts.dissipates:
         # What the work of the internal forces has not stored in linear bodies.
         bodies["dissipated_energy"] = internal - (elastic - (energy_before - outcome.kinetic_before))
@@ -205,6 +210,8 @@ def energy_summary(
         "ledger_allowed": allowed if judged else None,
         "ledger_closed": bool(error <= allowed and agree) if judged else None,
     }
+    if "damped_energy" in last:
+        summary["damped"] = last["damped_energy"]
     if (renewal := outcome.histories.get("renewal_so_far")) is not None:
         summary["renewal"] = float(renewal.sum()) if complementary(march.model) else None
     return summary
@@ -252,10 +259,10 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
         walls -= outcome.sums.impulse[p] * model.contact_points.normal[p]
     if (along := outcome.histories.get("friction_impulse")) is not None:
         walls -= along[model.contact_points.at_wall].sum(axis=0)
-    loads = outcome.load_impulse[:dim]
-    closure = after - before - loads - supports - walls
+    loads, damping = outcome.load_impulse[:dim], _damping_impulses(march, outcome).sum(axis=0)
+    closure = after - before - loads - supports - walls - damping
     if model.bodies.about_axis:  # across the axis the momentum of a ring is 0, and its hoop forces balance
-        closure[0] = before[0] = after[0] = supports[0] = walls[0] = 0.0
+        closure[0] = before[0] = after[0] = supports[0] = walls[0] = damping[0] = 0.0
     # The magnitudes are summed, as the reactions at the two ends of a stretched bar are large and cancel.
     support_impulse = model.dt * float(np.abs(outcome.reactions).sum())
     scale = max(
@@ -268,7 +275,21 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
         float(np.sqrt(2.0 * float(model.bodies.mass.sum()) * largest_energy)),
     )
     impulses = {"loads": loads, "supports": supports, "walls": walls}
-    return _balance(before, after, impulses, closure, scale, outcome)
+    return _balance(before, after, impulses | _by_damping(model, damping), closure, scale, outcome)
+
+
+def _damping_impulses(march: March, outcome: Outcome) -> Floats:
+    """Return the impulse of damping on each node over the run, (nodes, dim): -alpha m times its way in the mean."""
+    model, dim = march.model, march.dim
+    half_step_apart = 0.5 * model.dt * (outcome.final_velocity - outcome.starting_velocity)
+    way = (outcome.final_displacement - half_step_apart).reshape(-1, dim)
+    impulses: Floats = -(2.0 / model.dt * (model.slowing - 1.0) * model.bodies.mass)[:, None] * way
+    return impulses
+
+
+def _by_damping(model: Model, impulse: Floats) -> dict[str, Floats]:
+    """Return the impulse of damping by its name; nothing where no body is damped."""
+    return {"damping": impulse} if (model.slowing > 1.0).any() else {}
 
 
 def supports_summary(march: March, outcome: Outcome) -> SupportEntries:
@@ -315,11 +336,12 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
             pressed = np.concatenate([pressed, bodies.with_moment(bodies.nodes[nodes], pushes)[:, dim:]])
     before, after, supports, contacts = (moments.sum(axis=0) for moments in (*momenta, held, pressed))
     loads = outcome.load_impulse[dim:]
+    damping = bodies.with_moment(bodies.nodes, _damping_impulses(march, outcome))[:, dim:].sum(axis=0)
     inertia = float(bodies.mass @ ((bodies.nodes - bodies.centre) ** 2).sum(axis=1))
     sums = [float(np.abs(moments).sum()) for moments in (*momenta, held, pressed, loads)]
     scale = max(*sums, math.sqrt(2.0 * inertia * largest_energy))
-    closure = after - before - loads - supports - contacts
-    impulses = {"loads": loads, "supports": supports, "contacts": contacts}
+    closure = after - before - loads - supports - contacts - damping
+    impulses = {"loads": loads, "supports": supports, "contacts": contacts} | _by_damping(model, damping)
     return _balance(before, after, impulses, closure, scale, outcome)
 
 

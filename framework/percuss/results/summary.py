@@ -86,6 +86,7 @@ class EnergySummary(TypedDict):
     contact_work_max: float
     internal_work: float | None
     dissipated: float | None
+    damped: NotRequired[float]
     bodies_error: float | None
     ledger_error: float
     ledger_allowed: float | None
@@ -123,6 +124,7 @@ class MomentumSummary(TypedDict):
     impulse_of_supports: list[float]
     impulse_of_walls: NotRequired[list[float]]
     impulse_of_contacts: NotRequired[list[float]]
+    impulse_of_damping: NotRequired[list[float]]
     error: float
     balanced: bool | None
 
