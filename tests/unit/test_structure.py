@@ -157,7 +157,19 @@ def resolves(parts):
 MAY_NAME_METHODS = {"percuss.case.defaults": None, "percuss.studies.tasks": {"TIED"}}
 # Names of methods and options that are words of the framework too.
 COMMON = {
-    *("alpha", "beta", "columns", "constant", "direction", "during", "elastic", "elements", "file", "frequency"),
+    *(
+        "alpha",
+        "beta",
+        "columns",
+        "constant",
+        "damping",
+        "direction",
+        "during",
+        "elastic",
+        "elements",
+        "file",
+        "frequency",
+    ),
     *("gamma", "initial", "length", "mean", "order", "p", "peak", "pressure", "ramp", "scale", "stiffness", "table"),
     *("mesh", "part", "size", "theta", "time", "value", "none"),
 }
