@@ -122,6 +122,7 @@ def solid(size, cells, **more):
 PUSH = {"ramp": {"value": 1e-3, "duration": 1.0}, "on": "left.left", "direction": [1.0, 0.0]}
 ALONG = {"ramp": {"value": 3e-2, "duration": 1.0}, "on": "left.left", "direction": [0.0, 1.0]}
 DECAY = {"name": "exponential-decay", "mu_static": 0.4, "mu_kinetic": 0.1, "decay": 9.0, "stiffness": 3.0}
+ROUND = {"circle": {"centre": [-1.02, 0.5], "radius": 1.0}, "moving": "tool"}
 SOLIDS = {
     "quad4": solid([1.0, 1.0], "quad4", loads={"push": PUSH}),
     "tri3 by Gauss points": solid([1.0, 1.0], "tri3", method={"pairing": "gauss-points", "contact": "penalty"}),
@@ -134,6 +135,13 @@ SOLIDS = {
         loads={"along": ALONG},
         contacts={"seam": SEAM | {"sliding": "large"}},
         method={"contact": "regularised-lagrange", "friction": DECAY, "pairing": "gauss-points"},
+    ),
+    "quad4 at a wall that moves": solid(
+        [1.0, 1.0],
+        "quad4",
+        loads={"tool": {"ramp": {"value": 0.3, "duration": 1.0}, "as": "velocity", "direction": [1.0, 0.2]}},
+        contacts={"seam": SEAM, "die": {"body": "left.left", "wall": ROUND}},
+        method={"contact": "regularised-lagrange", "friction": DECAY},
     ),
     "hex8": solid([1.0, 1.0, 1.0], "hex8", method={"contact": "hunt-crossley"}),
     "tet4 in stages": solid([1.0, 1.0, 1.0], "tet4", method={"integrator": "noh-bathe", "contact": "penalty"}),

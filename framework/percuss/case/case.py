@@ -102,9 +102,9 @@ class Case(CaseSection):
 
     @property
     def supports(self) -> list[str]:
-        """Names of the regions that are held and of the loads that prescribe a velocity."""
+        """Names of the regions that are held and of the loads that prescribe a velocity of bodies."""
         held = (f"{name}.{region}" for name, body in self.bodies.items() for region, _ in body.supports)
-        driven = (name for name, load in self.loads.items() if load.acts_as == "velocity")
+        driven = (name for name, load in self.loads.items() if load.acts_as == "velocity" and load.on)
         return list(dict.fromkeys([*held, *driven]))
 
     def files_among(self, values: Iterable[Any]) -> list[tuple[str, Path]]:

@@ -18,8 +18,8 @@ from percuss.case.specs import (
     CaseSection,
     Expectation,
     MeasureSection,
-    Plane,
     RecordSpec,
+    RigidWall,
     Spot,
     quantity_named,
 )
@@ -115,7 +115,7 @@ def completed(case: CaseSection, dimension: int, source: Source, registry: Regis
     }
     loads = {}
     for name, load in case.loads.items():
-        direction = load.along or load.load.vector()
+        direction = load.given_direction or load.load.vector()
         direction = padded(direction) if direction is not None and any(direction) else None
         loads[name] = replace(load, name=name, direction=direction)
     expect = []
@@ -350,9 +350,14 @@ class CrossChecks:
         for name, path, _, contact in self._parts("contacts"):
             if contact is None:
                 continue
-            if isinstance(contact.wall, Plane):
-                self._note_vector((*path, "wall", "point"), contact.wall.point)
-                self._note_vector((*path, "wall", "normal"), contact.wall.normal)
+            if isinstance(contact.wall, RigidWall):
+                shape = contact.wall.shape
+                of_shape, at = (contact.wall, ()) if shape == "plane" else (getattr(contact.wall, shape), (shape,))
+                for key in ("point", "normal", "centre", "axis"):
+                    self._note_vector((*path, "wall", *at, key), getattr(of_shape, key, None))
+                loads = self.reader.source.get(("loads",), {})
+                if (load := contact.wall.moving) is not None and load not in loads:
+                    self.wrong((*path, "wall", "moving"), f"there is no load '{load}'", suggestion(load, loads, "load"))
             else:
                 self._note_vector((*path, "wall"), contact.wall)
             between = contact.between is not None
@@ -373,7 +378,9 @@ class CrossChecks:
                 pairs[pair] = name
 
     def _check_loads(self) -> None:
-        for _, path, given, load in self._parts("loads"):
+        walls = (getattr(contact, "wall", None) for *_, contact in self._parts("contacts"))
+        moving = {wall.moving for wall in walls if isinstance(wall, RigidWall)}
+        for load_name, path, given, load in self._parts("loads"):
             if load is None:
                 continue
             key, at = self._component_key("loads", given), (*path, "on")
@@ -386,24 +393,28 @@ class CrossChecks:
                 if moves and end.region in self.fixed[end.body]:
                     advice = f"Take it out of bodies.{end.body}.fixed."
                     self.wrong(place, f"{end} is fixed and cannot have a velocity", advice)
-            if not load.on and (not load.load.everywhere or of_ends):
+            if not load.on and (not load.load.everywhere or of_ends) and not (moves and load_name in moving):
                 owner = "an end" if of_ends else "an end or a body"
                 self.wrong(at, "missing (where the load acts)", f"Add `on:` with {owner}.", key=True)
             own = load.load.vector()
-            if load.acts_as == "pressure" and (own is not None or load.along is not None):
+            if load.acts_as == "pressure" and (own is not None or load.given_direction is not None):
                 advice = "Drop the direction, or write `as: traction`, which has one."
                 self.wrong((*path, "as"), "a pressure acts along the normal into the body, and has a direction", advice)
             if own is not None and len(own) > 1:
                 self._note_vector((*path, key), own)
-                if load.along is not None:
-                    self.wrong((*path, "direction"), f"{key} is a vector already", "Keep one.", key=True)
+                if load.given_direction is not None:
+                    at = (*path, "along" if load.axis else "direction")
+                    self.wrong(at, f"{key} is a vector already", "Keep one.", key=True)
             self._note_vector((*path, "direction"), load.along)
+            if load.axis is not None:
+                self.axes[*path, "along"] = load.axis
 
     # --------------------------------------------------------------------------------------- expectations
 
     def _check_expectations(self) -> None:
         items = self.reader.source.get(("expect",), ())
-        supports = [name for name, *_, load in self._parts("loads") if load is None or load.acts_as == "velocity"]
+        loads = [(name, load) for name, *_, load in self._parts("loads")]
+        supports = [name for name, load in loads if load is None or (load.acts_as == "velocity" and load.on)]
         for body, fixed in self.fixed.items():
             regions = dict.fromkeys(held.get("on") if isinstance(held, Mapping) else held for held in fixed)
             supports += [f"{body}.{region}" for region in regions]

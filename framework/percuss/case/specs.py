@@ -286,20 +286,69 @@ class BodySpec(Section):
         return self.area or self.thickness or 1.0
 
 
+Radius = Annotated[float, Gt(0), Unit("length"), Doc("its radius")]
+Normal = Annotated[Vector, AfterValidator(_nonzero), Expects("a vector that is not zero, as [0, 1]"), Unit("1")]
+
+
 @dataclass(frozen=True)
-class Plane(Section):
-    """A rigid plane wall: ``{point: [0, 0], normal: [0, 1]}``."""
+class Ball(Section):
+    """A circle, or a sphere: ``{centre: [0, -2], radius: 2}``."""
 
     kind: ClassVar[str] = "the wall"
 
-    point: Annotated[Vector, Unit("length"), Doc("a point of the wall")]
-    normal: Annotated[
-        Vector,
-        AfterValidator(_nonzero),
-        Expects("a vector that is not zero, as [0, 1]"),
-        Unit("1"),
-        Doc("vector out of the wall, to the side where the body is"),
-    ]
+    centre: Annotated[Vector, Unit("length"), Doc("its middle")]
+    radius: Radius
+
+
+@dataclass(frozen=True)
+class Cylinder(Section):
+    """A cylinder without ends: ``{point: [0, 0, 0], axis: [1, 0, 0], radius: 2}``."""
+
+    kind: ClassVar[str] = "the wall"
+
+    point: Annotated[Vector, Unit("length"), Doc("a point of its axis")]
+    axis: Annotated[Normal, Doc("vector along its axis")]
+    radius: Radius
+
+
+@dataclass(frozen=True)
+class RigidWall(Section):
+    """A rigid wall: ``{point: [0, 0], normal: [0, 1]}``, or ``{circle: {centre: [0, -2], radius: 2}}`` and its like."""
+
+    kind: ClassVar[str] = "the wall"
+
+    point: Annotated[Vector, Unit("length"), Doc("a point of a plane")] | None = None
+    normal: Annotated[Normal, Doc("vector out of a plane, to the side where the body is")] | None = None
+    circle: Annotated[Ball, Doc("in two dimensions")] | None = None
+    sphere: Annotated[Ball, Doc("in three dimensions, or centred on the axis of a body of revolution")] | None = None
+    cylinder: Annotated[Cylinder, Doc("in three dimensions")] | None = None
+    inside: Annotated[bool, Doc("whether the body is inside of a round wall")] = False
+    moving: Annotated[str, Doc("name of a load of prescribed velocity, with which the wall moves")] | None = None
+
+    def __post_init__(self) -> None:
+        shapes = [name for name in ROUND if getattr(self, name) is not None]
+        plane = [name for name in ("point", "normal") if getattr(self, name) is not None]
+        if len(shapes) + bool(plane) != 1:
+            raise ValueError("is no wall: give `point` and `normal`, or one of `circle`, `sphere` and `cylinder`")
+        if len(plane) == 1:
+            (missing,) = {"point", "normal"}.difference(plane)
+            message = "missing (a plane has a point and a normal)"
+            raise failure(Mistake((missing,), message, f"Add `{missing}:`.", key=True))
+        if plane and self.inside:
+            raise ValueError("is a plane, which has no inside: turn its `normal`")
+
+    @property
+    def shape(self) -> str:
+        """What it is: a plane, circle, sphere or cylinder."""
+        return next((name for name in ROUND if getattr(self, name) is not None), "plane")
+
+    @property
+    def stays(self) -> bool:
+        """Whether it is a plane at rest, whose normal and place are those of the start."""
+        return self.shape == "plane" and self.moving is None
+
+
+ROUND = ("circle", "sphere", "cylinder")
 
 
 @dataclass(frozen=True)
@@ -341,10 +390,10 @@ class ContactSpec(Section):
     body: Annotated[AnAddress, Doc("the end that meets the wall")] | None = None
     wall: (
         Annotated[
-            float | Vector | Plane,
+            float | Vector | RigidWall,
             Expects("a number, a point as [0, 1], or a mapping as {point: [0, 1], normal: [0, 1]}"),
             Unit("length"),
-            Doc("rigid wall: its place along x, a point of it, or {point: ..., normal: ...}"),
+            Doc("rigid wall: its place along x, a point of it, or {point: ..., normal: ...}, {circle: ...}, ..."),
         ]
         | None
     ) = None
@@ -409,11 +458,14 @@ class LoadSpec(Section):
         ]
         | None
     ) = None
+    axis: Annotated[Literal["x", "y", "z"], Key("along"), Doc("axis along which it acts")] | None = None
     quantity: Annotated[ActsAs, Key("as"), Doc("what the amplitude is")] | None = None
     name: Annotated[str, Computed()] = UNSET
     direction: Annotated[Vector | None, Computed()] = None
 
     def __post_init__(self) -> None:
+        if self.axis is not None and self.along is not None:
+            raise ValueError("has both `along` and `direction`: give one")
         if self.stop <= self.start:
             raise ValueError(f"ends before it begins: `until` {self.stop:g} is not after `from` {self.start:g}")
 
@@ -421,6 +473,11 @@ class LoadSpec(Section):
     def on(self) -> tuple[Address, ...]:
         """Bodies or ends; empty means every body."""
         return (self.places,) if isinstance(self.places, Address) else self.places or ()
+
+    @property
+    def given_direction(self) -> Vector | None:
+        """The direction that the case gives, as a vector or along an axis."""
+        return self.along or ((0.0,) * "xyz".index(self.axis) + (1.0,) if self.axis is not None else None)
 
     @property
     def acts_as(self) -> ActsAs:

@@ -38,7 +38,7 @@ from percuss.contact.frictions import frictional
 from percuss.contact.laws import ignored_couplings
 from percuss.contact.model import Model
 from percuss.contact.moving_rows import complementary, of_every_step, with_rows_that_stay
-from percuss.contact.sliding import sliding
+from percuss.contact.sliding import turning
 from percuss.errors import InputError, refuse_if_any
 from percuss.jsonable import Entries
 from percuss.march.model_of_case import model_of, with_laws, with_step
@@ -459,7 +459,7 @@ def _energy_guarantee(model: Model, laws: ClosedLaws, assessment: Assessment, ve
             return NOT_GUARANTEED, f"that takes a stable closed step{more}"
         if laws.energy == NEVER_GROWS and (reason := _stiffened_contacts(model, laws)):
             return NOT_GUARANTEED, reason
-    if sliding(model.case):
+    if turning(model.case):
         return (BOUNDED, RENEWED) if laws.energy != UNKNOWN and complementary(model) else (NOT_GUARANTEED, MOVED)
     return laws.energy, laws.why
 

@@ -126,9 +126,9 @@ def ignored_couplings(model: Model) -> list[str]:
     if not ignoring:
         return []
     points = model.contact_points
-    at_node: dict[int, list[int]] = {}
+    at_node: dict[int, dict[int, None]] = {}
     for node, p in zip(points.node.tolist(), points.point.tolist(), strict=True):
-        at_node.setdefault(node, []).append(p)
+        at_node.setdefault(node, {})[p] = None  # once, also where it has room for more nodes
     coupled = {tuple(near): "share an end" for near in at_node.values() if len(near) > 1}
     apart = (
         (p, q) for p, q in coupled_points(model) if p < q and set(points.nodes_of(p)).isdisjoint(points.nodes_of(q))

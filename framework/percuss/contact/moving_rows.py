@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.contact.sliding import renews, slides, sliding
+from percuss.contact.walls import round_or_moving
 from percuss.errors import Problem
 from percuss.mesh.loads import directions_at_nodes
 
@@ -81,7 +82,9 @@ def share_of_limit(model: Model, bound: float) -> float | None:
 
 
 def mobilities(model: Model, place: Mapping[int, int], midpoint: float) -> Floats:
-    """Return M^-1 of each of some nodes, which move in no direction in which a constraint holds them, (n, dim, dim).
+    """Return M^-1 of each of some nodes, and zeros of each wall that is round or moves, (n, dim, dim).
+
+    No node moves in a direction in which a constraint holds it.
 
     Parameters
     ----------
@@ -100,7 +103,7 @@ def mobilities(model: Model, place: Mapping[int, int], midpoint: float) -> Float
     for node, directions in directions_at_nodes(acting).items():
         for direction in directions:
             found[number[node]] -= np.outer(direction, direction @ found[number[node]])
-    return found
+    return np.concatenate([found, np.zeros((len(round_or_moving(model.case)), model.dim, model.dim))])
 
 
 def refusals(model: Model) -> Iterator[Problem]:
@@ -108,9 +111,9 @@ def refusals(model: Model) -> Iterator[Problem]:
     case = model.case
     for name, spec in case.contacts.items():
         path = ("contacts", name)
-        if spec.sliding == "large" and (found := _why_small(model, spec)):
+        if (slides(spec) or spec.sliding == "large") and (found := _why_small(model, spec)):
             message, advice = found
-            yield case.problem((*path, "sliding"), message, advice)
+            yield case.problem((*path, "sliding" if spec.wall is None else "wall"), message, advice)
         if spec.overlap != "refuse" and not slides(spec):
             message = f"expected an overlap of surfaces that slide, found overlap: {spec.overlap} with rows that stay"
             advice = "Add `sliding: large`, or move the bodies apart." if spec.wall is None else "Move it off the wall."
@@ -119,28 +122,32 @@ def refusals(model: Model) -> Iterator[Problem]:
 
 def _why_small(model: Model, spec: ContactSpec) -> tuple[str, str] | None:
     """Return why the surfaces of a contact cannot slide far, and what to do; None if they can."""
-    if spec.wall is not None:
+    if not slides(spec):
         return None
     bodies = [model.bodies[side.body] for side in spec.sides]
     own = model.contact_points.of_contact(spec.name)
     pairing: Any = spec.pairing
     found = (
-        (bodies[0] is bodies[-1], "two bodies, found one that meets itself", "Such a contact is not built."),
         (
-            any(body.view.plane == "axisymmetric" for body in bodies),
+            len(bodies) > 1 and bodies[0] is bodies[1],
+            "two bodies, found one that meets itself",
+            "Such a contact is not built.",
+        ),
+        (
+            len(bodies) > 1 and any(body.view.plane == "axisymmetric" for body in bodies),
             "bodies in the plane or in space, found bodies of revolution",
             "Take `sliding: small`.",
         ),
         (
             model.multistage,
             f"a leap-frog scheme, found {model.case.method.integrator.name}",
-            "Take central-difference, or `sliding: small`.",
+            "Take central-difference, or `sliding: small`." if spec.wall is None else "Take central-difference.",
         ),
         (model.bodies.couples_nodes, "a mass of each node, found one that couples nodes", "Take the lumped mass."),
         (
             any(one.bonds for one in model.laws if own[list(one.where)].any()),
             f"a law that lets bodies part, found {spec.law.name}",
-            "A bond does not slide: drop `sliding`.",
+            "A bond does not slide: drop `sliding`." if spec.wall is None else "Take a plane at rest.",
         ),
         (
             renews(spec, model.dim) and any(one.linear is None for one in model.laws if own[list(one.where)].any()),

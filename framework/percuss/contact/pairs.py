@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from percuss.case.specs import Plane
+from percuss.case.specs import RigidWall
 from percuss.case.type_words import found
 from percuss.contact.points import TOUCHING, PointArrays, added_up, joined, no_points
 from percuss.contact.sliding import points_that_move, slides
+from percuss.contact.walls import WallShape, plane_of, shape_of, wrong_with
 from percuss.errors import Problem
 from percuss.mesh.loads import ROUND_OFF
-from percuss.methods.interfaces import PairedPoints, Surface, Wall
+from percuss.methods.interfaces import PairedPoints
 from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from percuss.mesh.body import Body
     from percuss.mesh.loads import Held
     from percuss.mesh.surfaces import BodySurface
-    from percuss.methods.interfaces import Floats, Integers
+    from percuss.methods.interfaces import Floats, Integers, Surface
 
 ROUND_OFF_SHARE = 1e-12  # of the largest share of a node in a gap; a smaller one is round-off and left out
 
@@ -43,6 +44,9 @@ def points_of(case: Case, bodies: Mapping[str, Body], held: Held, problems: list
         if spec.sliding == "large" and any(body.is_bar for body in sides):
             message, advice = "expected solids that slide, found bars, which meet along one line", "Drop `sliding`."
             problems.append(case.problem(("contacts", spec.name, "sliding"), message, advice))
+            continue
+        if spec.wall is not None and slides(spec) and (problem := wrong_with(case, spec, sides[0])) is not None:
+            problems.append(problem)
             continue
         meet = _ends_that_meet if all(body.is_bar for body in sides) else _surfaces_that_meet
         paired = meet(case, spec, sides)
@@ -140,12 +144,10 @@ def _ends_that_meet(case: Case, spec: ContactSpec, sides: Sequence[Body]) -> Pai
     nodes = [body.node(side.region) for body, side in zip(sides, spec.sides, strict=True)]
     positions = [body.mesh.nodes[node - body.start] for body, node in zip(sides, nodes, strict=True)]
     if len(nodes) == 1:
-        if isinstance(spec.wall, Plane):
-            out = np.array(spec.wall.normal) / np.linalg.norm(spec.wall.normal)
-            if float(normal @ out) > -1.0 + 1e-9:
-                message = f"expected a wall across the bar, found one of the normal {found(spec.wall.normal)}"
-                advice = f"Write `normal: {found(tuple((-normal).tolist()))}`."
-                return case.problem((*path, "wall", "normal"), message, advice)
+        if isinstance(spec.wall, RigidWall) and float(normal @ shape_of(spec.wall).axis) > -1.0 + 1e-9:
+            message = f"expected a wall across the bar, found one of the normal {found(spec.wall.normal)}"
+            advice = f"Write `normal: {found(tuple((-normal).tolist()))}`."
+            return case.problem((*path, "wall", "normal"), message, advice)
         gap = _wall_gap(spec, positions[0], normal, sides[0].mesh.direction)
     else:
         opposite = sides[1].mesh.regions[spec.sides[1].region].outward
@@ -194,7 +196,7 @@ def _facing_ends(sides: Sequence[Body], spec: ContactSpec) -> list[str]:
 
 
 def _wall_gap(spec: ContactSpec, position: Floats, normal: Floats, direction: Floats) -> float:
-    wall = np.asarray(spec.wall.point if isinstance(spec.wall, Plane) else spec.wall, dtype=float)
+    wall = np.asarray(spec.wall.point if isinstance(spec.wall, RigidWall) else spec.wall, dtype=float)
     if wall.ndim == 1:
         return float(normal @ (wall - position))
     # A wall given as a number is a coordinate along the bar; for a bar on the x axis it is x, whichever way the bar
@@ -217,11 +219,15 @@ def _surfaces_that_meet(case: Case, spec: ContactSpec, sides: Sequence[Body]) ->
     if (problem := _why_not_paired(case, spec, surfaces)) is not None:
         return problem
     second = surfaces[1].surface if len(surfaces) > 1 else wall_of(spec, first)
-    paired: PairedPoints = answer(pairing, "points", first, second)
-    moving = points_that_move(pairing, first, second) if isinstance(second, Surface) and slides(spec) else None
+    moving = points_that_move(pairing, first, second) if slides(spec) else None
     if slides(spec) and moving is None:
         message = f"expected a pairing that slides in {case.dimension} dimensions, found {pairing.name}"
-        return case.problem((*path, "sliding"), message, "It slides small. Take node-to-segment or gauss-points.")
+        at, advice = ("sliding", "It slides small. ") if spec.wall is None else ("wall", "")
+        return case.problem((*path, at), message, f"{advice}Take node-to-segment or gauss-points.")
+    if not isinstance(second, WallShape):
+        paired: PairedPoints = answer(pairing, "points", first, second)
+    else:
+        paired = moving or answer(pairing, "points", first, second.plane)
     if not (paired.gap.size or moving):
         return case.problem(path, "expected surfaces that face each other, found no point of one that meets the other")
     deepest = float(paired.gap.min(initial=0.0))
@@ -280,7 +286,7 @@ def _place_of(paired: PairedPoints, point: int, first: Surface) -> Floats:
     return place
 
 
-def walls_of(case: Case, bodies: Mapping[str, Body]) -> dict[str, Wall]:
+def walls_of(case: Case, bodies: Mapping[str, Body]) -> dict[str, WallShape]:
     """Return the walls that bodies which are no lines meet, by their contacts."""
     sides = ((name, spec, spec.sides[0]) for name, spec in case.contacts.items() if spec.wall is not None)
     return {
@@ -290,18 +296,17 @@ def walls_of(case: Case, bodies: Mapping[str, Body]) -> dict[str, Wall]:
     }
 
 
-def wall_of(spec: ContactSpec, surface: Surface) -> Wall:
-    """Return the plane wall that a surface meets: at a number along x, or through a point and across the surface."""
-    if isinstance(spec.wall, Plane):
-        normal = np.array(spec.wall.normal)
-        return Wall(np.array(spec.wall.point), normal / np.linalg.norm(normal))
+def wall_of(spec: ContactSpec, surface: Surface) -> WallShape:
+    """Return the wall that a surface meets: by its geometry, or a plane at a number along x or across the surface."""
+    if isinstance(spec.wall, RigidWall):
+        return shape_of(spec.wall)
     place, out = np.atleast_1d(np.asarray(spec.wall, dtype=float)), surface.areas @ surface.normals
     if isinstance(spec.wall, tuple):
-        return Wall(place, -out / np.linalg.norm(out))
+        return plane_of(place, -out)
     normal = np.zeros(surface.positions.shape[1])
     into = surface.positions[:, 0].mean() - place[0] if _is_closed(surface) else -out[0]
     normal[0] = math.copysign(1.0, into)
-    return Wall(np.concatenate([place, np.zeros(normal.size - 1)]), normal)
+    return plane_of(np.concatenate([place, np.zeros(normal.size - 1)]), normal)
 
 
 def _is_closed(surface: Surface) -> bool:

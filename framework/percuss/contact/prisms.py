@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.case.type_words import found
+from percuss.contact.walls import round_or_moving
 from percuss.mesh.cells import pieces_of
 from percuss.mesh.surfaces import boundary_of
 from percuss.methods.blame import plain_function
@@ -74,8 +75,10 @@ def prisms_of(model: Model) -> dict[str, Prism]:
     Raises
     ------
     NotARowOfPrisms
-        If a solid is no prism, or a body is damped.
+        If a solid is no prism, a body is damped, or a wall is round or moves.
     """
+    if walls := list(round_or_moving(model.case)):
+        raise NotARowOfPrisms(f"the wall of contact '{walls[0]}' is no plane at rest")
     if damped := [body.name for body in model.bodies.values() if body.spec.damping is not None]:
         raise NotARowOfPrisms(f"body '{damped[0]}' is damped")
     if model.bodies.of_lines:

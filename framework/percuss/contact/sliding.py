@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.specs import RigidWall
 from percuss.contact.limits import LARGEST_COURANT
+from percuss.contact.walls import WallShape, points_at_wall
 from percuss.methods.interfaces import PairedPoints, Places, RenewedPoints
 from percuss.methods.plugin_calls import answer
 
@@ -25,31 +27,44 @@ LEADS_AWAY = 0.1  # least sine of the angle at which a facet leads away
 
 
 def slides(spec: ContactSpec) -> bool:
-    """Return whether the rows of a contact move. At a plane wall they stay as they are, however far a body slides."""
-    return spec.sliding == "large" and spec.wall is None
+    """Return whether a step writes the rows of a contact anew, at the places of this step.
+
+    At a plane wall at rest they stay as they are, however far a body slides; at other walls they are always written.
+    """
+    if spec.wall is None:
+        return spec.sliding == "large"
+    return isinstance(spec.wall, RigidWall) and not spec.wall.stays
 
 
 def sliding(case: Case) -> dict[str, ContactSpec]:
-    """Return the contacts of a case whose rows move."""
+    """Return the contacts of a case whose rows a step writes anew."""
     return {name: spec for name, spec in case.contacts.items() if slides(spec)}
+
+
+def turning(case: Case) -> dict[str, ContactSpec]:
+    """Return those of them whose rows change from step to step: at a plane that moves they do not."""
+    known = sliding(case).items()
+    return {name: spec for name, spec in known if not isinstance(spec.wall, RigidWall) or spec.wall.shape != "plane"}
 
 
 def renews(spec: ContactSpec, dim: int) -> bool:
     """Return whether the pairing of a contact that slides writes its points anew in each step, with their areas."""
-    return spec.pairing is not None and dim in spec.pairing.renews
+    return spec.wall is None and spec.pairing is not None and dim in spec.pairing.renews
 
 
-def surfaces_of(spec: ContactSpec, bodies: Mapping[str, Body]) -> tuple[Surface, Surface]:
-    """Return both surfaces of a contact of two bodies."""
-    first, second = (bodies[side.body].surface(side.region).surface for side in spec.sides)
-    return first, second
+def surfaces_of(spec: ContactSpec, bodies: Mapping[str, Body]) -> list[Surface]:
+    """Return both surfaces of a contact of two bodies, or that of the body that meets a wall."""
+    return [bodies[side.body].surface(side.region).surface for side in spec.sides]
 
 
-def points_that_move(pairing: Any, first: Surface, second: Surface) -> PairedPoints | None:
-    """Return all points of two surfaces that slide, as a pairing finds them; None if it does not slide.
+def points_that_move(pairing: Any, first: Surface, second: Surface | WallShape) -> PairedPoints | None:
+    """Return all points of a surface whose rows a step writes, as a pairing finds them; None if it does not slide.
 
     The entries of a point are those of its own nodes, and room for all that it may meet.
     """
+    if isinstance(second, WallShape):
+        places = answer(pairing, "places", first, second.plane)
+        return points_at_wall(places, first, second) if places else None
     if places := answer(pairing, "places", first, second):
         return points_at_the_start(places, first, second)
     if first.positions.shape[1] in pairing.renews:
@@ -95,9 +110,9 @@ def late_corners(case: Case, bodies: Mapping[str, Body]) -> Iterator[str]:
     end of a region the points see half a facet alone, and the corner in time.
     """
     for name, spec in sliding(case).items():
-        first, second = surfaces_of(spec, bodies)
-        if renews(spec, first.positions.shape[1]) and (corner := _corner_that_points(first, second)) is not None:
-            at = ", ".join(f"{x:.6g}" for x in second.positions[corner])
+        first, *others = surfaces_of(spec, bodies)
+        if renews(spec, first.positions.shape[1]) and (corner := _corner_that_points(first, *others)) is not None:
+            at = ", ".join(f"{x:.6g}" for x in others[0].positions[corner])
             yield (
                 f"the corner of {spec.sides[1]} at [{at}] points at {spec.sides[0]}, whose points see means over "
                 f"facets: contact '{name}' may close late there, by a part of a facet. Name {spec.sides[1]} first"
@@ -177,17 +192,21 @@ def largest_response(case: Case, bodies: Bodies, points: PointArrays, name: str)
     whole.
     """
     where = points.of_contact(name)
-    first, second = surfaces_of(case.contacts[name], bodies)
+    first, *others = surfaces_of(case.contacts[name], bodies)
     of_point = where[points.point] & np.isin(points.node, first.nodes)
     share = np.abs(points.share[of_point]) * points.weight[points.point[of_point]]
     area = np.bincount(points.node[of_point], share, bodies.n_nodes)[first.nodes]
-    of_nodes = np.bincount(second.facets.ravel(), second.of_nodes().ravel(), len(second.nodes))
     mass = bodies.mass
+    of_first = float((area / mass[first.nodes]).max())
+    if not others:  # nothing moves a wall
+        return of_first
+    (second,) = others
+    of_nodes = np.bincount(second.facets.ravel(), second.of_nodes().ravel(), len(second.nodes))
     widest = float(points.weight[where].max())
     spec: Any = case.contacts[name]
     renewed = renews(spec, first.positions.shape[1])
     of_second = spec.pairing.mean_bound * of_nodes if renewed else of_nodes + widest
-    return float((area / mass[first.nodes]).max() + (of_second / mass[second.nodes]).max())
+    return of_first + float((of_second / mass[second.nodes]).max())
 
 
 def at_every_position(case: Case, bodies: Bodies, points: PointArrays, sums: Floats) -> Floats:

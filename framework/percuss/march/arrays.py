@@ -10,6 +10,7 @@ import numpy as np
 from percuss.contact.points import NEVER, carry_over, point_records
 from percuss.contact.sliding import sliding, surfaces_of
 from percuss.contact.state_variables import StateVariables
+from percuss.contact.walls import round_or_moving
 from percuss.march.parts import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
 from percuss.mesh.cell_kernels import Block
@@ -109,6 +110,9 @@ class Arrays:
         for node in self.place:
             body, mass = model.bodies.at(node).number, model.bodies.mass[node]
             dofs += [(node * dim + axis, mass, body * dim + axis, *([0.0] * 6)) for axis in range(dim)]
+        # A wall that is round or moves has a place as a node has, behind those of the nodes.
+        walls = range(len(round_or_moving(model.case)) * dim)
+        dofs += [(model.bodies.n_nodes * dim + k, 0.0, k % dim, *([0.0] * 6)) for k in walls]
         boundary, now = record_array(dofs, BOUNDARY_DOF), empty_records(1, NOW)
         now["dt"], now["span"], now["dim"] = model.dt, model.dt, dim
         now["gap_response"], now["rate_response"] = model.dt * model.dt, model.dt

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.contact.walls import before_the_start, round_or_moving, velocities
 from percuss.march.starting_state import starting_velocity
 from percuss.mesh.loads import amplitude
 from percuss.step import loop
@@ -37,9 +38,15 @@ class LeapFrogStepper:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.v: Floats = np.zeros(model.bodies.n_nodes * model.dim)
-        self.u: Floats = np.zeros(model.bodies.n_nodes * model.dim)
+        # Displacements and velocities, those of walls behind those of the nodes.
+        nodal, walls = model.bodies.n_nodes * model.dim, round_or_moving(model.case).values()
+        self._u: Floats = np.zeros(nodal + len(walls) * model.dim)
+        self._v: Floats = np.zeros(self._u.size)
+        self.u: Floats = self._u[:nodal]
+        self.v: Floats = self._v[:nodal]
         self.v[:] = starting_velocity(model).ravel()
+        self._of_walls = [load for _, load in walls if load is not None]
+        self._v[nodal:] = np.ravel([before_the_start(load, model.dt, model.dim) for _, load in walls])
         self.columns = len(model.case.loads) + 1
         self._acting = [
             (load.column, model.bodies.with_moment(model.bodies.nodes[load.node], load.force))
@@ -55,7 +62,7 @@ class LeapFrogStepper:
 
     def changing_arrays(self) -> list[Any]:
         """Return displacement, velocity and the impulse of the loads."""
-        return [self.u, self.v, self._impulse]
+        return [self._u, self._v, self._impulse]
 
     def start(self) -> None:
         """Do nothing, as a leap-frog scheme needs no acceleration before its first step."""
@@ -72,6 +79,8 @@ class LeapFrogStepper:
         for column, spec in enumerate(loads, start=1):
             if spec.acts_as == "velocity":
                 of_load = amplitude(spec, t + 0.5 * model.dt, model.dt, average=False)
+                if spec in self._of_walls:  # which stand still while their load is off
+                    of_load = velocities(spec, t + 0.5 * model.dt, model.dt)
                 amplitudes[:, self.columns + column] = of_load
             else:
                 amplitudes[:, column] = amplitude(spec, t, model.dt, average=True)
@@ -88,7 +97,7 @@ class LeapFrogStepper:
 
     def advance(self, amplitudes: Floats, record: Record, first: int, count: int) -> int:
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
-        return self._loop(self.step, record, amplitudes, self.u, self.v, first, count)
+        return self._loop(self.step, record, amplitudes, self._u, self._v, first, count)
 
     def step_without_loads(self, record: Record, state: Floats) -> Floats:
         """Return displacement and velocity after one step without loads given in time, (2, nodes * dim).

@@ -34,7 +34,7 @@ def latest(instant: Any) -> Any:
     return instant * (1.0 + ROUND_OFF)
 
 
-def acts_at(midpoint: float, start: Any, stop: Any) -> Any:
+def acts_at(midpoint: Any, start: Any, stop: Any) -> Any:
     """Return whether what acts from `start` to `stop` acts in the step around `midpoint`.
 
     What starts or stops at the midpoint of a step, but for round-off, does so after that step.
@@ -251,8 +251,8 @@ def _why_not_following(spec: LoadSpec, targets: Sequence[tuple[Body, str]]) -> t
 
 def _targets(spec: LoadSpec, bodies: Mapping[str, Body]) -> list[tuple[Body, str]]:
     """Return the bodies on which a load acts, each with the end at which it acts, empty for the whole body."""
-    if not spec.on:
-        return [(body, "") for body in bodies.values()]
+    if not spec.on:  # a velocity without a place is that of walls
+        return [(body, "") for body in bodies.values()] if spec.acts_as != "velocity" else []
     return [(bodies[address.body], address.region) for address in spec.on]
 
 

@@ -61,7 +61,7 @@ def case_figure(model: Model) -> Figure:
         from matplotlib.lines import Line2D
 
         axes = figure.subplots()
-        solids.draw_walls(axes, walls_of(model.case, model.bodies), nodes)
+        solids.draw_walls(axes, walls_of(model.case, model.bodies).values(), nodes)
         meshes = [part for body in model.bodies.values() for part in _mesh(body, size)]
         drawn = _contacts(model, size) | _supports(model, size) | _loads(model, size)
         surfaces = [part for some, _, _ in drawn.values() for part in some]

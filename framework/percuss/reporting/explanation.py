@@ -11,6 +11,7 @@ import numpy as np
 
 from percuss.case.options import PER_AREA, options_of
 from percuss.case.quantities import in_unit
+from percuss.case.specs import RigidWall
 from percuss.case.type_words import found
 from percuss.certificate.flutter import flutter_of
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
@@ -31,6 +32,7 @@ from percuss.results.doubts import doubts_about, expected_meetings, slow_step
 from percuss.results.exact import engine_for
 
 if TYPE_CHECKING:
+    from percuss.case.case import Case
     from percuss.case.specs import LoadSpec
     from percuss.certificate.criteria import RunCriterion
     from percuss.contact.model import Model
@@ -61,7 +63,7 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
         "title": case.title,
         "bodies": {body.name: _body(body) for body in model.bodies.values()},
         "contacts": {name: _contact(model, name) for name in dict.fromkeys(model.contact_points.names)},
-        "loads": {spec.name: _load(spec) for spec in case.loads.values()},
+        "loads": {spec.name: _load(spec, case) for spec in case.loads.values()},
         "step": _step(model),
         "estimate": {"seconds": seconds_of_steps(model), "bytes": bytes_of_run(model)},
         "nodes": model.bodies.n_nodes,
@@ -189,7 +191,7 @@ def _contact(model: Model, name: str) -> Entries:
     point = dict(zip(_names_at_end(model, number), at_end, strict=True))
     point["s"] = float(model.rows_at(0.5 * model.dt).delassus[number])
     value: Entries = {
-        "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
+        "sides": [*map(str, spec.sides), *([_wall(spec.wall)] if spec.wall is not None else [])],
         "gap": float(points.gap[own].min()),
         "law": law.name,
         "given": _options(law, with_defaults=False),
@@ -205,6 +207,7 @@ def _contact(model: Model, name: str) -> Entries:
         value["slides"] = {
             "largest": model.largest_response(name),
             "overlap": spec.overlap,
+            "wall": spec.wall is not None,
         }
     if (count := int(own.sum())) > 1:
         value |= {"points": count, "area": model.bodies[spec.sides[0].body].area_of(spec.sides[0].region)}
@@ -264,10 +267,18 @@ OF_RECORD = {
 # ------------------------------------------------------------------------------------------- loads, methods
 
 
-def _load(spec: LoadSpec) -> Entries:
+def _wall(wall: object) -> str:
+    """Return what a wall is, in words."""
+    if not isinstance(wall, RigidWall) or wall.stays:
+        return "a rigid wall"
+    return f"a rigid {wall.shape}{f' that moves by {wall.moving}' if wall.moving is not None else ''}"
+
+
+def _load(spec: LoadSpec, case: Case) -> Entries:
     """Return a load: what it acts as, where, and its options."""
-    options = _options(spec.load, with_defaults=True)
-    return {"load": spec.load.name, "as": spec.acts_as, "on": list(map(str, spec.on)), "options": options}
+    options, walls = _options(spec.load, with_defaults=True), (one.wall for one in case.contacts.values())
+    on = [*map(str, spec.on), *(_wall(wall) for wall in walls if getattr(wall, "moving", None) == spec.name)]
+    return {"load": spec.load.name, "as": spec.acts_as, "on": on, "options": options}
 
 
 def _components(model: Model) -> list[Component]:

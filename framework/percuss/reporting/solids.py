@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.case.quantities import QUANTITIES, with_unit
+from percuss.contact.walls import CYLINDER, PLANE, WallShape
 from percuss.jsonable import Data, Entries
 from percuss.methods.interfaces import REFERENCE_CELLS, Array, Floats, Integers
 from percuss.reporting import figures
@@ -40,6 +41,7 @@ LONGEST = 0.22  # arrow, over the geometric mean of the sides of the picture
 LEAST = 0.04  # pressure that has an arrow, over the largest
 SPACE = 0.13  # least distance between two arrows, over the length of the longest
 MOST_EDGES = 3000
+AROUND = 48  # pieces of a round wall
 
 
 def on_page(vectors: Floats) -> Floats:
@@ -182,26 +184,58 @@ def spread(places: Floats, least: float) -> list[int]:
     return kept
 
 
-def draw_walls(axes: Axes, walls: Mapping[str, Any], nodes: Floats) -> None:
-    """Draw walls, given by point and normal, beside nodes: lines with hatches on the far side, squares in space."""
-    middle, size = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0)), float(np.ptp(nodes, axis=0).max())
-    for point, normal in walls.values():
-        out = np.asarray(normal, dtype=float)
-        foot = middle - out * float(out @ (middle - np.asarray(point, dtype=float)))
-        if out.size == 2:
-            along = size * np.array([-out[1], out[0]])
-            ends = np.array([foot - along, foot + along])
-            far = ends[::-1] - 0.035 * size * out
+def draw_walls(axes: Axes, walls: Iterable[WallShape], nodes: Floats) -> list[Artist]:
+    """Draw walls beside nodes: lines with hatches on the far side; in space what lies near. Return what was drawn."""
+    size = float(np.ptp(nodes, axis=0).max())
+    drawn: list[Artist] = []
+    for wall in walls:
+        sheet = _sheet(wall, nodes, size)
+        if nodes.shape[1] == 2:
+            _, out = wall.meet(sheet)
+            far = (sheet - 0.035 * size * out)[::-1]
             style: Entries = {"facecolor": "#f3f3f3", "edgecolor": figures.FAINT, "hatch": "////", "linewidth": 0}
-            axes.fill(*np.concatenate([ends, far]).T, **style)
-            axes.plot(*ends.T, color=figures.INK, linewidth=1.2)
+            drawn += axes.fill(*np.concatenate([sheet, far]).T, **style)
+            drawn += axes.plot(*sheet.T, color=figures.INK, linewidth=1.2)
             continue
-        first = np.cross(out, np.eye(3)[int(np.abs(out).argmin())])
+        _, out = wall.meet(0.5 * (nodes.min(axis=0) + nodes.max(axis=0))[None])
+        behind = bool(out[0] @ TO_CAMERA > 0.0)  # the camera and the solids are on one side
+        part = Part(sheet, "#f3f3f3" if behind else "#e8e8e855", figures.FAINT, 1.0 if len(sheet) == 1 else 0.4)
+        drawn.append(draw(axes, [part], zorder=0 if behind else 3))
+    return drawn
+
+
+def _sheet(wall: WallShape, nodes: Floats, size: float) -> Floats:
+    """Return the part of a wall near nodes: the corners of a line, (n, 2), or of quadrilaterals in space, (n, 4, 3)."""
+    middle, dim = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0)), nodes.shape[1]
+    if wall.kind == PLANE:
+        foot = middle - wall.axis * float(wall.axis @ (middle - wall.point))
+        if dim == 2:
+            along = size * np.array([-wall.axis[1], wall.axis[0]])
+            return np.array([foot - along, foot + along])
+        first = np.cross(wall.axis, np.eye(3)[int(np.abs(wall.axis).argmin())])
         first *= 0.6 * size / np.linalg.norm(first)
-        second = np.cross(out, first)
-        square = np.array([[foot + a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]])
-        behind = bool(out @ TO_CAMERA > 0.0)  # the camera and the solids are on one side
-        draw(axes, [Part(square, "#f3f3f3" if behind else "#e8e8e855", figures.FAINT, 1.0)], zorder=0 if behind else 3)
+        second = np.cross(wall.axis, first)
+        return np.array([[foot + a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]])
+    _, (up,) = wall.meet(middle[None])
+    up, reach = wall.side * up, min(np.pi, 1.2 * size / wall.radius)
+    angle = np.linspace(-reach, reach, AROUND + 1)
+    if dim == 2:
+        beside = np.array([-up[1], up[0]])
+        line: Floats = wall.point + wall.radius * (np.cos(angle)[:, None] * up + np.sin(angle)[:, None] * beside)
+        return line
+    if wall.kind == CYLINDER:
+        foot = wall.point + wall.axis * float(wall.axis @ (middle - wall.point))
+        around = np.cos(angle)[:, None] * up + np.sin(angle)[:, None] * np.cross(wall.axis, up)
+        grid = np.array([foot + side * 0.6 * size * wall.axis + wall.radius * around for side in (-1.0, 1.0)])
+    else:
+        first = np.cross(up, np.eye(3)[int(np.abs(up).argmin())])
+        first /= np.linalg.norm(first)
+        turn = np.linspace(0.0, 2.0 * np.pi, AROUND + 1)[:, None]
+        around = np.cos(turn) * first + np.sin(turn) * np.cross(up, first)
+        tilts = angle[AROUND // 2 :]
+        grid = np.array([wall.point + wall.radius * (np.cos(a) * up + np.sin(a) * around) for a in tilts])
+    corners = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2)
+    return corners.reshape(-1, 4, 3)
 
 
 # --------------------------------------------------------------------------- deformed solids
@@ -275,7 +309,9 @@ class Scene(NamedTuple):
     arrow
         Length of the longest arrow.
     walls
-        Point and normal of each wall.
+        The walls at rest.
+    moving
+        The walls that move, each with its displacements in the snapshots.
     """
 
     fields: Data
@@ -288,7 +324,8 @@ class Scene(NamedTuple):
     low: Floats
     high: Floats
     arrow: float
-    walls: Data
+    walls: Sequence[WallShape]
+    moving: Sequence[tuple[WallShape, Floats]]
 
 
 def scene_of(result: Result, snapshots: Sequence[int]) -> Scene:
@@ -310,8 +347,12 @@ def scene_of(result: Result, snapshots: Sequence[int]) -> Scene:
         tails = (fields["point_position"][snapshots] + arrow * along)[pressure > 0.0]
         places = np.concatenate([places, on_page(tails)])
     low, high = places.min(axis=0) - margin, places.max(axis=0) + margin
-    walls = result.provenance["geometry"].get("walls", {})
-    return Scene(fields, label, stress, limit, extend, largest, faces, low, high, arrow, walls)
+    geometry = result.provenance["geometry"]
+    walls = {name: WallShape.of_entries(entries) for name, entries in geometry.get("walls", {}).items()}
+    moves = geometry.get("wall_displacements", {})
+    still = [wall for name, wall in walls.items() if name not in moves]
+    moving = [(walls[name], np.array(displacements)) for name, displacements in moves.items()]
+    return Scene(fields, label, stress, limit, extend, largest, faces, low, high, arrow, still, moving)
 
 
 def still_parts(axes: Axes, scene: Scene) -> None:
@@ -335,7 +376,8 @@ def moving_parts(axes: Axes, scene: Scene, snapshot: int) -> list[Artist]:
     colours = colormaps[COLOUR_MAP](shares)
     cells = Part(nodes[scene.faces.corners[seen]], colours, colours if len(colours) > MOST_EDGES else "#00000055", 0.15)
     lines = Part(scene.faces.outline(nodes), edge=figures.INK, width=0.8, nearer=0.05 * scene.arrow)
-    drawn: list[Artist] = [draw(axes, [cells, lines])]
+    walls = (wall.moved(displacements[snapshot]) for wall, displacements in scene.moving)
+    drawn = [*draw_walls(axes, walls, scene.fields["node_position"]), draw(axes, [cells, lines])]
     pressure = scene.fields["contact_pressure"][snapshot] if scene.pressure > 0.0 else np.zeros(0)
     pressed = np.argsort(-np.nan_to_num(np.abs(pressure)), kind="stable")  # the longest arrow is drawn in any case
     pressed = pressed[np.nan_to_num(np.abs(pressure[pressed])) > LEAST * scene.pressure]

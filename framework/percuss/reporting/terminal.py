@@ -115,12 +115,14 @@ def balances(result: Result) -> dict[str, str]:
     energy, momentum = result.summary["energy"], result.summary["momentum"]
     bound = energy.get("renewal")
     renewed = f" (rows that move brought {number_text(bound, 2)} at most)" if bound is not None else ""
+    works = [contact["wall_work"] for contact in result.summary["contacts"].values() if "wall_work" in contact]
+    walls = f" ({number_text(sum(works))} by walls)" if works else ""
     damped = f"damping took {number_text(energy['damped'])}, " if "damped" in energy else ""
     balance = "NOT balanced: off by" if momentum.get("balanced") is False else "balanced to"
     return {
         with_unit("energy", "energy", result.units): f"{number_text(energy['initial'])} at the start, "
         f"{number_text(energy['final'])} at the end, at most {number_text(energy['max'])}; "
-        f"external work {number_text(energy['external_work'])}, {damped}"
+        f"external work {number_text(energy['external_work'])}{walls}, {damped}"
         f"contact work {number_text(energy['contact_work'], 4)}{renewed}; {ledger_words(energy)}",
         **{
             with_unit(f"friction of {name}", "energy", result.units): _of_friction(contact)
@@ -133,7 +135,7 @@ def balances(result: Result) -> dict[str, str]:
 
 def _of_friction(contact: Data) -> str:
     """Return the numbers that friction has of a contact, in words."""
-    return ", ".join(f"{words} {number_text(contact[key])}" for key, words in OF_FRICTION.items())
+    return ", ".join(f"{words} {number_text(contact[key] + 0.0)}" for key, words in OF_FRICTION.items())
 
 
 def _error_lines(summary: Data) -> Iterator[str]:

@@ -16,13 +16,14 @@ import numpy as np
 
 from percuss.case.quantities import percent
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP
-from percuss.contact.pairs import walls_of
+from percuss.contact.pairs import wall_of, walls_of
 from percuss.contact.points import TOUCHING
 from percuss.contact.sliding import points_that_move, slides, sliding, surfaces_of
+from percuss.contact.walls import WallShape, displacements, round_or_moving
 from percuss.march.recording import probe_nodes
 from percuss.mesh.body import turn_of
 from percuss.mesh.cells import cells_of, is_solid, pieces_of
-from percuss.methods.interfaces import REFERENCE_CELLS, Wall
+from percuss.methods.interfaces import REFERENCE_CELLS
 from percuss.methods.interfaces.body import some_at_a_time
 from percuss.methods.interfaces.nearest import EVEN
 
@@ -332,8 +333,9 @@ def _seen(model: Model, sight: Sight) -> Seen:
     gap, stays = points.gap + np.bincount(points.point, along, len(points)), ~points.slides[points.point]
     parts = [(points.node[stays], points.point[stays], np.abs(points.share[stays]))]
     for name, spec in sliding(model.case).items():
-        surfaces = (_moved(surface, sight) for surface in surfaces_of(spec, model.bodies))
-        paired: Any = points_that_move(spec.pairing, *surfaces)
+        first, *others = (_moved(surface, sight) for surface in surfaces_of(spec, model.bodies))
+        met = others[0] if others else _wall_at(model, name, wall_of(spec, first), sight)
+        paired: Any = points_that_move(spec.pairing, first, met)
         where = np.flatnonzero(points.of_contact(name))
         gap[where] = paired.gap
         share = np.linalg.norm(paired.value, axis=1)
@@ -350,7 +352,7 @@ def _hidden_nodes(model: Model, sights: Sequence[Sight], unseen: Sequence[Any]) 
     contacts = model.case.contacts
     between = {frozenset(side.body for side in spec.sides): name for name, spec in contacts.items()}
     skins = {body.name: body.boundary for body in model.bodies.values()}
-    partners: list[tuple[str, str, str, Surface | Wall]] = [
+    partners: list[tuple[str, str, str, Surface | WallShape]] = [
         (body, f"inside '{other}'", between.get(frozenset((body, other)), ""), skins[other])
         for body, other in permutations(skins, 2)
     ]
@@ -362,7 +364,7 @@ def _hidden_nodes(model: Model, sights: Sequence[Sight], unseen: Sequence[Any]) 
             continue
         found: list[tuple[float, int, float]] = []  # depth, node and time
         for sight, hidden in zip(sights, unseen, strict=True):
-            there = partner if isinstance(partner, Wall) else _moved(partner, sight)
+            there = _now(model, contact, partner, sight)
             if deepest := _deepest(_moved(skin, sight), there, hidden[skin.nodes]):
                 found.append((*deepest, sight.time))
         if found:
@@ -391,10 +393,22 @@ def _moved(surface: Surface, sight: Sight) -> Surface:
     return surface._replace(positions=surface.positions + sight.displacement[surface.nodes])
 
 
-def _deepest(skin: Surface, target: Surface | Wall, candidates: Any) -> tuple[float, int] | None:
+def _now(model: Model, contact: str, target: Surface | WallShape, sight: Sight) -> Surface | WallShape:
+    """Return a surface, or the wall of a contact, where it is at a time."""
+    return _wall_at(model, contact, target, sight) if isinstance(target, WallShape) else _moved(target, sight)
+
+
+def _wall_at(model: Model, contact: str, wall: WallShape, sight: Sight) -> WallShape:
+    """Return the wall of a contact where it is at a time."""
+    _, load = round_or_moving(model.case).get(contact, (wall, None))
+    step = np.array([round(sight.time / model.dt)])
+    return wall.moved(displacements(load, step, model.dt, model.dim)[0])
+
+
+def _deepest(skin: Surface, target: Surface | WallShape, candidates: Any) -> tuple[float, int] | None:
     """Return how deep one of some nodes of a boundary lies inside a body or behind a wall, and which lies deepest."""
-    if isinstance(target, Wall):
-        behind = np.where(candidates, (target.point - skin.positions) @ target.normal, 0.0)
+    if isinstance(target, WallShape):
+        behind = np.where(candidates, -target.meet(skin.positions)[0], 0.0)
         node = int(behind.argmax())
         facets = np.ptp(skin.positions[skin.facets], axis=1)
         return (float(behind[node]), node) if behind[node] > TOLD * facets.max() else None

@@ -124,10 +124,11 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
 
 
 def of_friction(outcome: Outcome) -> dict[str, Floats]:
-    """Return what friction has recorded of each contact, and the energy that it has dissipated; nothing without any."""
+    """Return what friction has recorded of each contact, the energy that it has dissipated, and the work of walls."""
     if "friction_work" not in outcome.histories:
         return {}
-    found = {name: outcome.histories[name][: outcome.records] for name in OF_FRICTION}
+    recorded = [*OF_FRICTION, *({"wall_work"} & outcome.histories.keys())]
+    found = {name: outcome.histories[name][: outcome.records] for name in recorded}
     return {**found, "friction_dissipated": -found["friction_work"] - found["friction_stored"]}
 
 
@@ -255,10 +256,13 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
     for constraint, reaction in zip(model.loads.constraints, outcome.reactions, strict=True):
         supports += model.dt * reaction * constraint.direction
     walls = np.zeros(dim)
-    for p in np.flatnonzero(model.contact_points.at_wall):
+    of_walls = model.contact_points.at_wall & ~model.contact_points.slides
+    for p in np.flatnonzero(of_walls):
         walls -= outcome.sums.impulse[p] * model.contact_points.normal[p]
     if (along := outcome.histories.get("friction_impulse")) is not None:
-        walls -= along[model.contact_points.at_wall].sum(axis=0)
+        walls -= along[of_walls].sum(axis=0)
+    if (pushes := outcome.histories.get("pushes")) is not None:  # those of walls stand behind those of nodes
+        walls -= pushes.reshape(-1, dim)[len(march.arrays.place) :].sum(axis=0)
     loads, damping = outcome.load_impulse[:dim], _damping_impulses(march, outcome).sum(axis=0)
     closure = after - before - loads - supports - walls - damping
     if model.bodies.about_axis:  # across the axis the momentum of a ring is 0, and its hoop forces balance
@@ -333,7 +337,8 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
         pressed = np.stack([np.bincount(points.point, column, len(points)) for column in moments.T], axis=1)
         if points.slides.any() and outcome.done > 0:
             nodes, pushes = list(march.arrays.place), outcome.histories["pushes"].reshape(-1, dim)
-            pressed = np.concatenate([pressed, bodies.with_moment(bodies.nodes[nodes], pushes)[:, dim:]])
+            on_nodes = bodies.with_moment(bodies.nodes[nodes], pushes[: len(nodes)])
+            pressed = np.concatenate([pressed, on_nodes[:, dim:]])
     before, after, supports, contacts = (moments.sum(axis=0) for moments in (*momenta, held, pressed))
     loads = outcome.load_impulse[dim:]
     damping = bodies.with_moment(bodies.nodes, _damping_impulses(march, outcome))[:, dim:].sum(axis=0)
@@ -431,6 +436,8 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
         }
         for key in ("friction_work", "friction_dissipated", "friction_stored", "contact_slip") if friction else ():
             summaries[name][key] = float(friction[key][-1, number]) if friction[key].size else 0.0
+        if "wall_work" in friction:
+            summaries[name]["wall_work"] = float(friction["wall_work"][-1:, number].sum())
         if "renewal_so_far" in outcome.histories and slides(model.case.contacts[name]):
             returned, renewal = (float(outcome.histories[key][number]) for key in ("returned", "renewal_so_far"))
             bounded = renewal if complementary(model) else None

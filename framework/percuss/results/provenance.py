@@ -14,14 +14,19 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from percuss.case.case import Case, load
 from percuss.case.source import Source
 from percuss.contact.laws import parameters
 from percuss.contact.model import Model
 from percuss.contact.pairs import walls_of
+from percuss.contact.walls import displacements, round_or_moving
 from percuss.digest import own_digest
 from percuss.errors import PluginError, Problem, refuse_if_any, wrong_input
 from percuss.jsonable import Data, Entries, as_lists, plain
+from percuss.march.recording import record_shapes
+from percuss.methods.interfaces import Integers
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
 from percuss.version import installed_version
@@ -117,8 +122,8 @@ def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: 
     A picture of the result needs two entries. ``geometry``: first and last node of each bar, or corners of any other
     body, (2, dim), and body and middle of each side of a contact, at t = 0. ``expected_forces``: of each contact force
     that the case expects its contact, statistic, value, largest allowed difference, and the times over which the
-    statistic is taken, None for the whole run. The geometry has point and normal of each wall of a body that is no bar,
-    too.
+    statistic is taken, None for the whole run. The geometry has `percuss.contact.walls.WallShape.entries` of each wall
+    of a body that is no bar, too, and in the snapshots the displacements of those that move, (snapshots, dim).
     """
     case, names = model.case, ("contact", "statistic", "value", "allowed", "during")
     forces = [expectation for expectation in case.expect if expectation.quantity == "contact_force"]
@@ -128,12 +133,21 @@ def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: 
             name: [[side.body, model.bodies[side.body].middle(side.region).tolist()] for side in spec.sides]
             for name, spec in model.case.contacts.items()
         },
-        "walls": {
-            name: [wall.point.tolist(), wall.normal.tolist()] for name, wall in walls_of(case, model.bodies).items()
+        "walls": {name: wall.entries for name, wall in walls_of(case, model.bodies).items()},
+        "wall_displacements": {
+            name: displacements(load, _snapshots(model), model.dt, model.dim).tolist()
+            for name, (_, load) in round_or_moving(case).items()
+            if load is not None
         },
     }
     found["expected_forces"] = [{name: getattr(expected, name) for name in names} for expected in forces]
     return {**machine(), "case": as_lists(case.data), **origins(case, components), **plain(found)}
+
+
+def _snapshots(model: Model) -> Integers:
+    """Return the steps before which displacements are recorded."""
+    shapes = record_shapes(model)
+    return np.arange(shapes.field[0]) * shapes.field_every
 
 
 def keys_of(components: Iterable[str]) -> list[tuple[str, str]]:

@@ -33,7 +33,8 @@ class ContactSummary(TypedDict):
 
     The times are None if it never closed, that of the opening also if it is still closed at the end. With friction in
     the case: its work, the energy that it has dissipated, the energy that stick stores, the longest slide of a point.
-    Of surfaces that slide far: how often a point came back inside, and the energy that the renewal of rows may bring.
+    Of a wall that moves: its work. Of surfaces that slide far: how often a point came back inside, and the energy that
+    the renewal of rows may bring.
     """
 
     impulse: float
@@ -46,6 +47,7 @@ class ContactSummary(TypedDict):
     friction_dissipated: NotRequired[float]
     friction_stored: NotRequired[float]
     contact_slip: NotRequired[float]
+    wall_work: NotRequired[float]
     returned_points: NotRequired[int]
     renewal: NotRequired[float | None]
     stiffness_bound: NotRequired[float]

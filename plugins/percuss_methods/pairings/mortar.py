@@ -14,7 +14,7 @@ from percuss_methods.pairings._edges_that_move import renew
 from percuss_methods.pairings.node_to_segment import NodeToSegment
 
 if TYPE_CHECKING:
-    from percuss import Surface
+    from percuss import Places, Surface
 
 SHARP = 0.5**0.5  # cosine of the angle between the mean normal and that of a facet beyond which they make an edge
 
@@ -62,6 +62,10 @@ class Mortar(Pairing):
     # at most three times the integral of q^2, and this one at most that of the motion.
     mean_bound = 3.0
     renew = staticmethod(renew)
+
+    def places(self, first: Surface, second: Surface | Wall) -> Places | None:
+        """Return the nodes at a wall; points that meet a surface keep no places."""
+        return NodeToSegment().places(first, second) if isinstance(second, Wall) else None
 
     def points(self, first: Surface, second: Surface | Wall) -> PairedPoints:
         """Return the nodes of the first surface of which the second one covers a part."""

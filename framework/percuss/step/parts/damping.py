@@ -32,7 +32,7 @@ class Damped(NamedTuple):
 
     dof: Integers  # (D,)
     body: Integers  # (D,) index of its body and direction in the momenta of the bodies
-    half: Floats  # (nodes * dim,) alpha dt / 2 of each degree of freedom of the model
+    half: Floats  # (at least nodes * dim,) alpha dt / 2 of each degree of freedom, and zeros
     mass: Floats  # (nodes * dim,)
     before: Floats  # (D,) velocity before the step
     sums: int  # 1 where the internal work is summed up
@@ -55,6 +55,7 @@ class Damping(Part[Damped]):
         if not half.any():
             return None
         (dof,) = np.nonzero(half)
+        half = np.append(half, np.zeros(step.boundary.size))  # walls, which are not damped, lie behind the nodes
         bodies = model.bodies.values()
         number = np.repeat(np.arange(len(bodies)), [body.mass.size for body in bodies])
         taken, history = np.zeros(1), np.full(setting.record.energy.size, np.nan)

@@ -17,6 +17,7 @@ from percuss.contact.features import Feature
 from percuss.contact.frictions import frictional, frictions_of, tangents_of, with_stick
 from percuss.contact.moving_rows import mobilities
 from percuss.contact.points import FROM_LINE, Points
+from percuss.contact.walls import round_or_moving
 from percuss.record_arrays import Records, Row, empty_records, record_array
 from percuss.step.actions import AFTER_CONTACT, BEFORE_ACCOUNT, CONTACT_EQUATION, LAWS, RECORD, Action
 from percuss.step.equation import is_active, right_side
@@ -85,7 +86,9 @@ class Rows(NamedTuple):
     loose: Integers  # (nodes,) 1 where nothing holds the node
     force: Floats  # (nodes * dim) on nodes along the surfaces, and all of the points whose rows move
     held: Records  # SHARE, of supports and drives: the node, as a point, has a force
+    walls: Integers  # (W, 2) first boundary degree of freedom and contact of each wall that is round or moves
     pushes: Floats  # (nodes * dim) impulse of the points whose rows move
+    wall_work: Floats  # (contacts,) of the motion of walls so far
     work: Floats  # (contacts,) of friction so far
     stored: Floats  # (contacts,) energy that stick stores
 
@@ -111,6 +114,7 @@ class History(NamedTuple):
     sticking: Floats  # (R, contacts) area
     sliding: Floats  # (R, contacts) area
     force: Floats  # (R, contacts, dim) on the first body
+    wall: Floats  # (R, contacts) work of the motion of walls
     every: int  # steps between two snapshots, 0 for none
     order: Integers  # (points of the loop,) number in the model
     # of snapshots, with the points as in the model
@@ -175,7 +179,7 @@ class Frictions(Part[History]):
         """Return the forces, slips, sums and states of the points."""
         rows = self.data.rows
         own = [rows.tangents, rows.multiplier, rows.slip, rows.impulse, rows.work, rows.stored]
-        own += [rows.along, rows.turned, rows.pushes]
+        own += [rows.along, rows.turned, rows.pushes, rows.wall_work]
         return own + [group.before for group, _ in self.groups if group.before.size]
 
     def results(self) -> Mapping[str, Floats]:
@@ -188,6 +192,7 @@ class Frictions(Part[History]):
             "sticking_area": data.sticking,
             "sliding_area": data.sliding,
             "contact_force_vector": data.force,
+            **({"wall_work": data.wall} if len(data.rows.walls) else {}),
             "point_traction": data.traction,
             "point_slip": data.slip,
             "point_status": data.status,
@@ -219,7 +224,9 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     mobility = mobilities(model, setting.place, setting.midpoint)
     loose = np.ones(len(mobility), dtype=np.int64)
     loose[[place // dim for _, place, _ in held]] = 0
-    contacts = len(model.case.contacts)
+    contacts, moved = len(model.case.contacts), round_or_moving(model.case)
+    numbers = [number for number, name in enumerate(model.case.contacts) if name in moved]
+    walls = [((len(setting.place) + k) * dim, number) for k, number in enumerate(numbers)]
     records = setting.record.energy.size
     per_axis = {name: np.zeros((count, dim - 1)) for name in ("multiplier", "rate", "slip", "trial", "last")}
     rows_now = Rows(
@@ -228,14 +235,15 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
         np.zeros(step.boundary.size), **per_axis, impulse=np.zeros((len(points), dim)), work=np.zeros(contacts),
         stored=np.zeros(contacts), moving=np.flatnonzero(points.slides[order]), turned=points.normal[where],
         mobility=mobility, loose=loose, force=np.zeros(mobility.size // dim), held=record_array(held, SHARE),
-        pushes=np.zeros(mobility.size // dim),
+        pushes=np.zeros(mobility.size // dim), wall_work=np.zeros(contacts),
+        walls=np.array(walls, dtype=np.int64).reshape(-1, 2),
     )  # fmt: skip
     for j in range(count):
         write_nodes(rows_now, j)
     if before is not None:
         for name in ("sigma", "rate", "state", "held", "before", "path"):
             tangents[name] = before.rows.tangents[name]
-        names = ("multiplier", "slip", "impulse", "work", "stored", "along", "turned", "pushes")
+        names = ("multiplier", "slip", "impulse", "work", "stored", "along", "turned", "pushes", "wall_work")
         kept = {name: getattr(before.rows, name) for name in names}
         return before._replace(rows=rows_now._replace(**kept))
     empty = np.full((records, contacts), np.nan)
@@ -244,7 +252,7 @@ def _history(setting: Setting, bound: list[BoundFriction], before: History | Non
     force, traction = np.full((records, contacts, dim), np.nan), np.full((snapshots, len(points), dim), np.nan)
     of_points = np.full((snapshots, len(points)), np.nan)
     return History(
-        rows_now, *copies, force, setting.record.field_every, order, traction, of_points,
+        rows_now, *copies, force, empty.copy(), setting.record.field_every, order, traction, of_points,
         of_points.copy(),
     )  # fmt: skip
 
@@ -333,7 +341,7 @@ def write_nodes(rows: Rows, j: int) -> None:
 
 
 def push_nodes(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Let supports react to the forces along the surfaces, and to all of the points whose rows move.
+    """Let supports and walls react to the forces along the surfaces, and to all of the points whose rows move.
 
     The impulses of the latter on their nodes are added up.
     """
@@ -355,6 +363,12 @@ def push_nodes(rows: Rows, n: int, u: Floats, v: Floats, a: Floats) -> None:
         for d in range(dim):
             along += rows.loads.axes[rows.loads.constraints[share.hold].axis + d] * rows.force[share.point + d]
         work += react(rows.loads, share, along, rows.boundary, now)
+    for w in range(len(rows.walls)):
+        power = 0.0
+        for k in range(rows.walls[w, 0], rows.walls[w, 0] + dim):
+            power -= rows.force[k] * (rows.boundary[k].old_v + rows.boundary[k].new_v)
+        rows.wall_work[rows.walls[w, 1]] += 0.5 * now.dt * power
+        work += power
     rows.totals[0].work_of_parts += 0.5 * now.dt * work
 
 
@@ -620,6 +634,7 @@ def record(data: History, n: int, u: Floats, v: Floats, a: Floats) -> None:
         data.slid[r, c] = 0.0
         data.sticking[r, c] = 0.0
         data.sliding[r, c] = 0.0
+        data.wall[r, c] = rows.wall_work[c]
         for d in range(data.force.shape[2]):
             data.force[r, c, d] = 0.0
     for i in range(rows.points.law.size):

@@ -24,11 +24,13 @@ from percuss.contact.frictions import frictions_of
 from percuss.contact.moving_rows import mobilities, stiffness_of_points, with_rows_that_stay
 from percuss.contact.near import GROUP, MOST, NOBODY, Partners, enclose, enclose_groups, meet, search
 from percuss.contact.points import BY_END, FROM_LINE, Points
-from percuss.contact.sliding import half_size, renewed_points, renews, sliding, surfaces_of
+from percuss.contact.sliding import half_size, renewed_points, renews, sliding, surfaces_of, turning
+from percuss.contact.walls import WallShape, direction_of, meet_wall, round_or_moving
 from percuss.methods.interfaces import FacingSurfaces
 from percuss.record_arrays import Records, empty_records
 from percuss.step.actions import BEFORE_ACCOUNT, BEFORE_CONTACT, RECORD, Action
 from percuss.step.part import Part, Setting
+from percuss.step.records import Loads
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -97,20 +99,35 @@ class Renewed(NamedTuple):
     last: int
 
 
+class AtWall(NamedTuple):
+    """The points of a contact at a wall that is round or moves."""
+
+    slides: Slides
+    loads: Loads
+    wall: WallShape
+    place: int  # of the wall, as a row of `start`
+    column: int  # of the amplitudes, that of its velocity
+    direction: Floats  # (dim,) along which it moves
+    first: int  # the points are those from first to last
+    last: int
+
+
 class Sliding(Part[Slides]):
-    """The part of a step whose surfaces slide far.
+    """The part of a step that writes rows anew: of surfaces that slide far, and at walls that are round or move.
 
     Parameters
     ----------
     data
-        All points that slide.
+        All points whose rows it writes.
+    walls
+        Those of each contact with such a wall.
     renewed
         Those of each contact whose pairing renews them, with the contact.
     """
 
-    def __init__(self, data: Slides, renewed: list[tuple[Renewed, ContactSpec]]) -> None:
+    def __init__(self, data: Slides, walls: list[AtWall], renewed: list[tuple[Renewed, ContactSpec]]) -> None:
         super().__init__(data)
-        self.renewed = renewed
+        self.walls, self.renewed = walls, renewed
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -123,11 +140,14 @@ class Sliding(Part[Slides]):
         stiffness = _stiffness(setting.model)[np.array(setting.order, dtype=np.int64)[found.which]]
         found = found._replace(mobility=mobility, stiffness=stiffness)
         found = found._replace(points=step.points, boundary=step.boundary, now=step.now, totals=step.totals)
-        return cls(found, list(_renewed(setting.model, found)))
+        return cls(found, list(_at_walls(setting, found)), list(_renewed(setting.model, found)))
 
     def actions(self) -> Iterator[Action]:
         """Yield the actions of a step."""
-        yield Action(BEFORE_CONTACT, renew_rows, self.data, order=1)
+        if self.data.watched.size:
+            yield Action(BEFORE_CONTACT, renew_rows, self.data, order=1)
+        for wall in self.walls:
+            yield Action(BEFORE_CONTACT, renew_at_wall, wall, order=1)
         for renewed, spec in self.renewed:
             pairing: Any = spec.pairing
             about: Any = {"of_plugin": True, "allocates": pairing.allocates, "name": f"pairing {pairing.name}"}
@@ -164,18 +184,21 @@ def _slides(setting: Setting) -> Slides:
     number = np.zeros(model.bodies.n_nodes, dtype=np.int64)
     number[list(place)] = np.array(list(place.values()), dtype=np.int64) // dim
     facets: list[Any] = []
-    of_points: dict[str, list[Any]] = {name: [] for name in ("which", "own", "share", "node", "span", "presses")}
+    names = ("which", "own", "share", "node", "span", "skin", "presses")
+    of_points: dict[str, list[Any]] = {name: [] for name in names}
     watched, seekers = [], 0
     for name, spec in _in_order(model):
-        first, second = surfaces_of(spec, model.bodies)
+        first, *others = surfaces_of(spec, model.bodies)
         where = np.flatnonzero(points.of_contact(name))
         begin = sum(len(one) for one, *_ in facets)
-        order = cKDTree(second.positions[second.facets].mean(axis=1)).indices
-        of_facets = (number[second.nodes[second.facets]], *second.rims(), np.arange(len(order)))
-        facets.append((*(one[order] for one in of_facets), _size(second)))
-        width = second.facets.shape[1]
+        for second in others:
+            order = cKDTree(second.positions[second.facets].mean(axis=1)).indices
+            of_facets = (number[second.nodes[second.facets]], *second.rims(), np.arange(len(order)))
+            facets.append((*(one[order] for one in of_facets), _size(second)))
+            watched += [number[first.nodes], number[second.nodes]]
+        width = others[0].facets.shape[1] if others else 1
         own = np.ones(where.size, dtype=np.int64) if renews(spec, dim) else points.count[where] - width
-        seekers += 0 if renews(spec, dim) else where.size
+        seekers += where.size if others and not renews(spec, dim) else 0
         share, node = np.zeros((where.size, 4)), np.zeros((where.size, 4), dtype=np.int64)
         for s, p in enumerate(where.tolist()):
             entries = slice(points.start[p], points.start[p] + own[s])
@@ -184,24 +207,27 @@ def _slides(setting: Setting) -> Slides:
         of_points["own"].append(own)
         of_points["share"].append(share)
         of_points["node"].append(node)
-        of_points["span"].append(np.tile([begin, begin + len(second.facets)], (where.size, 1)))
+        end = begin + sum(len(second.facets) for second in others)
+        of_points["span"].append(np.tile([begin, end], (where.size, 1)))
+        of_points["skin"].append(np.full(where.size, facets[-1][4] if others else 0.0))
         of_points["presses"].append(np.full(where.size, int(spec.overlap == "press")))
-        watched += [number[first.nodes], number[second.nodes]]
     joined = {name: np.concatenate(arrays) for name, arrays in of_points.items()}
     count, contacts = joined["which"].size, len(model.case.contacts)
-    most, room = max(one.shape[1] for one, *_ in facets), int(points.count.max())
-    widths = np.concatenate([np.full(len(one), one.shape[1]) for one, *_ in facets])
+    most, room = max((one.shape[1] for one, *_ in facets), default=1), int(points.count.max())
+    none = np.zeros(0, dtype=np.int64)
+    widths = np.concatenate([none, *(np.full(len(one), one.shape[1]) for one, *_ in facets)])
 
     def wide(k: int) -> Integers:
         """Return arrays of all contacts, (F, most), with zeros where facets have fewer nodes."""
         padded = (np.pad(one[k], ((0, 0), (0, most - one[k].shape[1]))) for one in facets)
-        return np.concatenate(list(padded)).astype(np.int64)
+        return np.concatenate([none.reshape(0, most), *padded]).astype(np.int64)
 
-    start = model.bodies.nodes[list(place)]
-    sizes = np.concatenate([np.full(len(of), one[4]) for of, one in zip(of_points["which"], facets, strict=True)])
+    walls = [wall.point for wall, _ in round_or_moving(model.case).values()]
+    start = np.concatenate([model.bodies.nodes[list(place)], np.reshape(walls, (-1, dim))])
     partners = Partners(
-        rank=np.concatenate([one[3] for one in facets]), node=wide(0), width=widths, rim=wide(1), corner=wide(2),
-        group_low=np.zeros((widths.size, dim)), group_high=np.zeros((widths.size, dim)), at=start.copy(), skin=sizes,
+        rank=np.concatenate([none, *(one[3] for one in facets)]), node=wide(0), width=widths, rim=wide(1),
+        corner=wide(2), group_low=np.zeros((widths.size, dim)), group_high=np.zeros((widths.size, dim)),
+        at=start.copy(), skin=joined["skin"],
         candidates=np.tile(joined["span"][:, :1], MOST[dim]), candidate_count=np.zeros(count, dtype=np.int64),
         partner=np.full(count, NOBODY), first=joined["span"][:, 0].copy(), last=joined["span"][:, 1].copy(),
         low=np.zeros((widths.size, dim)), high=np.zeros((widths.size, dim)), share=np.zeros(most), trial=np.zeros(most),
@@ -211,31 +237,44 @@ def _slides(setting: Setting) -> Slides:
         points=setting.step.points, boundary=setting.step.boundary, now=setting.step.now, totals=setting.step.totals,
         partners=partners,
         which=joined["which"], seekers=seekers, own=joined["own"], share=joined["share"], node=joined["node"],
-        start=start,
-        mobility=np.zeros((len(place), dim, dim)), watched=np.unique(np.concatenate(watched)), made=start.copy(),
+        start=start, mobility=np.zeros((len(start), dim, dim)),
+        watched=np.unique(np.concatenate([none, *watched])), made=start.copy(),
         allowed=np.full(1, -1.0), presses=joined["presses"], offset=np.zeros(count),
         met=np.zeros(room, dtype=np.int64), met_share=np.zeros(room), last=np.zeros((count, 2)),
-        before=np.zeros((count, 2)), stiffness=np.zeros(count), load=np.zeros(len(place)),
+        before=np.zeros((count, 2)), stiffness=np.zeros(count), load=np.zeros(len(start)),
         books=empty_records(contacts, BOOKS), renewal=np.full((setting.record.energy.size, contacts), np.nan),
     )  # fmt: skip
 
 
 def _in_order(model: Model) -> list[tuple[str, ContactSpec]]:
-    """Return the contacts that slide, those whose points seek the nearest facet before the others."""
-    return sorted(sliding(model.case).items(), key=lambda one: renews(one[1], model.dim))
+    """Return the contacts that slide: those whose points seek the nearest facet, then at walls, then the others."""
+    known = sliding(model.case).items()
+    return sorted(known, key=lambda one: 2 if renews(one[1], model.dim) else int(one[1].wall is not None))
+
+
+def _at_walls(setting: Setting, data: Slides) -> Iterator[AtWall]:
+    """Yield the points of each contact with a wall that is round or moves."""
+    case, dim, first = setting.model.case, setting.model.dim, data.seekers
+    places = {name: len(setting.place) + k for k, name in enumerate(round_or_moving(case))}
+    columns = ["", *case.loads]
+    for name, (wall, load) in round_or_moving(case).items():
+        last = first + int(setting.model.contact_points.of_contact(name).sum())
+        column = len(columns) + columns.index(load.name) if load is not None else 0
+        yield AtWall(data, setting.step.loads, wall, places[name], column, direction_of(load, dim), first, last)
+        first = last
 
 
 def _renewed(model: Model, data: Slides) -> Iterator[tuple[Renewed, ContactSpec]]:
     """Yield the points of each contact whose pairing renews them."""
     begin, start, partners, points = 0, 0, data.partners, model.contact_points
     for name, spec in _in_order(model):
-        where, (first, second) = points.of_contact(name), surfaces_of(spec, model.bodies)
-        count, end = int(where.sum()), begin + len(second.facets)
+        where, (first, *others) = points.of_contact(name), surfaces_of(spec, model.bodies)
+        count, end = int(where.sum()), begin + sum(len(second.facets) for second in others)
         if renews(spec, model.dim):
             groups = slice(begin, end, GROUP)
             surfaces = FacingSurfaces(
                 partners.at, data.node[start : start + count, 0][first.facets],
-                partners.node[begin:end, : second.facets.shape[1]], first.facets, first.areas,
+                partners.node[begin:end, : others[0].facets.shape[1]], first.facets, first.areas,
                 partners.group_low[groups], partners.group_high[groups], GROUP, half_size(first),
             )  # fmt: skip
             room = renewed_points(first, int(points.count[where].max()) - 1)
@@ -310,6 +349,24 @@ def renew_points(renewed: Renewed, n: int, u: Floats, v: Floats, a: Floats) -> N
         law, row = data.points.law[data.which[s]], data.points.row[data.which[s]]
         row.weight, row.sigma = points.area[p], law.sigma * (law.weight / points.area[p])
         settle(data, s, n, had, points.meets[p], points.gap[p])
+
+
+def renew_at_wall(at: AtWall, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Move a wall, and write the rows of its points as they are at t_n."""
+    data, partners, dim = at.slides, at.slides.partners, at.direction.size
+    for d in range(dim):
+        q = data.boundary[at.place * dim + d]
+        partners.other[d] = data.start[at.place, d] + q.old_u
+        q.new_v = at.loads.amplitudes[at.column] * at.direction[d]
+    data.met[0], data.met_share[0] = at.place, 1.0
+    for s in range(at.first, at.last):
+        for d in range(dim):
+            partners.point[d] = 0.0
+            for k in range(data.own[s]):
+                r = data.node[s, k]
+                partners.point[d] += data.share[s, k] * (data.start[r, d] + data.boundary[r * dim + d].old_u)
+        had, partners.partner[s] = partners.partner[s] != NOBODY, 0
+        settle(data, s, n, had, 1, meet_wall(at.wall, partners.other, partners.point, partners.out))
 
 
 def settle(data: Slides, s: int, n: int, had: bool, count: int, gap: float) -> None:
@@ -434,15 +491,17 @@ def bound_stiffness(data: Slides, n: int, u: Floats, v: Floats, a: Floats) -> No
         i = data.which[s]
         row, law, normal = points.row[i], points.law[i], points.normal[i]
         book, whole = data.books[law.contact], 0.0
-        if s == 0 or data.partners.first[s] != data.partners.first[s - 1]:
+        if s == 0 or law.contact != points.law[data.which[s - 1]].contact:
             for r in range(data.load.size):
                 data.load[r] = 0.0
         for e in range(row.start, row.stop, dim):
-            whole += abs(share_of(points, e, normal))
+            if data.boundary[points.entries[e].place].mass > 0.0:  # nothing moves a wall
+                whole += abs(share_of(points, e, normal))
         whole *= data.stiffness[s] * (row.weight / law.weight)
         for e in range(row.start, row.stop, dim):
             r = points.entries[e].place // dim
-            data.load[r] += whole * abs(share_of(points, e, normal)) / data.boundary[r * dim].mass
+            if data.boundary[r * dim].mass > 0.0:
+                data.load[r] += whole * abs(share_of(points, e, normal)) / data.boundary[r * dim].mass
             if data.load[r] > book.stiffness:
                 book.stiffness, book.stiffest = data.load[r], data.now[0].time
 
@@ -467,8 +526,8 @@ MOVES = "rows of contacts that slide change from step to step, and nothing is kn
 
 
 def feature(model: Model) -> Feature | None:
-    """Return what is to know of surfaces that slide far; None where all rows stay."""
-    if not model.contact_points.slides.any():
+    """Return what is to know of rows that change from step to step; None where none does."""
+    if not (model.contact_points.slides.any() and turning(model.case)):
         return None
     return Feature(
         name="sliding surfaces",
