@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 from percuss.case.defaults import DEFAULTS, WITHOUT_BARS
 from percuss.case.quantities import first_key
@@ -16,6 +16,7 @@ from percuss.case.specs import (
     Address,
     BodySpec,
     CaseSection,
+    ContactSpec,
     Expectation,
     MeasureSection,
     RecordSpec,
@@ -110,6 +111,7 @@ def completed(case: CaseSection, dimension: int, source: Source, registry: Regis
             law=contact.method or method.contact,
             pairing=contact.pairing or method.pairing,
             friction=contact.friction or method.friction,
+            sliding=contact.sliding or _sliding_of(contact, bodies),
         )
         for name, contact in case.contacts.items()
     }
@@ -124,6 +126,13 @@ def completed(case: CaseSection, dimension: int, source: Source, registry: Regis
         contact = expectation.contact or (next(iter(contacts)) if of_contact else None)
         expect.append(replace(expectation, contact=contact, path=("expect", i)))
     return replace(case, bodies=bodies, contacts=contacts, loads=loads, expect=tuple(expect), method=method)
+
+
+def _sliding_of(contact: ContactSpec, bodies: Mapping[str, BodySpec]) -> Literal["small", "large"]:
+    """Return how a contact slides that does not say it: far between bodies of finite strain that do not turn around."""
+    sides = [bodies[side.body] for side in contact.sides]
+    finite = any(body.shape.cell != "line" and not body.material.linear for body in sides)
+    return "large" if finite and len(sides) == 2 and sides[0].plane != "axisymmetric" else "small"
 
 
 def _element_of(body: BodySpec, registry: Registry) -> Element:

@@ -158,6 +158,7 @@ COMPARED_BY_KIT = ("contact_force", "gap", "displacement")
 JUDGED_BY = "estimated.solution"  # path into the summary: the finer run that judged a run, if one did
 # First keys of the dotted paths into the summary of a run, such as `energy.final`.
 SUMMARY = (
+    "angular_momentum",
     "bodies",
     "certificate",
     "contacts",
@@ -172,6 +173,7 @@ SUMMARY = (
     "seconds",
     "stages",
     "steps",
+    "stretch",
     "supports",
 )
 

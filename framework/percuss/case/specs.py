@@ -162,6 +162,15 @@ class TimeSpec(Section):
         | Literal["auto"]
         | None
     ) = None
+    stretch: (
+        Annotated[
+            float,
+            Ge(1),
+            Unit("1"),
+            Doc("with auto and finite strain, times by which frequencies may rise over those at the start; else 2"),
+        ]
+        | None
+    ) = None
     step: Annotated[float, Gt(0), Unit("time"), Doc("time step; instead of courant")] | None = None
     steps: Annotated[int, Ge(1), Unit("1"), Doc("number of steps; instead of end")] | None = None
     on_unstable: Annotated[
@@ -175,6 +184,8 @@ class TimeSpec(Section):
             both += given[:1] if len(given) > 1 else []
             if len(given) != 1:
                 wrong.append(f"{'both' if given else 'neither'} of `{group[0]}` and `{group[1]}`")
+        if self.stretch is not None and self.courant != "auto":
+            raise ValueError("has a `stretch`, which belongs to `courant: auto`: remove it")
         if wrong:
             message = f"has {', and '.join(wrong)}: give exactly one{' of each' if len(wrong) > 1 else ''}"
             advice = f"Remove one, or unset it on the command line: `--set time.{both[0]}=null`." if both else ""
@@ -369,10 +380,16 @@ class ContactSpec(Section):
     friction: Annotated[Friction | None, Named("frictions"), Doc("friction of this contact; else method.friction")] = (
         None
     )
-    sliding: Annotated[
-        Literal["small", "large"],
-        Doc("small: normals and partners are those of the start; large: the points find them anew in each step"),
-    ] = "small"
+    sliding: (
+        Annotated[
+            Literal["small", "large"],
+            Doc(
+                "small: normals and partners are those of the start; large: the points find them anew in each step; by "
+                "default large where a body is of finite strain"
+            ),
+        ]
+        | None
+    ) = None
     overlap: Annotated[
         Literal["refuse", "keep", "press"],
         Doc(

@@ -53,6 +53,7 @@ DISTANCE_ABOVE_CRITICAL = 1e-6
 OF_CRITICAL_STEP = {f"certificate.{name}" for name in ("dt_critical", "courant_critical", "margin")}
 # Share of the critical step that is chosen where the case leaves the step open.
 SHARE_OF_CRITICAL_STEP = 0.9
+USUAL_STRETCH = 2.0  # by which frequencies of finite strain may rise under an automatic step
 # Relative tolerance of the option that is named as a cure, far below the digits that are printed.
 CURE_TOLERANCE = 1e-10
 LONGER = "longer steps may be stable where this one is not, or nothing is known of them"
@@ -187,13 +188,20 @@ def _with_step(case: Case) -> SettledRun:
         return SettledRun(model, None)
     held, unknown = model.facts.held, "No step is known to be stable: give one."
     changes = f"The highest frequency changes with the strain, so that {unknown[0].lower()}{unknown[1:]}"
+    finite = not any(body.is_bar for body in model.bodies.values() if body.why_not_linear)
+    if case.time.stretch is not None and not (finite and model.bodies.why_not_linear):
+        message, advice = "expected a body of finite strain, found none whose frequencies change", "Remove it."
+        raise InputError([case.problem(("time", "stretch"), message, advice)])
     for expected, found, advice in (
         ("loads of which the critical step is known, found that", held is None and model.why("certificate"), unknown),
         ("a diagonal mass and ends in contact with mass, or linear laws, found that", unknown_by_mass(model), unknown),
-        ("linear bodies, found that", model.bodies.why_not_linear, changes),
+        ("linear bodies, found that", "" if finite else model.bodies.why_not_linear, changes),
     ):
         if found:
             raise InputError([case.problem(("time", "courant"), f"expected {expected} {found}", advice)])
+    if model.bodies.why_not_linear:  # the loop watches its frequencies
+        share = SHARE_OF_CRITICAL_STEP / (case.time.stretch or USUAL_STRETCH)
+        return SettledRun(with_step(model, share * 2.0 / model.bodies.omega), None)
     limit, criterion = np.inf, None
     # With a given number of steps, a shorter step ends the run earlier, so other drives may act during the run, and the
     # critical step may change with them. The loop ends when the critical step does not fall any more.

@@ -119,6 +119,18 @@ def late_corners(case: Case, bodies: Mapping[str, Body]) -> Iterator[str]:
             )
 
 
+def normals_of_the_start(case: Case, bodies: Mapping[str, Body]) -> Iterator[str]:
+    """Yield a note on each contact of bodies of finite strain whose points do not find what they meet in each step."""
+    for name, spec in case.contacts.items():
+        sides = [bodies[side.body] for side in spec.sides]
+        finite = [body.name for body in sides if not (body.is_bar or body.of_small_strains)]
+        if spec.sliding == "small" and spec.wall is None and finite:
+            yield (
+                f"contact '{name}' slides small: its normals and partners are those of the start, and '{finite[0]}' "
+                "may turn and deform far"
+            )
+
+
 def _corner_that_points(first: Surface, second: Surface) -> int | None:
     """Return the node of a second surface nearest to a first one if its two edges turn and lead away from there."""
     facet, share = first.nearest(second.positions)

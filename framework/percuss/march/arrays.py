@@ -146,12 +146,15 @@ class Arrays:
         ]
         self.active_constraints = [index for index, _ in constraints]
         self.step = self.step._replace(loads=self._loads(constraints, rows, midpoint))
+        known, made = {type(part): part for part in self.parts}, list[Part[Any]]()
         setting = Setting(
-            model, self.place, self.order, rows, midpoint, self.step, self.record, self.variables, self.recorded
-        )
-        known = {type(part): part for part in self.parts}
-        made = (kind.of(setting, known.get(kind)) for kind in PARTS)
-        self.parts = [part for part in made if part is not None]
+            model, self.place, self.order, rows, midpoint, self.step, self.record, self.variables, self.recorded,
+            self.blocks, made,
+        )  # fmt: skip
+        for kind in PARTS:
+            if (part := kind.of(setting, known.get(kind))) is not None:
+                made.append(part)
+        self.parts = made
         self.actions = list(self._actions())
 
     def _points(self, midpoint: float) -> tuple[Rows, Points]:

@@ -17,6 +17,7 @@ import numpy as np
 from percuss.contact.law_trials import describe_state, fault_of_nan
 from percuss.errors import PercussError, PluginError
 from percuss.march.stop import Stop
+from percuss.mesh.cells import is_solid
 from percuss.mesh.element_probe import ElementProbe
 from percuss.methods.blame import (
     definition_place,
@@ -133,6 +134,36 @@ def missing_multiplier(march: Marching, amplitudes: object, step: int) -> NoMult
         return None
     error = repeat_in_python(march, amplitudes, step)
     return error if isinstance(error, NoMultiplier) else None
+
+
+def stop_by_inversion(model: Model, displacement: Floats, velocity: Floats, failed: Any, step: int) -> Stop | None:
+    """Return the stop by a cell of finite strain that is turned inside out before a step, or None.
+
+    Parameters are those of `stop_by_a_body`, with the velocity half a step before.
+    """
+    worst: tuple[float, Stop] | None = None
+    for body in model.bodies.values():
+        if not is_solid(body.spec.element) or body.spec.material.linear:
+            continue
+        nodes, probe = body.element_nodes(np.arange(body.count)), None
+        for number in np.flatnonzero(failed[nodes].any(axis=1))[:MOST_ASKED].tolist():
+            probe = probe or ElementProbe(body.spec.element, body.spec.material, body.view)
+            own = nodes[number]
+            now, before = (probe.volumes(number, u[own]) for u in (displacement, displacement - model.dt * velocity))
+            point = int(now.argmin())
+            if now[point] <= 0.0 and (worst is None or now[point] < worst[0]):
+                what = (
+                    f"cell {number} of body '{body.name}' is inside out at its point {point}, with {now[point]:.3g} of "
+                    f"its volume at the start, after {before[point]:.3g} a step before"
+                )
+                speed = float(np.ptp(velocity[own], axis=0).max())
+                cause = (
+                    f"its nodes close at a velocity of {speed:.3g}, and its material does not hold them apart. Take a "
+                    "lower velocity, a finer mesh, a shorter step, or a material whose energy has no bound as its "
+                    "volume goes to nothing"
+                )
+                worst = float(now[point]), Stop(step, int(own[0]), "inverted", what, cause)
+    return worst[1] if worst is not None else None
 
 
 def stop_by_a_body(model: Model, displacement: Floats, failed: Any, step: int) -> Stop | None:

@@ -511,6 +511,10 @@ class March:
             stop = self._stop_without_multiplier(amplitudes, before, step)
             if stop is not None:
                 return step, stop
+        stops = (part.stop(self.model) for part in self.arrays.parts)
+        if (found := next(filter(None, stops), None)) is not None:
+            node, what, cause = found
+            return step, Stop(step, node, "unstable step", what, cause)
         return step, self._stop_by_a_body(before, step) or self._stop_after(step, solved=solved)
 
     def _stop_after(self, step: int, *, solved: bool) -> Stop:
@@ -556,7 +560,9 @@ class March:
         if not failed.any():
             return None
         with self._as_it_was(before):
-            return diagnosis.stop_by_a_body(self.model, self.u.reshape(-1, self.dim), failed, step)
+            u, v = self.u.reshape(-1, self.dim), self.v.reshape(-1, self.dim)
+            inverted = diagnosis.stop_by_inversion(self.model, u, v, failed, step)
+            return inverted or diagnosis.stop_by_a_body(self.model, u, failed, step)
 
     def _stop_without_multiplier(self, amplitudes: Any, before: list[bytes], step: int) -> Stop | None:
         """Return the stop caused by a kernel that left a contact without a multiplier in this step, or None."""

@@ -11,8 +11,10 @@ from percuss.step.part import Part
 from percuss.step.parts import coupled_masses, damping, ends_without_mass, followers, friction, own_steps, viscosity
 from percuss.step.parts import sliding as slides
 from percuss.step.parts.internal_work import InternalWork
+from percuss.step.parts.moments import MomentsSummed
 from percuss.step.parts.of_surfaces import SurfacesRecorded
 from percuss.step.parts.state_variables import StateVariablesKept
+from percuss.step.parts.stretch import Stretch
 from percuss.step.parts.supports import SupportsRecorded
 
 if TYPE_CHECKING:
@@ -30,7 +32,9 @@ PARTS: tuple[type[Part[Any]], ...] = (
     own_steps.OwnSteps,
     slides.Sliding,
     friction.Frictions,
+    MomentsSummed,
     StateVariablesKept,
+    Stretch,
     SurfacesRecorded,
     SupportsRecorded,
 )

@@ -15,7 +15,7 @@ NOT_STARTED = "the certificate says unstable, so the run was not started"
 UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"
 
 
-Kind = Literal["contact work", "energy", "not solved", "kernel", "not started"]
+Kind = Literal["contact work", "energy", "inverted", "not solved", "unstable step", "kernel", "not started"]
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,8 @@ class Stop:
         The node at which the reason shows most.
     kind
         ``"contact work"`` or ``"energy"`` of the bodies where that grew beyond all energy put in, ``"not solved"`` for
-        the contact equation, ``"kernel"`` for a fault of a plug-in, or ``"not started"``.
+        the contact equation, ``"inverted"`` for a cell that is inside out, ``"unstable step"`` for one that needs a
+        shorter step, ``"kernel"`` for a fault of a plug-in, or ``"not started"``.
     what
         The observation, in words.
     cause

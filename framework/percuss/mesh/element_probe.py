@@ -151,7 +151,8 @@ class ElementProbe:
         self._dimension = element.dimension if is_solid(element) else 0  # of its stresses
         self._slot: Any = {0: slots.stress, 2: slots.stress_2d, 3: slots.stress_3d}[self._dimension]
         self._weights = np.array(volumes_of(element, body))  # of the points, in the mean stress
-        self._weights[:, self._weights.shape[1] - getattr(element, "hourglass_points", 0) :] = 0.0
+        self._held = getattr(element, "hourglass_points", 0)
+        self._weights[:, self._weights.shape[1] - self._held :] = 0.0
         points, in_space = points_at_rest(element, material, body), np.zeros(0)
         filled, keep = slots_of_material(element, material), keep_tensor if self._dimension else keep_stress
         if modulus is not None:
@@ -239,7 +240,11 @@ class ElementProbe:
         -------
         (T, k) array, of solids (T, k, 3, 3)
         """
-        found = []
+        return self.fields(numbers, displacements, states)[0]
+
+    def fields(self, numbers: Integers, displacements: Floats, states: Floats | None = None) -> tuple[Floats, Floats]:
+        """Return `stresses`, and of solids the volume of each over that at the start, (T, k)."""
+        found, volumes = [], np.full((len(displacements), len(numbers)), np.nan)
         for t, displacement in enumerate(displacements):
             state = None if states is None else states[t]
             self._forces(numbers, displacement, state, calls=len(displacements) * len(numbers))
@@ -249,7 +254,34 @@ class ElementProbe:
             weights = np.where(calls > 0, self._weights[numbers], 0.0)
             with np.errstate(invalid="ignore"):  # 0 / 0 of an element that has not asked
                 found.append(np.einsum("kp,kp...->k...", weights / weights.sum(axis=1, keepdims=True), values))
-        return np.array(found)
+            if self._dimension:
+                of_points = np.linalg.det(
+                    np.eye(self._dimension) + strain.reshape(*calls.shape, *(self._dimension,) * 2)
+                )
+                with np.errstate(invalid="ignore"):
+                    volumes[t] = (weights * of_points).sum(axis=1) / weights.sum(axis=1)
+        return np.array(found), volumes
+
+    def slopes(self, numbers: Integers, size: float) -> Floats:
+        """Return what the motion of each node by x adds to the gradient of x of a solid at rest, (k, points, nodes, d).
+
+        Of a body of revolution the last one is that around the axis. `size` is how far a node moves.
+        """
+        (nodes, dim), d, found = self._shape, self._dimension, []
+        for node in range(nodes):
+            moved = np.zeros((len(numbers), nodes, dim))
+            moved[:, node, 0] = size
+            self._forces(numbers, moved, calls=nodes * len(numbers))
+            gradient = self._views[2][numbers][:, : self._weights.shape[1] - self._held] / size
+            found.append(np.concatenate([gradient[..., :dim], gradient[..., -1:]], axis=-1)[..., :d])
+        return np.stack(found, axis=2)
+
+    def volumes(self, number: int, displacement: Floats) -> Floats:
+        """Return the volume of each point of a solid element over that at the start, (points,)."""
+        self.force(number, displacement)
+        _, _, gradient = (kept[number] for kept in self._views)
+        volumes: Floats = np.linalg.det(np.eye(self._dimension) + gradient.reshape(-1, *(self._dimension,) * 2))
+        return volumes
 
     def fault(self, number: int, displacement: Floats) -> tuple[str, str]:
         """Return what a kernel does wrong in an element at a displacement, and where that stands; empty if nothing.

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from percuss.methods import slots
 from percuss.methods.slots import unbound
 
@@ -38,6 +40,22 @@ def material_energy(parameters: Floats, before: float, after: float) -> float:
 def stress(material: MaterialPoints, point: int, strain: Any) -> Any:
     """Return the stress of a point, at its strain or displacement gradient, of a material without state variables."""
     return material_stress(material.parameters, strain)
+
+
+def stress_of_area(material: MaterialPoints, point: int, gradient: Any) -> Any:
+    """Return the stress of a point in two dimensions of a material of finite strain, nan where it is inside out."""
+    if (1.0 + gradient[0]) * (1.0 + gradient[3]) - gradient[1] * gradient[2] <= 0.0:
+        return np.nan, np.nan, np.nan, np.nan
+    return material_stress(material.parameters, gradient)
+
+
+def stress_of_volume(material: MaterialPoints, point: int, gradient: Any) -> Any:
+    """Return the stress of a point in three dimensions of a material of finite strain, nan where it is inside out."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = gradient
+    across = (1.0 + yy) * (1.0 + zz) - yz * zy, yz * zx - yx * (1.0 + zz), yx * zy - (1.0 + yy) * zx
+    if (1.0 + xx) * across[0] + xy * across[1] + xz * across[2] <= 0.0:
+        return np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan
+    return material_stress(material.parameters, gradient)
 
 
 def stress_with_state(material: MaterialPoints, point: int, strain: float) -> float:
@@ -94,8 +112,9 @@ def mean_stored_energy(material: MaterialPoints, point: int, before: Floats, aft
 def solid_slots(material: Any, dimension: int) -> dict[Any, Callable[..., Any]]:
     """Return the slots of a solid element's kernels that a material, or its class, fills, and what fills them."""
     flat = dimension == 2
+    of_finite_strain = stress_of_area if flat else stress_of_volume
     filled = {
-        slots.stress_2d if flat else slots.stress_3d: stress,
+        slots.stress_2d if flat else slots.stress_3d: stress if material.linear else of_finite_strain,
         material_stress: material.stress_2d if flat else material.stress_3d,
     }
     if material.linear:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 SAME_STIFFNESS = 1e-4  # largest relative difference between declared stiffness and stiffness about rest
 
 
-def stress_field(body: Body, elements: Integers, displacement: Floats, states: Floats) -> Floats:
-    """Return the stress in elements of a body at several times.
+def stress_field(body: Body, elements: Integers, displacement: Floats, states: Floats) -> tuple[Floats, Floats]:
+    """Return the stress in elements of a body at several times, and their volume over that at the start.
 
     Parameters
     ----------
@@ -34,12 +34,14 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
 
     Returns
     -------
-    (T, E) array, of solid elements (T, E, 3, 3)
+    stress : (T, E) array, of solid elements (T, E, 3, 3)
         Stress, tension positive [force/length^2]; nan if an element does not call the stress kernel of its material.
+    volume : (T, E) array
+        Nan of bars, and of linear bodies.
     """
     probe = ElementProbe(body.spec.element, body.spec.material, body.view)
     if body.why_not_linear:
-        return probe.stresses(elements, displacement, states)
+        return probe.fields(elements, displacement, states)
     # Of a linear body one element of each kind is asked, once for each motion of a node. A translation has no stress at
     # all: motion counts from the first node, unless a body of revolution is widened.
     times, count, nodes, dim = displacement.shape
@@ -53,7 +55,7 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
     of_elements = moved.reshape(times, count, -1)[..., held:].swapaxes(0, 1)
     by_unit = stress.reshape(len(units), kinds.size, -1).swapaxes(0, 1)
     field: Floats = (of_elements @ by_unit[kind]).swapaxes(0, 1).reshape(times, count, *stress.shape[2:])
-    return field
+    return field, np.full((times, count), np.nan)
 
 
 def tangent_as_declared(bodies: Iterable[Body]) -> bool:

@@ -14,11 +14,11 @@ from percuss.case.quantities import in_unit
 from percuss.case.specs import RigidWall
 from percuss.case.type_words import found
 from percuss.certificate.flutter import flutter_of
-from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
+from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, USUAL_STRETCH, certificate
 from percuss.contact.frictions import frictional, stick_in_words
 from percuss.contact.laws import parameters, points_of_law
 from percuss.contact.pairs import unlike_sides
-from percuss.contact.sliding import late_corners, slides
+from percuss.contact.sliding import late_corners, normals_of_the_start, slides
 from percuss.jsonable import Data, Entries, plain
 from percuss.march.estimate import bytes_of_run, seconds_of_steps
 from percuss.march.recording import recordable
@@ -76,6 +76,7 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
             *case.notes,
             *unlike_sides(case, model.bodies),
             *late_corners(case, model.bodies),
+            *normals_of_the_start(case, model.bodies),
             *verdict["ignores"],
             *expected_meetings(model),
             *slow_step(model, verdict),
@@ -87,6 +88,7 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
         "used": used,
         "beside": {name: _beside(model, name) for name in data["contacts"]},
         "share": SHARE_OF_CRITICAL_STEP,
+        "usual_stretch": USUAL_STRETCH,
         "of_scheme": [*filter(None, [model.why("step")]), *(model.stages.in_words if model.stages else ())],
         # The number of sweeps over coupled points is not known.
         "coupled": model.rows_at(0.5 * model.dt).other.size > 0,

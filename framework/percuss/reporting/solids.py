@@ -210,7 +210,7 @@ def _sheet(wall: WallShape, nodes: Floats, size: float) -> Floats:
     if wall.kind == PLANE:
         foot = middle - wall.axis * float(wall.axis @ (middle - wall.point))
         if dim == 2:
-            along = size * np.array([-wall.axis[1], wall.axis[0]])
+            along = 9.0 * size * np.array([-wall.axis[1], wall.axis[0]])  # beyond the view, if solids move far
             return np.array([foot - along, foot + along])
         first = np.cross(wall.axis, np.eye(3)[int(np.abs(wall.axis).argmin())])
         first *= 0.6 * size / np.linalg.norm(first)

@@ -12,7 +12,7 @@ from percuss.certificate.verdict import Certificate
 from percuss.contact.laws import ignored_couplings
 from percuss.contact.model import Model
 from percuss.contact.pairs import unlike_sides
-from percuss.contact.sliding import late_corners
+from percuss.contact.sliding import late_corners, normals_of_the_start
 from percuss.jit import Stopwatch
 from percuss.jsonable import Entries, plain
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
@@ -24,7 +24,7 @@ from percuss.results.exact import ROUND_OFF, exact_solution
 from percuss.results.fields import fields_of, in_parts
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
 from percuss.results.result import Result
-from percuss.results.summary import EnergySummary, ExactEntries, ExactErrors, StopSummary, Summary
+from percuss.results.summary import EnergySummary, ExactEntries, ExactErrors, StopSummary, StretchEntries, Summary
 
 if TYPE_CHECKING:
     from percuss.results.reference import FinerRun
@@ -92,6 +92,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         *model.case.notes,
         *unlike_sides(model.case, model.bodies),
         *late_corners(model.case, model.bodies),
+        *normals_of_the_start(model.case, model.bodies),
         *_warnings(march, outcome, certificate, energy),
         *doubts(march, outcome, arrays),
         *slow_step(model, certificate),
@@ -117,6 +118,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "momentum": ledger.momentum_summary(march, outcome, largest_energy),
         "angular_momentum": ledger.angular_momentum_summary(march, outcome, largest_energy),
         "energy_growth": growth,
+        **stretch_summary(outcome),
         **true_errors,
         "compiled": outcome.kernels.compiled,
         "compiled_why": list(outcome.kernels.reasons),
@@ -135,6 +137,20 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     if "contact_state" in arrays and not model.bodies.of_lines:
         coordinates["point"] = list(model.contact_points.names)
     return Result(arrays, coordinates, fields_of(march, outcome), plain(summary), provenance, solution)
+
+
+def stretch_summary(outcome: Outcome) -> StretchEntries:
+    """Return the cell of finite strain whose frequency came nearest to what the step allows; nothing without any."""
+    if "stretch" not in outcome.histories:
+        return {}
+    stretch, cell, time, at_start, courant = outcome.histories["stretch"].tolist()
+    body = str(outcome.histories["stretched_body"][0])
+    return {
+        "stretch": {
+            "largest": stretch, "body": body, "cell": int(cell), "time": time, "courant": at_start,
+            "courant_stretched": courant,
+        }
+    }  # fmt: skip
 
 
 def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: EnergySummary) -> list[str]:

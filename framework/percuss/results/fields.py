@@ -57,7 +57,7 @@ def _of_bars(model: Model, outcome: Outcome, snapshots: int) -> Entries:
     stress, positions = [], []
     names: list[str] = []
     for (body, elements, nodes), u, state in zip(recorded, displacements, states, strict=True):
-        stress.append(stress_field(body, elements, u, state))
+        stress.append(stress_field(body, elements, u, state)[0])
         names += [body.name] * elements.size
         positions.append(model.bodies.nodes[nodes[:, :2]].mean(axis=1))  # the ends come first
     return {"body": names, "position": np.concatenate(positions), "stress": np.concatenate(stress, axis=1)}
@@ -68,20 +68,22 @@ def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:
     shape, bodies = (snapshots, -1, model.dim), list(model.bodies.values())
     displacement = outcome.record.field[:snapshots].reshape(shape)
     corners = max(cells_of(body.mesh).shape[1] for body in bodies)
-    stress, cells = [], []
+    fields, cells = [], []
     for body in bodies:
         numbers = np.arange(body.count)
         nodes = body.element_nodes(numbers)
         states = np.zeros((snapshots, body.count, body.volumes.shape[1], 0))
-        stress.append(stress_field(body, numbers, displacement[:, nodes], states))
+        fields.append(stress_field(body, numbers, displacement[:, nodes], states))
         cells.append(np.pad(nodes, ((0, 0), (0, corners - nodes.shape[1])), constant_values=-1))
-    tensor, place = np.concatenate(stress, axis=1), model.bodies.nodes
+    tensor, volumes = (np.concatenate(one, axis=1) for one in zip(*fields, strict=True))
+    place = model.bodies.nodes
     middle = [place[body.element_nodes(np.arange(body.count))].mean(axis=1) for body in bodies]
     return {
         "body": [body.name for body in bodies for _ in range(body.count)],
         "position": np.concatenate(middle),
         "stress": tensor[..., *np.array(STRESSES[model.dim]).T],
         "von_mises": von_mises(tensor),
+        **({} if np.isnan(volumes).all() else {"volume_ratio": volumes}),
         "cell_nodes": np.concatenate(cells),
         "node_body": [body.name for body in bodies for _ in range(body.mass.size)],
         "node_position": place,

@@ -45,6 +45,7 @@ from percuss.results.summary import (
     SupportEntries,
 )  # fmt: skip
 from percuss.step.account import ROUNDING
+from percuss.step.parts.moments import keeps_angular_momentum
 
 # Allowed closure error of the ledger over the largest energy, and allowed imbalance over the momentum.
 CLOSURE_TOLERANCE, MOMENTUM_TOLERANCE = 1e-9, 1e-9
@@ -315,13 +316,16 @@ def supports_summary(march: March, outcome: Outcome) -> SupportEntries:
 def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> MomentumSummary | None:
     """Return angular momentum before the first and after the last step, and the moments of impulses in between.
 
-    All count about the centre of mass at the start and with the places at the start, as small strains do: internal
-    forces of linear bodies have no moment so. None for bars, bodies of revolution and bodies that are not linear.
+    All count about the centre of mass at the start. Small strains count with the places at the start, where internal
+    forces of linear bodies have no moment; bodies of finite strain with the places of each step. None for bars, bodies
+    of revolution, linear bodies beside others, and bodies of finite strain that are damped.
     """
     model, dim, bodies = march.model, march.dim, march.model.bodies
+    velocities = outcome.starting_velocity.reshape(-1, dim), outcome.final_velocity.reshape(-1, dim)
+    if keeps_angular_momentum(model):
+        return _of_finite_strain(march, outcome, velocities, largest_energy)
     if bodies.about_axis or not all(body.of_small_strains for body in bodies.values()):
         return None
-    velocities = outcome.starting_velocity.reshape(-1, dim), outcome.final_velocity.reshape(-1, dim)
     momenta = [bodies.with_moment(bodies.nodes, bodies.mass[:, None] * velocity)[:, dim:] for velocity in velocities]
     held, pressed = np.zeros((1, momenta[0].shape[1])), np.zeros((1, momenta[0].shape[1]))
     if model.loads.constraints:
@@ -348,6 +352,35 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
     closure = after - before - loads - supports - contacts - damping
     impulses = {"loads": loads, "supports": supports, "contacts": contacts} | _by_damping(model, damping)
     return _balance(before, after, impulses, closure, scale, outcome)
+
+
+def _of_finite_strain(
+    march: March, outcome: Outcome, velocities: tuple[Floats, Floats], largest_energy: float
+) -> MomentumSummary | None:
+    """Return the angular momentum of bodies of finite strain, and the moments by the places of each step."""
+    if "moments_of_contacts" not in outcome.histories:
+        return None  # no step was made
+    bodies, dim = march.model.bodies, march.dim
+    displacement = outcome.final_displacement.reshape(-1, dim)
+    places = bodies.nodes, bodies.nodes + displacement
+    momenta = [
+        bodies.with_moment(place, bodies.mass[:, None] * velocity)[:, dim:]
+        for place, velocity in zip(places, velocities, strict=True)
+    ]
+    before, after = (moments.sum(axis=0) for moments in momenta)
+    of_contacts, supports, loads = (
+        outcome.histories[name] for name in ("moments_of_contacts", "moment_of_supports", "moment_of_loads")
+    )
+    contacts = of_contacts.sum(axis=0)
+    inertia = float(bodies.mass @ ((places[1] - bodies.centre) ** 2).sum(axis=1))
+    sums = [float(np.abs(moments).sum()) for moments in (*momenta, of_contacts, supports, loads)]
+    closure = after - before - loads - supports - contacts
+    impulses = {"loads": loads, "supports": supports, "contacts": contacts}
+    scale = max(*sums, math.sqrt(2.0 * inertia * largest_energy))
+    balance = _balance(before, after, impulses, closure, scale, outcome)
+    between = [spec.wall is None for spec in march.model.case.contacts.values()]
+    balance["couple_of_contacts"] = of_contacts[between].sum(axis=0).tolist()
+    return balance
 
 
 def _balance(

@@ -104,6 +104,27 @@ class SupportSummary(TypedDict):
     impulse_z: NotRequired[float]
 
 
+class StretchSummary(TypedDict):
+    """The cell of finite strain whose highest frequency came nearest to what the step allows.
+
+    ``largest`` is that frequency over the one at the start, and ``time`` when it was found; ``courant`` is the Courant
+    number of the cell at the start, ``courant_stretched`` that times ``largest``.
+    """
+
+    largest: float
+    body: str
+    cell: int
+    time: float
+    courant: float
+    courant_stretched: float
+
+
+class StretchEntries(TypedDict):
+    """The entry of a summary about the stretch, which a case without bodies of finite strain lacks."""
+
+    stretch: NotRequired[StretchSummary]
+
+
 class SupportEntries(TypedDict):
     """The entry of a summary about supports, which a case without them lacks.
 
@@ -116,8 +137,10 @@ class SupportEntries(TypedDict):
 class MomentumSummary(TypedDict):
     """Momenta before the first and after the last step, the impulses in between, and the error of their balance.
 
-    The angular ones count about the centre of mass of all bodies at the start, with the places at the start; theirs are
-    the moments of contacts instead of the impulses of walls.
+    The angular ones count about the centre of mass of all bodies at the start, with the places at the start, of bodies
+    of finite strain with those of each step; theirs are the moments of contacts instead of the impulses of walls. The
+    couple of contacts is that of the pairs of forces between bodies of finite strain: their moment is no error where
+    two places that press have a gap between them.
     """
 
     initial: list[float]
@@ -127,6 +150,7 @@ class MomentumSummary(TypedDict):
     impulse_of_walls: NotRequired[list[float]]
     impulse_of_contacts: NotRequired[list[float]]
     impulse_of_damping: NotRequired[list[float]]
+    couple_of_contacts: NotRequired[list[float]]
     error: float
     balanced: bool | None
 
@@ -233,8 +257,8 @@ class ExactEntries(TypedDict):
     estimated: ExactErrors | None
 
 
-class Summary(ExactEntries, SupportEntries):
-    """The summary of a run; angular momentum is counted of linear bodies that are no bars."""
+class Summary(ExactEntries, SupportEntries, StretchEntries):
+    """The summary of a run; angular momentum is counted of solids."""
 
     status: str
     stop: StopSummary | None

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 if TYPE_CHECKING:
     from percuss.contact.model import Model
     from percuss.contact.points import Rows
     from percuss.contact.state_variables import StateVariables
+    from percuss.mesh.cell_kernels import Block
     from percuss.methods.interfaces import Array, Floats, Integers
     from percuss.step.actions import Action
     from percuss.step.record import Record
@@ -42,6 +43,10 @@ class Setting:
         The state variables of the run.
     recorded
         Numbers of the elements of each body whose stress is recorded.
+    blocks
+        The bodies of one kind of element and material, with an element and a material of this kind.
+    made
+        The parts made before, in their order.
     """
 
     model: Model
@@ -53,6 +58,8 @@ class Setting:
     record: Record
     variables: StateVariables
     recorded: Mapping[str, Integers]
+    blocks: Sequence[tuple[Block, Any, Any]]
+    made: Sequence[Part[Any]]
 
 
 class Part(Generic[Data]):
@@ -107,6 +114,10 @@ class Part(Generic[Data]):
 
     def impulse(self) -> Floats | None:
         """Return the impulse of the loads of the part so far, (dim,), which a leap-frog scheme does not sum up."""
+        return None
+
+    def stop(self, model: Model) -> tuple[int, str, str] | None:  # noqa: ARG002
+        """Return node, observation and cause where the part has ended the run; None if it has not."""
         return None
 
     def sums(self) -> Mapping[str, Floats]:

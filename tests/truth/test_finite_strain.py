@@ -1,0 +1,373 @@
+"""Materials of finite strain: closed forms, spinning bodies, rings that bounce, cells that turn inside out."""
+
+import dataclasses
+import itertools
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import percuss
+from accounts import ran
+from percuss.errors import InputError
+from percuss.march.march import March
+from percuss.march.model_of_case import model_of
+from percuss.mesh.cells import element_masses, lumping_of
+from percuss.mesh.element_probe import ElementProbe
+from percuss.methods.registry import Registry
+
+WU, CD = "wu-predictor-corrector", "central-difference"
+NEO, KIRCHHOFF = "neo-hookean", "st-venant-kirchhoff"
+SOLID = {"young": 1.0, "density": 1.0, "poisson": 0.3}
+FIRST, SECOND = 0.3 / (1.3 * 0.4), 0.5 / 1.3  # Lamé's constants of these
+
+
+def material(name):
+    return Registry.load().get("materials", name)(**SOLID)
+
+
+def stress_of(name, gradient):
+    of_it, dim = material(name), len(gradient)
+    kernel = of_it.stress_2d if dim == 2 else of_it.stress_3d
+    numbers = np.array(of_it.solid_parameters("strain" if dim == 2 else ""))
+    return np.reshape(kernel(numbers, tuple(np.ravel(gradient).tolist())), (dim, dim))
+
+
+def stored_of(name, gradient):
+    of_it, dim = material(name), len(gradient)
+    kernel = of_it.stored_2d if dim == 2 else of_it.stored_3d
+    return kernel(np.array(of_it.solid_parameters("strain" if dim == 2 else "")), np.ravel(gradient))
+
+
+def in_the_books(name, f):
+    """Return P by tensors, of F in space."""
+    if name == NEO:
+        inverse = np.linalg.inv(f).T
+        return SECOND * (f - inverse) + FIRST * np.log(np.linalg.det(f)) * inverse
+    strain = 0.5 * (f.T @ f - np.eye(3))
+    return f @ (FIRST * np.trace(strain) * np.eye(3) + 2.0 * SECOND * strain)
+
+
+deformations = st.lists(st.floats(-0.4, 0.4), min_size=9, max_size=9).map(lambda h: np.reshape(h, (3, 3)))
+
+
+@pytest.mark.parametrize("name", [NEO, KIRCHHOFF])
+@given(h=deformations)
+def test_stress_and_energy_are_those_of_the_books(name, h):
+    """In the plane they are those in space with nothing across; the stress is the slope of the energy."""
+    flat = np.zeros((3, 3))
+    flat[:2, :2] = h[:2, :2]
+    if min(np.linalg.det(np.eye(3) + one) for one in (h, flat)) < 0.1:
+        return
+    assert stress_of(name, h) == pytest.approx(in_the_books(name, np.eye(3) + h), abs=1e-12)
+    assert stress_of(name, flat[:2, :2]) == pytest.approx(in_the_books(name, np.eye(3) + flat)[:2, :2], abs=1e-12)
+    assert stored_of(name, flat[:2, :2]) == pytest.approx(stored_of(name, flat), abs=1e-14)
+    way = np.random.default_rng(0).normal(size=(3, 3))
+    slope = (stored_of(name, h + 1e-5 * way) - stored_of(name, h - 1e-5 * way)) / 2e-5
+    assert slope == pytest.approx((stress_of(name, h) * way).sum(), abs=1e-8)
+
+
+@pytest.mark.parametrize(("name", "dim"), [*itertools.product((NEO, KIRCHHOFF), (2, 3))])
+def test_small_strains_have_hookes_stress(name, dim):
+    strain = 1e-7 * np.random.default_rng(1).normal(size=(dim, dim))
+    hooke = FIRST * np.trace(strain) * np.eye(dim) + SECOND * (strain + strain.T)
+    assert stress_of(name, strain) == pytest.approx(hooke, abs=1e-6 * np.abs(hooke).max())
+
+
+def spinning(name, cells, turns):
+    """Return a block that spins three turns, stretched by its spin, and moves along."""
+    dim = 3 if cells in {"hex8", "tet4"} else 2
+    spin, size = 0.3, [2.0, 1.0, 1.0][:dim]
+    body = {"block": {"size": size, "elements": [4, 2, 2][:dim], "cells": cells}, "material": {"name": name, **SOLID}}
+    body |= {"spin": spin if dim == 2 else [0.1, 0.2, spin], "velocity": [0.1, 0.05, -0.02][:dim], "at": [0.0] * dim}
+    return {
+        "percuss": 1,
+        "bodies": {"block": body},
+        "contacts": {},
+        "time": {"end": turns * 2.0 * np.pi / spin, "courant": 0.5},
+        "method": {"integrator": WU, "contact": "lagrange", "pairing": "node-to-segment"},
+    }
+
+
+@pytest.mark.parametrize(("name", "cells"), [*itertools.product((NEO, KIRCHHOFF), ("quad4", "tri3", "hex8", "tet4"))])
+def test_a_free_body_keeps_its_momenta_over_three_turns(name, cells):
+    march = March(model_of(percuss.load(spinning(name, cells, 3.0))))
+    outcome, bodies = march.run(), march.model.bodies
+    momenta = []
+    for velocity, displacement in (
+        (outcome.starting_velocity, np.zeros_like(outcome.final_displacement)),
+        (outcome.final_velocity, outcome.final_displacement),
+    ):
+        places = bodies.nodes + displacement.reshape(bodies.nodes.shape)
+        momenta.append(bodies.with_moment(places, bodies.mass[:, None] * velocity.reshape(places.shape)).sum(axis=0))
+    assert momenta[1] == pytest.approx(momenta[0], abs=1e-13 * np.abs(momenta[0]).max())
+    assert ran(spinning(name, cells, 3.0)).summary["energy"]["ledger_error"] < 1e-14
+
+
+def ring(friction="none", **changes):
+    """Return a ring of rubber that is thrown at a floor; two bounces."""
+    case = {
+        "percuss": 1,
+        "bodies": {
+            "ring": {
+                "ring": {"inner": 0.8, "outer": 1.0, "elements": [40, 3]},
+                "at": [0.0, 1.0],
+                "material": {"name": NEO, **SOLID},
+                "velocity": [0.02, -0.03],
+            }
+        },
+        "contacts": {"floor": {"body": "ring.outer", "wall": {"point": [0, 0], "normal": [0, 1]}}},
+        "loads": {"fall": {"gravity": 0.002, "direction": [0, -1]}},
+        "method": {"integrator": WU, "contact": "lagrange", "pairing": "node-to-segment", "friction": friction},
+        "time": {"end": 90.0, "courant": 0.5},
+    }
+    return case | changes
+
+
+@pytest.mark.parametrize(("friction", "kept"), [("none", 0.93), ({"name": "coulomb", "mu": 0.3}, 0.71)])
+def test_a_ring_keeps_what_it_should_over_two_bounces(friction, kept):
+    """By a program written apart."""
+    result = ran(ring(friction))
+    energy = result.summary["energy"]
+    assert (energy["final"] - energy["external_work"]) / energy["initial"] == pytest.approx(kept, abs=0.01)
+    assert energy["ledger_error"] < 2e-14
+    assert result.summary["momentum"]["error"] < 1e-12
+    if friction == "none":
+        assert result.summary["certificate"]["energy"] == "not guaranteed"
+
+
+def dropped(name, velocity):
+    """Return a soft block that falls on a stiff base, which OpenSees' users found to end a run."""
+    soft = {"block": {"size": [1, 1, 1], "elements": [3, 3, 3]}, "at": [4.5, 4.5, 2.0], "velocity": [0, 0, -velocity]}
+    stiff = {"block": {"size": [10, 10, 2], "elements": [2, 2, 2]}, "at": [0.0, 0.0, 0.0], "fixed": ["bottom"]}
+    soft["material"] = {"name": name, "young": 1e6, "density": 10.0, "poisson": 0.0}
+    stiff["material"] = {"name": NEO, "young": 1e10, "density": 1e6, "poisson": 0.0}
+    return {
+        "percuss": 1,
+        "bodies": {"block": soft, "base": stiff},
+        "contacts": {"seam": {"between": ["block.bottom", "base.top"], "sliding": "large"}},
+        "loads": {"fall": {"gravity": 98.1, "on": "block", "direction": [0, 0, -1]}},
+        "method": {"integrator": WU, "contact": "lagrange", "pairing": "node-to-segment"},
+        "time": {"end": 0.012, "courant": 0.5},
+        "record": {"fields": 100},
+    }
+
+
+def least_stretch(velocity, step, duration):
+    """Return the least stretch of three cells of a neo-Hookean column of nu 0 whose end stops, by a march apart."""
+    mass, place, least = np.array([1.0, 2.0, 2.0, 1.0]) * 10.0 / 6.0, np.linspace(0.0, 1.0, 4), 1.0
+    speed = np.full(4, -velocity)
+    for _ in range(int(duration / step)):
+        stretch = np.diff(place) * 3.0
+        least = min(least, stretch.min())
+        force = 0.5e6 * (stretch - 1.0 / stretch)
+        speed += step * np.append(force, 0.0) / mass - step * np.append(0.0, force) / mass
+        speed[0] = max(speed[0], -place[0] / step)
+        place += step * speed
+    return least
+
+
+@pytest.mark.parametrize("velocity", [9.9, 99.0, 200.0])
+def test_a_dropped_block(velocity):
+    """Contact takes the energy of the layer of nodes that strikes, which has 1/6 of the mass."""
+    result = ran(dropped(NEO, velocity), **{"time.courant": 0.02})
+    energy = result.summary["energy"]
+    assert 1.0 + energy["contact_work"] / energy["initial"] == pytest.approx(5.0 / 6.0, abs=1e-6)
+    assert (energy["final"] - energy["external_work"]) / energy["initial"] == pytest.approx(5.0 / 6.0, abs=1e-3)
+    assert energy["ledger_error"] < 2e-14
+    own = np.array(result.field_arrays["body"]) == "block"
+    least = least_stretch(velocity, result.summary["dt"], 0.012)
+    assert np.nanmin(result.field_arrays["volume_ratio"][:, own]) == pytest.approx(least, abs=1e-3)
+
+
+def test_a_cell_that_turns_inside_out_ends_the_run():
+    with pytest.raises(percuss.RunError) as told:
+        ran(dropped(KIRCHHOFF, 150.0))
+    words = str(told.value)
+    numbers = r"with (\S+) of its volume at the start, after (\S+) a step before\n  likely cause: its nodes close"
+    found = re.search(r"cell \d of body 'block' is inside out at its point \d, " + numbers, words)
+    now, before = map(float, found.groups())
+    assert now <= 0.0 < before < 0.6
+
+
+@pytest.mark.parametrize("name", [NEO, KIRCHHOFF])
+def test_plane_stress_is_refused(name):
+    case = ring()
+    case["bodies"]["ring"] |= {"material": {"name": name, **SOLID}, "plane": "stress"}
+    with pytest.raises(InputError, match="not in plane stress"):
+        ran(case)
+
+
+@pytest.mark.parametrize(
+    ("materials", "given", "slides", "told"),
+    [
+        ((NEO, NEO), {}, True, False),
+        ((NEO, "elastic"), {}, True, False),
+        (("elastic", "elastic"), {}, False, False),
+        ((NEO, NEO), {"sliding": "small"}, False, True),
+        (("elastic", "elastic"), {"sliding": "large"}, True, False),
+    ],
+)
+def test_contacts_of_bodies_of_finite_strain_slide_far_by_default(materials, given, slides, told):
+    case = {
+        "percuss": 1,
+        "bodies": {
+            name: {
+                "block": {"size": [1, 1], "elements": [2, 2]},
+                "at": [0.0, float(k)],
+                "material": {"name": kind, **SOLID},
+                "velocity": [0.0, 0.01 * (1 - k)],
+            }
+            for k, (name, kind) in enumerate(zip(("low", "high"), materials, strict=True))
+        },
+        "contacts": {"seam": {"between": ["low.top", "high.bottom"], **given}},
+        "time": {"steps": 5, "courant": 0.5},
+    }
+    result = ran(case)
+    assert ("renewal" in result.summary["contacts"]["seam"]) is slides
+    notes = [note for note in result.summary["notes"] if "slides small: its normals and partners" in note]
+    assert bool(notes) is told
+
+
+def pressed(cells="quad4", time=None, name=NEO):
+    """Return a block that is pressed flat between rollers."""
+    dim = 3 if cells in {"hex8", "tet4"} else 2
+    up = "z" if dim == 3 else "y"
+    sides = [("left", "x"), ("right", "x"), ("bottom", up), *([("front", "y"), ("back", "y")] if dim == 3 else [])]
+    body = {"block": {"size": [1.0] * dim, "elements": [2] * dim, "cells": cells}, "at": [0.0] * dim}
+    body |= {"material": {"name": name, **SOLID}, "fixed": [{"on": side, "along": axis} for side, axis in sides]}
+    return {
+        "percuss": 1,
+        "bodies": {"block": body},
+        "contacts": {},
+        "loads": {"press": {"prescribed-velocity": 0.01, "on": "block.top", "direction": [0.0] * (dim - 1) + [-1.0]}},
+        "time": time or {"end": 60.0, "courant": 0.2},
+        "method": {"integrator": CD, "contact": "lagrange"},
+    }
+
+
+@pytest.mark.parametrize("cells", ["quad4", "tri3", "hex8", "tet4"])
+def test_the_stretch_of_cells_is_that_of_their_slopes_where_they_are(cells):
+    """Of a body pressed to 0.4 of its height: frequencies of the slopes of shape functions on the mesh of the end."""
+    march = March(model_of(percuss.load(pressed(cells))))
+    outcome = march.run()
+    (body,) = march.model.bodies.values()
+    moved = body.mesh.nodes + outcome.final_displacement.reshape(body.mesh.nodes.shape)
+    frequencies = []
+    for nodes in (body.mesh.nodes, moved):
+        view = dataclasses.replace(body.view, mesh=body.mesh._replace(nodes=nodes))
+        every = np.arange(body.count)
+        slopes = ElementProbe(body.spec.element, body.spec.material, view).slopes(every, 1e-7)
+        shares = lumping_of(body.spec.element, body.view).shares
+        masses = shares * element_masses(body.spec.element, body.view, 1.0)[:, None]
+        inertia = np.einsum("kqai,kqaj,ka->kqij", slopes, slopes, 1.0 / masses)
+        frequencies.append(np.sqrt(np.linalg.eigvalsh(inertia)[..., -1]))
+    found = ran(pressed(cells)).summary["stretch"]
+    assert found["largest"] == pytest.approx(
+        (frequencies[1] / frequencies[0]).max(), rel=0.03
+    )  # it looks every 20 steps
+    assert found["largest"] > 1.9
+    assert found["courant_stretched"] == pytest.approx(found["courant"] * found["largest"])
+    assert found["time"] > 55.0
+
+
+def test_a_step_that_becomes_too_long_ends_the_run():
+    """With the Courant number to start with, which is enough."""
+    with pytest.raises(percuss.RunError) as told:
+        ran(pressed(time={"end": 60.0, "courant": 0.6}))
+    words = str(told.value)
+    assert "the step is too long for cell" in words
+    (courant,) = re.findall(r"--set time.courant=(\S+)` or below", words)
+    time = {"end": told.value.result.summary["end"], "courant": float(courant)}
+    assert ran(pressed(time=time)).status == "done"
+
+
+def test_the_automatic_step_leaves_room_for_a_stretch():
+    for time, courant in (({"courant": "auto"}, 0.45), ({"courant": "auto", "stretch": 4}, 0.225)):
+        result = ran(pressed(time={"end": 1.0, **time}))
+        assert result.summary["courant"] == pytest.approx(courant)
+        assert result.summary["stretch"]["courant"] == pytest.approx(courant)
+
+
+@pytest.mark.parametrize(
+    ("time", "name", "message"),
+    [
+        ({"end": 1.0, "courant": 0.5, "stretch": 2}, NEO, "has a `stretch`, which belongs to `courant: auto`"),
+        ({"end": 1.0, "courant": "auto", "stretch": 2}, "elastic", "expected a body of finite strain"),
+        ({"end": 1.0, "courant": "auto", "stretch": 0.5}, NEO, "expected a number of at least 1"),
+    ],
+)
+def test_a_stretch_that_has_no_meaning_is_refused(time, name, message):
+    with pytest.raises(InputError, match=message):
+        ran(pressed(time=time, name=name))
+
+
+def discs(friction, pairing):
+    """Return two discs of rubber that roll past each other."""
+    disc = {"disk": {"radius": 1.0, "elements": 12}, "material": {"name": NEO, **SOLID}}
+    law = "regularised-lagrange" if pairing == "gauss-points" else "lagrange"
+    return {
+        "percuss": 1,
+        "bodies": {
+            "left": {**disc, "at": [0.0, 0.0], "velocity": [0.05, 0.0]},
+            "right": {**disc, "at": [2.0, 0.9], "velocity": [-0.05, 0.0], "spin": 0.02},
+        },
+        "contacts": {"seam": {"between": ["left.skin", "right.skin"]}},
+        "method": {"integrator": WU, "contact": law, "pairing": pairing, "friction": friction},
+        "time": {"end": 30.0, "courant": 0.5},
+    }
+
+
+COULOMB = {"name": "coulomb", "mu": 0.3}
+ROLLING = [*itertools.product(("none", COULOMB), ("gauss-points", "node-to-segment", "mortar"))]
+
+
+@pytest.mark.parametrize(("friction", "pairing"), ROLLING)
+def test_angular_momentum_of_discs_that_roll_past_each_other(friction, pairing):
+    """All that changes it is the couple of the contact: of friction over the gap, or of a normal at a vertex."""
+    result = ran(discs(friction, pairing))
+    summary = result.summary
+    assert summary["contacts"]["seam"]["impulse"] > 0.01
+    assert summary["energy"]["ledger_error"] < 1e-13
+    account = summary["angular_momentum"]
+    assert account["error"] < 1e-12
+    assert account["balanced"] is True
+    assert account["couple_of_contacts"] == account["impulse_of_contacts"]
+    change = np.array(account["final"]) - account["initial"]
+    assert change == pytest.approx(account["couple_of_contacts"], abs=1e-13)
+    assert np.abs(change).max() < 0.01 * np.abs(account["initial"]).max()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_angular_momentum_with_supports_loads_walls_and_a_fall(dim):
+    spin = 0.1 if dim == 2 else [0.1, 0.05, -0.02]
+    block = {"block": {"size": [2.0, 1.0, 1.0][:dim], "elements": [4, 2, 2][:dim]}, "at": [0.0] * (dim - 1) + [0.05]}
+    block |= {"material": {"name": NEO, **SOLID}, "velocity": [0.1, 0.0, -0.1][-dim:], "spin": spin}
+    held = {"block": {"size": [1.0] * dim, "elements": [2] * dim}, "at": [9.0] * dim, "fixed": ["left"]}
+    held["material"] = {"name": KIRCHHOFF, **SOLID}
+    down = [0.0] * (dim - 1) + [-1.0]
+    case = {
+        "percuss": 1,
+        "bodies": {"block": block, "held": held},
+        "contacts": {
+            "floor": {
+                "body": "block.bottom",
+                "wall": {"point": [0.0] * dim, "normal": [0.0] * (dim - 1) + [1.0], "moving": "lift"},
+                "friction": COULOMB,
+            }
+        },
+        "loads": {
+            "fall": {"gravity": 0.02, "direction": down},
+            "pull": {"constant": 0.01, "on": "held.right", "direction": down},
+            "lift": {"prescribed-velocity": 0.02, "direction": [0.0] * (dim - 1) + [1.0]},
+        },
+        "method": {"integrator": WU, "contact": "lagrange", "pairing": "node-to-segment"},
+        "time": {"end": 10.0, "courant": 0.4},
+    }
+    account = ran(case).summary["angular_momentum"]
+    assert account["error"] < 1e-12
+    for name in ("loads", "supports", "contacts"):
+        assert np.abs(account[f"impulse_of_{name}"]).max() > 1e-4, name
+    assert np.abs(account["couple_of_contacts"]).max() == 0.0
