@@ -22,6 +22,7 @@ from percuss_methods.integrators.wu_predictor_corrector import WuPredictorCorrec
 from percuss_methods.loads.ramp import Ramp
 from percuss_methods.masses.lumped import Lumped
 from percuss_methods.materials.elastic import Elastic
+from percuss_methods.materials.j2_plastic import J2Plastic
 from percuss_methods.measures.ripple import Ripple
 from percuss_methods.pairings._closest import paired
 from percuss_methods.pairings.mortar import Mortar
@@ -30,7 +31,7 @@ from percuss_methods.shapes.bar import Bar
 from percuss_methods.shapes.block import Block
 from percuss_methods.solutions.bars_in_a_row import BarsInARow
 
-KERNELS = {"bound", "multipliers", "stress", "energy_density", "stress_2d", "internal_force", "force"}
+KERNELS = {"bound", "multipliers", "stress", "energy_density", "stress_2d", "stress_3d", "internal_force", "force"}
 WRONG = []  # (class, check, words of what it must say)
 
 
@@ -210,6 +211,33 @@ def holds_its_direction(parameters, gradient):
 material("twice-the-energy", "stress-and-energy", "the slope of the energy", energy_density=twice_the_energy)
 material("curved", "linear", "not proportional", stress=curved)
 material("holds-its-direction", "solid-stress", "does not turn with the body", stress_2d=holds_its_direction)
+
+
+def strain_alone(parameters, gradient, before, after):
+    """A return by the symmetric part of the gradient, as a rate form that turns the stress wrongly ends."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = gradient
+    a, b, c = 0.5 * (xy + yx), 0.5 * (xz + zx), 0.5 * (yz + zy)
+    return flows(parameters, (xx, a, b, a, yy, c, b, c, zz), before, after)
+
+
+def forgets(parameters, gradient, before, after):
+    """A return that writes no dissipated energy after a while."""
+    stress = flows(parameters, gradient, before, after)
+    if after[6] > 0.1:
+        after[8] = 0.0
+    return stress
+
+
+def too_hard(parameters, gradient, before, after):
+    """A stress whose work is more than the energies."""
+    return tuple(1.1 * one for one in flows(parameters, gradient, before, after))
+
+
+flows = J2Plastic.stress_3d
+TURNS, FALLS, WORK = "stress does not turn with the body", "the dissipated energy falls", "the work of the stress is"
+plant("strain-alone", "solid-state", TURNS, J2Plastic, stress_3d=strain_alone)
+plant("forgets", "solid-state", FALLS, J2Plastic, stress_3d=forgets)
+plant("too-hard", "solid-state", WORK, J2Plastic, stress_3d=too_hard)
 
 bar_force = BarElement.internal_force
 

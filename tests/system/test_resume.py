@@ -123,6 +123,9 @@ PUSH = {"ramp": {"value": 1e-3, "duration": 1.0}, "on": "left.left", "direction"
 ALONG = {"ramp": {"value": 3e-2, "duration": 1.0}, "on": "left.left", "direction": [0.0, 1.0]}
 DECAY = {"name": "exponential-decay", "mu_static": 0.4, "mu_kinetic": 0.1, "decay": 9.0, "stiffness": 3.0}
 ROUND = {"circle": {"centre": [-1.02, 0.5], "radius": 1.0}, "moving": "tool"}
+FLOWS = {"block": {"size": [1.0, 1.0], "elements": [2, 2]}, "at": [0.0, 0.0], "velocity": [0.1, 0.0]}
+FLOWS |= {"material": {"name": "j2-plastic", **MATERIAL, "yield_stress": 0.01}}
+HELD = {"block": {"size": [1.0, 1.0], "elements": [2, 2]}, "at": [1.0, 0.0], "fixed": ["right"], "material": MATERIAL}
 SOLIDS = {
     "quad4": solid([1.0, 1.0], "quad4", loads={"push": PUSH}),
     "tri3 by Gauss points": solid([1.0, 1.0], "tri3", method={"pairing": "gauss-points", "contact": "penalty"}),
@@ -143,6 +146,7 @@ SOLIDS = {
         contacts={"seam": SEAM, "die": {"body": "left.left", "wall": ROUND}},
         method={"contact": "regularised-lagrange", "friction": DECAY},
     ),
+    "quad4-mean that flows": solid([1.0, 1.0], "quad4", bodies={"left": FLOWS, "right": HELD}),
     "hex8": solid([1.0, 1.0, 1.0], "hex8", method={"contact": "hunt-crossley"}),
     "tet4 in stages": solid([1.0, 1.0, 1.0], "tet4", method={"integrator": "noh-bathe", "contact": "penalty"}),
 }

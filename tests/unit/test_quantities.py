@@ -59,7 +59,9 @@ def of_blocks():
 
 @pytest.fixture(scope="module")
 def of_rubber():
-    rubber = {"bodies.short.material": {"name": "neo-hookean", "young": 100.0, "density": 0.01, "poisson": 0.3}}
+    solid = {"young": 100.0, "density": 0.01, "poisson": 0.3}
+    rubber = {"bodies.short.material": {"name": "neo-hookean", **solid}}
+    rubber["bodies.long.material"] = {"name": "j2-plastic", **solid, "yield_stress": 0.01}
     return result_of(places.CASES / "strip-impact.yaml", {"refine": 0.05, "record.fields": 3, "expect": [], **rubber})
 
 
@@ -81,7 +83,7 @@ OF_OTHER_BODIES = ("internal_work", "dissipated_energy")  # no result with linea
 @pytest.mark.parametrize("name", [name for name, quantity in QUANTITIES.items() if quantity.axis])
 def test_every_history_is_in_a_result(result, of_plastic_body, of_blocks, of_rubber, name):
     quantity = QUANTITIES[name]
-    of_blocks = of_rubber if name == "volume_ratio" else of_blocks
+    of_blocks = of_rubber if name in {"volume_ratio", "plastic_strain"} else of_blocks
     result = of_plastic_body if name in OF_OTHER_BODIES else of_blocks if name in OF_BLOCKS else result
     if name == "energy":  # the sum of two histories, see `percuss.results.verify`
         return

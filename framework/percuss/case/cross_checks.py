@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
-from percuss.case.defaults import DEFAULTS, WITHOUT_BARS
+from percuss.case.defaults import DEFAULTS, OF_SLIDING, WITHOUT_BARS
 from percuss.case.quantities import first_key
 from percuss.case.source import Source
 from percuss.case.specs import (
@@ -104,17 +104,18 @@ def completed(case: CaseSection, dimension: int, source: Source, registry: Regis
         if source.get(("method", "contact")) is None:
             law = registry.get("contacts", WITHOUT_BARS["contacts"])()
         method = replace(method, contact=law, pairing=pairing)
-    contacts = {
-        name: replace(
+    far: Any = case.method.pairing or registry.get("pairings", OF_SLIDING)() if dimension == 3 else method.pairing
+    contacts = {}
+    for name, contact in case.contacts.items():
+        sliding = contact.sliding or _sliding_of(contact, bodies)
+        contacts[name] = replace(
             contact,
             name=name,
             law=contact.method or method.contact,
-            pairing=contact.pairing or method.pairing,
+            pairing=contact.pairing or (far if sliding == "large" and method.pairing else method.pairing),
             friction=contact.friction or method.friction,
-            sliding=contact.sliding or _sliding_of(contact, bodies),
+            sliding=sliding,
         )
-        for name, contact in case.contacts.items()
-    }
     loads = {}
     for name, load in case.loads.items():
         direction = load.given_direction or load.load.vector()
@@ -123,8 +124,8 @@ def completed(case: CaseSection, dimension: int, source: Source, registry: Regis
     expect = []
     for i, expectation in enumerate(case.expect):
         of_contact = quantity_named(expectation.quantity).of == "contact"
-        contact = expectation.contact or (next(iter(contacts)) if of_contact else None)
-        expect.append(replace(expectation, contact=contact, path=("expect", i)))
+        named = expectation.contact or (next(iter(contacts)) if of_contact else None)
+        expect.append(replace(expectation, contact=named, path=("expect", i)))
     return replace(case, bodies=bodies, contacts=contacts, loads=loads, expect=tuple(expect), method=method)
 
 
@@ -140,7 +141,9 @@ def _element_of(body: BodySpec, registry: Registry) -> Element:
     cell = body.shape.cell
     if cell == "line" or type(body.element) in _elements_of(cell, registry, body.plane):
         return body.element
-    made: Element = _elements_of(cell, registry, body.plane)[0]()
+    choices = _elements_of(cell, registry, body.plane)
+    flows = body.material.state > 0
+    made: Element = next((one for one in choices if flows and getattr(one, "isochoric", False)), choices[0])()
     return made
 
 
@@ -148,7 +151,8 @@ def _elements_of(cell: str, registry: Registry, plane: str | None) -> list[Any]:
     """Return the registered elements for a kind of cells in a plane."""
     classes: list[Any] = [registry.get("elements", name) for name in registry.names("elements")]
     about_axis = plane == "axisymmetric"
-    return [one for one in classes if one.cell == cell and getattr(one, "about_axis", False) == about_axis]
+    found = [one for one in classes if one.cell == cell and getattr(one, "about_axis", False) == about_axis]
+    return [one for one in found if plane != "stress" or getattr(one, "dimension", 2) == 2]
 
 
 KINDS = {1: "a body along a line", 2: "a body in two dimensions", 3: "a body in three dimensions"}
@@ -324,10 +328,13 @@ class CrossChecks:
         dimension = 1 if shape.cell == "line" else shape.dimension()
         flat = dimension == 2 and plane != "axisymmetric"
         kernel = "stress" if dimension == 1 else "stress_2d" if flat else "stress_3d"
+        if kernel == "stress_2d" and material.state > 0 and plane != "stress":
+            kernel = "stress_3d"  # with nothing across
         if getattr(material, kernel, None) is None:
             of_shape = "bars" if dimension == 1 else f"bodies in {dimension} dimensions" if flat else "whole bodies"
             message = f"expected a material of {of_shape} for {shape.name}, found {material.name}"
-            self.wrong((*path, "material"), message, f"It has no `{kernel}`: take another one.")
+            advice = material.elsewhere if dimension != 1 else ""
+            self.wrong((*path, "material"), message, advice or f"It has no `{kernel}`: take another one.")
             return
         if dimension == 1 or not isinstance(material, SolidMaterial):
             return
@@ -345,6 +352,12 @@ class CrossChecks:
         if shape.cell == "line":
             good = [type(body.element)] if element is None or element.cell.startswith("line") else []
         if (element is None and good) or type(element) in good:
+            simplex = shape.cell in {"triangle", "tetra"} and body.material.state > 0 and body.locking is None
+            if simplex and getattr(element or good[0], "locks", False):
+                found_one = f"{(element or good[0]).name} with {body.material.name}"
+                message = f"expected cells that do not lock where a material flows, found {found_one}"
+                advice = "Take quadrilaterals or hexahedra, or write `locking: accepted` in the body."
+                self.wrong((*path, "element"), message, advice, key=element is None)
             return
         about = " about an axis" if body.plane == "axisymmetric" else ""
         of_shape = f"expected an element for the {shape.cell} cells of {shape.name}{about}"

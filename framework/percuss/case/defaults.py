@@ -14,4 +14,4 @@ DEFAULTS = {
 WITHOUT_BARS = {"contacts": "lagrange"}
 # Of the finer run that judges a case: contact without compliance, and a pairing that passes the patch test.
 OF_REFERENCE = {"contacts": "lagrange", "pairings": "mortar"}
-OF_SLIDING = "node-to-segment"  # the same where surfaces slide far in space: mortar does not there
+OF_SLIDING = "node-to-segment"  # where surfaces slide far in space, of a finer run too: mortar does not there

@@ -264,6 +264,9 @@ class BodySpec(Section):
         Unit("1/time"),
         Doc("initial angular velocity about the centre of mass: a number in two dimensions, else a vector"),
     ] = 0.0
+    locking: Annotated[Literal["accepted"], Doc("whether triangles and tetrahedra may lock where they flow")] | None = (
+        None
+    )
     damping: (
         Annotated[DampingSpec, Doc("damping in proportion to the mass, of nodes that nothing holds or drives")] | None
     ) = None

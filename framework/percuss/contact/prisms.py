@@ -166,16 +166,20 @@ def _modulus(body: Body, surface: Surface, sides: Integers, axis: Floats, held: 
 def stress_along(body: Body, axis: Floats) -> tuple[Floats, Floats]:
     """Return the stress of a body over a small strain along an axis alone, (d, d), and the axis, (d,).
 
-    A body of revolution has stresses in three dimensions, d = 3; the axis is that of revolution.
+    A body of revolution, or of a material with kernels in space alone, has stresses in three dimensions, d = 3.
     """
     element: Any = body.spec.element
     material: Any = body.spec.material
-    pull = np.zeros(element.dimension)
+    flat = element.dimension == 2 and material.stress_2d is not None
+    pull = np.zeros(2 if flat else 3)
     pull[: axis.size] = axis
     strain = STRAIN if not material.linear else 1.0
-    kernel = plain_function(material.stress_2d if pull.size == 2 else material.stress_3d)
-    parameters = np.array(answer(material, "solid_parameters", body.view.plane_of_material), dtype=float)
-    stress = kernel(parameters, tuple((strain * np.outer(pull, pull)).ravel().tolist()))
+    kernel = plain_function(material.stress_2d if flat else material.stress_3d)
+    parameters = np.array(
+        answer(material, "solid_parameters", body.view.plane_of_material if flat else ""), dtype=float
+    )
+    at_rest = [np.zeros(material.state)] * 2 if material.state else []
+    stress = kernel(parameters, tuple((strain * np.outer(pull, pull)).ravel().tolist()), *at_rest)
     return np.reshape(stress, (pull.size, pull.size)) / strain, pull
 
 

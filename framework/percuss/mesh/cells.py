@@ -39,8 +39,9 @@ def slots_of_material(element: Any, material: Any) -> dict[Any, Any]:
 
 def parameters_of(element: Element, material: Material, body: BodyMesh) -> Floats:
     """Return the numbers that the kernels of a material need with an element of a body, (k,)."""
-    if isinstance(material, SolidMaterial) and is_solid(element):
-        return np.array(answer(material, "solid_parameters", body.plane_of_material), dtype=float)
+    if isinstance(material, SolidMaterial) and isinstance(element, SolidElement):
+        plane = body.plane_of_material if element.dimension == 2 else ""
+        return np.array(answer(material, "solid_parameters", plane), dtype=float)
     return np.array(answer(material, "parameters"), dtype=float)
 
 

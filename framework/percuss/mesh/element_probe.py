@@ -158,6 +158,7 @@ class ElementProbe:
         if modulus is not None:
             points, filled[self._slot] = points._replace(parameters=np.array([modulus])), linear_stress
         self._knows_across = self._dimension == 2 and body.plane == "strain" and material.stress_3d is not None
+        self._knows_across = self._knows_across and material.state == 0
         if self._knows_across:
             in_space = np.array(answer(material, "solid_parameters", ""), dtype=float)
             keep, filled[stress_in_space] = keep_with_stress_across, material.stress_3d
@@ -339,7 +340,7 @@ class ElementProbe:
             inside, across = inside @ stretch.swapaxes(-2, -1) / volume[..., None], across / volume
         whole = np.zeros((*shape[:-2], 3, 3))
         whole[..., :dim, :dim] = inside
-        if self._plane == "strain":
+        if self._plane == "strain" and dim == 2:
             whole[..., 2, 2] = across[..., 0] if self._knows_across else np.nan
         return whole
 

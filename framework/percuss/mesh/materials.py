@@ -27,8 +27,8 @@ def material_stress(parameters: Floats, strain: Any) -> Any:
     unbound()
 
 
-def material_stress_with_state(parameters: Floats, strain: float, before: Floats, after: Floats) -> float:
-    """Return the stress at `strain` (slot for the kernel of a material with state variables)."""
+def material_stress_with_state(parameters: Floats, strain: Any, before: Floats, after: Floats) -> Any:
+    """Return the stress at a strain or a gradient (slot for the kernel of a material with state variables)."""
     unbound()
 
 
@@ -42,11 +42,25 @@ def stress(material: MaterialPoints, point: int, strain: Any) -> Any:
     return material_stress(material.parameters, strain)
 
 
+def stress_of_point(material: MaterialPoints, point: int, gradient: Any) -> Any:
+    """Return the stress of a point of a solid (slot for `stress` or `stress_with_state`)."""
+    unbound()
+
+
 def stress_of_area(material: MaterialPoints, point: int, gradient: Any) -> Any:
     """Return the stress of a point in two dimensions of a material of finite strain, nan where it is inside out."""
     if (1.0 + gradient[0]) * (1.0 + gradient[3]) - gradient[1] * gradient[2] <= 0.0:
         return np.nan, np.nan, np.nan, np.nan
-    return material_stress(material.parameters, gradient)
+    return stress_of_point(material, point, gradient)
+
+
+def stress_in_plane(material: MaterialPoints, point: int, gradient: Any) -> Any:
+    """Return the stress of a point in plane strain by the kernel in space, nan where it is inside out."""
+    if (1.0 + gradient[0]) * (1.0 + gradient[3]) - gradient[1] * gradient[2] <= 0.0:
+        return np.nan, np.nan, np.nan, np.nan
+    whole = (gradient[0], gradient[1], 0.0, gradient[2], gradient[3], 0.0, 0.0, 0.0, 0.0)
+    of_space = stress_of_point(material, point, whole)
+    return of_space[0], of_space[1], of_space[3], of_space[4]
 
 
 def stress_of_volume(material: MaterialPoints, point: int, gradient: Any) -> Any:
@@ -55,10 +69,10 @@ def stress_of_volume(material: MaterialPoints, point: int, gradient: Any) -> Any
     across = (1.0 + yy) * (1.0 + zz) - yz * zy, yz * zx - yx * (1.0 + zz), yx * zy - (1.0 + yy) * zx
     if (1.0 + xx) * across[0] + xy * across[1] + xz * across[2] <= 0.0:
         return np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan
-    return material_stress(material.parameters, gradient)
+    return stress_of_point(material, point, gradient)
 
 
-def stress_with_state(material: MaterialPoints, point: int, strain: float) -> float:
+def stress_with_state(material: MaterialPoints, point: int, strain: Any) -> Any:
     """Return the stress of a point, and set its state variables."""
     before = material.before[point]
     after = material.after[point]
@@ -72,7 +86,7 @@ def energy_density(material: MaterialPoints, point: int, before: float, after: f
     return material_energy(material.parameters, before, after)
 
 
-def no_energy(material: MaterialPoints, point: int, before: float, after: float) -> float:
+def no_energy(material: MaterialPoints, point: int, before: Any, after: Any) -> float:
     """Return zero: the energy that a material with state variables stores is one of them."""
     return 0.0
 
@@ -112,14 +126,18 @@ def mean_stored_energy(material: MaterialPoints, point: int, before: Floats, aft
 def solid_slots(material: Any, dimension: int) -> dict[Any, Callable[..., Any]]:
     """Return the slots of a solid element's kernels that a material, or its class, fills, and what fills them."""
     flat = dimension == 2
-    of_finite_strain = stress_of_area if flat else stress_of_volume
-    filled = {
-        slots.stress_2d if flat else slots.stress_3d: stress if material.linear else of_finite_strain,
-        material_stress: material.stress_2d if flat else material.stress_3d,
-    }
+    kernel, slot = (material.stress_2d, slots.stress_2d) if flat else (material.stress_3d, slots.stress_3d)
     if material.linear:
-        return filled | {slots.energy_density: linear_energy_2d if flat else linear_energy_3d}
+        energy = linear_energy_2d if flat else linear_energy_3d
+        return {slot: stress, material_stress: kernel, slots.energy_density: energy}
+    of_finite_strain = stress_of_area if flat else stress_of_volume
+    if material.state > 0:
+        if flat and kernel is None:
+            kernel, of_finite_strain = material.stress_3d, stress_in_plane
+        filled = {stress_of_point: stress_with_state, material_stress_with_state: kernel}
+        return filled | {slot: of_finite_strain, slots.energy_density: no_energy}
     stored = material.stored_2d if flat else material.stored_3d
+    filled = {slot: of_finite_strain, stress_of_point: stress, material_stress: kernel}
     return filled | {slots.energy_density: mean_stored_energy, stored_by_gradient: stored}
 
 

@@ -116,7 +116,8 @@ def _check_solid(material: type[Material]) -> None:
     if not any(kernels.values()):
         raise PluginError(f"{material.__name__} is still abstract; it lacks `stress_2d`, `stress_3d` or `stress`")
     for which, kernel in kernels.items():
-        if kernel is not None and not material.linear and getattr(material, f"stored_{which}", None) is None:
+        silent = not (material.linear or material.state) and getattr(material, f"stored_{which}", None) is None
+        if kernel is not None and silent:
             raise PluginError(f"{material.__name__} is not linear; say with `stored_{which}` what energy it stores")
 
 

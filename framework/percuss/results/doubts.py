@@ -119,6 +119,10 @@ def _why_too_stiff(body: Body) -> str:
     if not getattr(element, "locks", False):
         return ""
     material = body.spec.material
+    if material.state > 0:
+        return (
+            f"{said} of a material that flows without a change of volume, where {element.name} locks: it is too stiff"
+        )
     if material.stress is not None and body.modulus / material.modulus > NEARLY_INCOMPRESSIBLE:
         return f"{said} almost incompressible, where {element.name} locks: it is too stiff"
     long = _length_of_cells_over_thickness(body)

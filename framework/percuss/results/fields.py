@@ -68,12 +68,16 @@ def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:
     shape, bodies = (snapshots, -1, model.dim), list(model.bodies.values())
     displacement = outcome.record.field[:snapshots].reshape(shape)
     corners = max(cells_of(body.mesh).shape[1] for body in bodies)
-    fields, cells = [], []
-    for body in bodies:
+    fields, cells, plastic = [], [], []
+    shapes = [(body.count, body.volumes.shape[1], body.spec.material.state) for body in bodies]
+    recorded = outcome.histories.get("field_state", np.zeros((snapshots, 0)))[:snapshots]
+    for body, states in zip(bodies, in_parts(recorded, shapes), strict=True):
         numbers = np.arange(body.count)
         nodes = body.element_nodes(numbers)
-        states = np.zeros((snapshots, body.count, body.volumes.shape[1], 0))
         fields.append(stress_field(body, numbers, displacement[:, nodes], states))
+        at = body.spec.material.plastic_in
+        points = states[..., at] if at is not None else np.full(states.shape[:-1], np.nan)
+        plastic.append(np.einsum("tep,ep->te", points, body.volumes) / body.volumes.sum(axis=1))
         cells.append(np.pad(nodes, ((0, 0), (0, corners - nodes.shape[1])), constant_values=-1))
     tensor, volumes = (np.concatenate(one, axis=1) for one in zip(*fields, strict=True))
     place = model.bodies.nodes
@@ -84,6 +88,7 @@ def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:
         "stress": tensor[..., *np.array(STRESSES[model.dim]).T],
         "von_mises": von_mises(tensor),
         **({} if np.isnan(volumes).all() else {"volume_ratio": volumes}),
+        **({} if np.isnan(strains := np.concatenate(plastic, axis=1)).all() else {"plastic_strain": strains}),
         "cell_nodes": np.concatenate(cells),
         "node_body": [body.name for body in bodies for _ in range(body.mass.size)],
         "node_position": place,

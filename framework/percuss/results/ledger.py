@@ -28,6 +28,7 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.certificate.closed_laws import BETWEEN, BOUNDED, NEVER_GROWS
 from percuss.certificate.verdict import Certificate
+from percuss.contact.frictions import frictional
 from percuss.contact.model import Model
 from percuss.contact.moving_rows import complementary, share_of_limit
 from percuss.contact.points import BY_CURRENT, BY_END, TOUCHING
@@ -446,6 +447,7 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
     summaries: dict[str, ContactSummary] = {}
     of_contact = model.contact_points.contact
     forces, friction = outcome.record.contact_force[: outcome.records], of_friction(outcome)
+    rubs = set(frictional(model)) if friction else set()
     at_end = outcome.time[: outcome.records][-1:] == outcome.done * dt  # whether there is a record at t_N
     for number, (name, contact) in enumerate(zip(model.case.contacts, outcome.contacts, strict=True)):
         force = forces[:, number]
@@ -467,7 +469,7 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
                 "energy": float((0.5 * np.nan_to_num(stiffness) * sums.deepest**2).sum()),
             },
         }
-        for key in ("friction_work", "friction_dissipated", "friction_stored", "contact_slip") if friction else ():
+        for key in ("friction_work", "friction_dissipated", "friction_stored", "contact_slip") if name in rubs else ():
             summaries[name][key] = float(friction[key][-1, number]) if friction[key].size else 0.0
         if "wall_work" in friction:
             summaries[name]["wall_work"] = float(friction["wall_work"][-1:, number].sum())

@@ -334,7 +334,7 @@ def _cell_data(fields: Data) -> dict[str, Array]:
     """Return the arrays over cells and contact points, (snapshots or 1, both)."""
     points, stress = _points(fields), np.asarray(fields["stress"])
     names = component_names(np.shape(fields["node_position"])[1])
-    of_cells = {name: fields[name] for name in ("von_mises", "volume_ratio") if name in fields}
+    of_cells = {name: fields[name] for name in ("von_mises", "volume_ratio", "plastic_strain") if name in fields}
     of_cells |= {f"stress_{name}": stress[..., i] for i, name in enumerate(names)}
     data = {name: _padded(values, after=points) for name, values in of_cells.items()}
     bodies, contacts = (list(dict.fromkeys(fields.get(name, []))) for name in ("node_body", "point_contact"))

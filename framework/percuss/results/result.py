@@ -36,9 +36,9 @@ class Result:
     field_arrays
         Fields over time; empty if the case records none. Of bars ``time``, and ``body``, ``position`` and ``stress`` of
         elements. Of other bodies ``stress`` has the components xx, yy and xy, and there are ``von_mises``,
-        ``cell_nodes`` and, where a body is of finite strain, ``volume_ratio`` of elements, ``node_body``,
-        ``node_position``, ``displacement`` and ``velocity`` of nodes, and ``point_contact``, ``point_area``,
-        ``point_normal``, ``point_position`` and ``contact_pressure`` of contact points.
+        ``cell_nodes`` and, of bodies of finite strain, ``volume_ratio`` and ``plastic_strain`` of elements,
+        ``node_body``, ``node_position``, ``displacement`` and ``velocity`` of nodes, and ``point_contact``,
+        ``point_area``, ``point_normal``, ``point_position`` and ``contact_pressure`` of contact points.
     summary
         Plain dict of the entries by which results are compared.
     provenance

@@ -51,6 +51,12 @@ class BilinearPlastic(Material):
         """Young's modulus."""
         return self.young
 
+    @property
+    def elsewhere(self) -> str:
+        """What to take for solids."""
+        hardening = self.young * self.tangent / (1.0 - self.tangent)
+        return f"Take j2-plastic with `hardening: {hardening:.6g}`, E t / (1 - t) of the tangent t, and a `poisson`."
+
     def parameters(self) -> tuple[float, ...]:
         """Return E, Y, and the moduli of kinematic and of isotropic hardening."""
         hardening = self.young * self.tangent / (1.0 - self.tangent)

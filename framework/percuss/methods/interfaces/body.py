@@ -210,6 +210,8 @@ class Material(Component, contract="materials"):
     stored_in, dissipated_in
         Numbers, from 0, of the state variables that are the energy stored per volume, and the energy dissipated so far
         per volume [energy/length^3]; the latter is None if the material does not say.
+    plastic_in
+        Number of the state variable that is the equivalent plastic strain, a field of results; None without one.
     linear
         Whether the stress is `modulus` times the strain for any strain. A body is linear if its element and its
         material are both declared linear. Exact solutions, certificates, energy guarantees and the energy identity to
@@ -221,6 +223,12 @@ class Material(Component, contract="materials"):
     state: ClassVar[int] = 0
     stored_in: ClassVar[int | None] = None
     dissipated_in: ClassVar[int | None] = None
+    plastic_in: ClassVar[int | None] = None
+
+    @property
+    def elsewhere(self) -> str:
+        """What to take for bodies for which it is not, in a sentence; empty if nothing is to be said."""
+        return ""
 
     @property
     @abstractmethod
@@ -257,8 +265,10 @@ class SolidMaterial(Material, contract="materials"):
     X_j``, both row by row, as numbers in a tuple: (xx, xy, yx, yy) in two dimensions. A material for small strains uses
     the symmetric part of H, and P is then symmetric too. It may have kernels for two dimensions, for three, or both.
 
-    A material that is not `linear` gives the energy that it stores per volume too, by `stored_2d` or `stored_3d`. Of a
-    linear one that is half the product of stress and gradient.
+    A material that is not `linear` is one of finite strain: it is not asked where ``det(I + H)`` is not positive. It
+    gives the energy that it stores per volume too, by `stored_2d` or `stored_3d`, or as a state variable. Of a linear
+    one that is half the product of stress and gradient. With state variables the kernels take ``before`` and ``after``
+    too, as `Material.stress` does; `stress_3d` alone then serves plane strain, with zeros across.
     """
 
     stress: Any = None
@@ -517,6 +527,8 @@ class SolidElement(CellElement, contract="elements"):
         Whether it is of bodies of revolution, whose gradient has three dimensions: the third is around the axis x = 0.
     locks
         Whether it is too stiff where the material is almost incompressible, and where long cells bend; percuss warns.
+    isochoric
+        Whether it is the one for materials with state variables, which flow without a change of volume.
     hourglass_points
         Number of its quadrature points, the last ones, that only hold hourglass modes. They have no part in the
         element stress, and their part of the strain energy is recorded as ``hourglass_energy``.
@@ -525,6 +537,7 @@ class SolidElement(CellElement, contract="elements"):
     dimension: ClassVar[int]
     about_axis: ClassVar[bool] = False
     locks: ClassVar[bool] = False
+    isochoric: ClassVar[bool] = False
     hourglass_points: ClassVar[int] = 0
 
     def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:

@@ -21,7 +21,7 @@ from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.cell_stiffness import frequencies_of_cells
 from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of
 from percuss.mesh.element_probe import ElementProbe
-from percuss.mesh.materials import MaterialPoints, solid_slots, stress
+from percuss.mesh.materials import MaterialPoints, solid_slots
 from percuss.methods import slots
 from percuss.methods.interfaces import BodyMesh, Floats, Lumping, Mass, Material, Mesh, Region, SolidMaterial
 from percuss.methods.plugin_calls import answer
@@ -40,6 +40,8 @@ UNACCOUNTED = 1e-2  # share of the work along a cycle of strain that may be neit
 UNLIKE = np.array([2.0, 1.0, 4.0, 0.5, 3.0])  # masses of the elements of a line
 EVEN = [np.ones(count) for count in range(1, 13)]
 TOUCHING = {"no": [], "the first": [0], "the last": [-1], "the first and the last": [0, -1]}  # nodes in contact
+ELASTIC = 1e-4  # strain at which a material with state variables is taken as elastic
+PATH = 200  # steps of a path of strain
 LEAST_SLOPE = 0.9  # share of the modulus that the slope of the stress must reach at some strain
 UNSTRAINED = "there is stress or energy without strain"
 DIRECTIONS = 500  # of waves, whose fastest is sought
@@ -103,7 +105,9 @@ class SolidKernels(NamedTuple):
     modulus
         What `wave_modulus` says.
     points
-        Its parameters, as the kernels of a run receive them.
+        Its parameters and state, as the kernels of a run receive them.
+    stored_in
+        The state variable that is the energy it stores, None of a material without state.
     stress_kernel, energy_kernel
         The kernels of a run in plain Python.
     """
@@ -112,6 +116,7 @@ class SolidKernels(NamedTuple):
     plane: str
     modulus: float
     points: MaterialPoints
+    stored_in: int | None
     stress_kernel: Kernel
     energy_kernel: Kernel
 
@@ -121,6 +126,9 @@ class SolidKernels(NamedTuple):
 
     def energy(self, gradient: Floats) -> float:
         """Return the stored energy per volume of a displacement gradient, (dim, dim)."""
+        if self.stored_in is not None:
+            self.stress(gradient)
+            return float(self.points.after[0, self.stored_in])
         return float(self.energy_kernel(self.points, 0, gradient.ravel(), gradient.ravel()))
 
 
@@ -133,10 +141,12 @@ def solid_kernels(material: Any) -> Iterator[SolidKernels]:
             parameters = np.array(answer(material, "solid_parameters", plane))
         except ValueError:  # of a bar alone, or not in this plane
             continue
-        filled, none = solid_slots(material, dim), np.zeros((1, 0))
-        kernels = (plain(kernel, filled) for kernel in (stress, filled[slots.energy_density]))
+        filled, before = solid_slots(material, dim), np.zeros((1, material.state))
+        asked = filled[slots.stress_2d if dim == 2 else slots.stress_3d], filled[slots.energy_density]
+        kernels = (plain(kernel, filled) for kernel in asked)
         modulus = float(answer(material, "wave_modulus", plane))
-        yield SolidKernels(dim, plane, modulus, MaterialPoints(parameters, none, none), *kernels)
+        points = MaterialPoints(parameters, before, before.copy())
+        yield SolidKernels(dim, plane, modulus, points, material.stored_in, *kernels)
 
 
 @dataclass(frozen=True)
@@ -414,8 +424,9 @@ def _check_solid(solid: SolidKernels) -> None:
         f"{modulus:.6g}: none may be negative",
     )
     must_vanish(solid.stress(np.zeros((dim, dim))) / modulus, f"a body at rest has stress {where}")
-    gradient = 0.05 * uneven(dim, dim)
-    stress, slope = solid.stress(gradient), slopes(solid.energy, gradient, 1e-6)
+    large = 0.05 if solid.stored_in is None else ELASTIC
+    gradient = large * uneven(dim, dim)
+    stress, slope = solid.stress(gradient), slopes(solid.energy, gradient, 2e-5 * large)
     k = int(np.argmax(np.abs(slope - stress)))
     here, there = stress.flat[k], slope.flat[k]
     words = f"{where} the stress is {here:.6g} and the slope of the energy {there:.6g}"
@@ -427,6 +438,58 @@ def _check_solid(solid: SolidKernels) -> None:
     must_vanish(wrong / modulus, f"{where} the stress does not turn with the body")
     words = f"{where} the fastest waves have the modulus {fastest:.6g}, `wave_modulus` is {modulus:.6g}"
     must(0.99 * modulus <= fastest <= modulus * (1.0 + 1e-5), words)
+
+
+@demand("materials")
+def check_solid_state(subject: Subject) -> None:
+    """State variables turn with the body, and energy is accounted for.
+
+    Along a path of strain stress and energies are the same if the body turns at the same time. The dissipated energy
+    never falls, and the work of the stress is the energy that is stored and dissipated. Small strains back and forth
+    change nothing, and a call of the kernel leaves `before` alone.
+    """
+    solids = [
+        (solid, material) for _, material in subject.made() for solid in solid_kernels(material) if material.state
+    ]
+    if not solids:
+        raise NotApplicable("none of its examples has state variables in bodies other than bars")
+    for solid, material in solids:
+        _check_path(solid, material)
+
+
+def _check_path(solid: SolidKernels, material: Any) -> None:
+    dim, identity, dissipated = solid.dim, np.eye(solid.dim), material.dissipated_in
+    still, moving = solid, solid._replace(points=solid.points._replace(before=solid.points.before.copy()))
+    moving = moving._replace(points=moving.points._replace(after=moving.points.after.copy()))
+    turn = step_of_turn = TURN[:dim, :dim]
+    work, last, before = 0.0, np.zeros((dim, dim)), identity
+    for k in range(PATH):
+        deformed = identity + 0.2 * np.sin(3.0 * np.pi * (k + 1) / PATH) * uneven(dim, dim)
+        kept = still.points.before.copy()
+        stress, turned = still.stress(deformed - identity), moving.stress(turn @ deformed - identity)
+        must(np.array_equal(kept, still.points.before), "the kernel writes to the state before the step")
+        must_vanish(np.abs(turned - turn @ stress).max() / solid.modulus, "stress does not turn with the body")
+        energies = [points.after[0, [material.stored_in, *([dissipated] if dissipated is not None else [])]]
+                    for points in (still.points, moving.points)]  # fmt: skip
+        must_vanish(np.abs(energies[0] - energies[1]).max() / solid.modulus, "energies change as the body turns")
+        if dissipated is not None:
+            grown = still.points.after[0, dissipated] - kept[0, dissipated]
+            must(grown >= 0.0, f"the dissipated energy falls by {-grown:.3g}")
+        work += float((0.5 * (stress + last) * (deformed - before)).sum())
+        last, before, turn = stress, deformed, step_of_turn @ turn
+        for one in (still, moving):
+            one.points.before[:] = one.points.after
+    total = float(energies[0].sum())
+    words = f"the work of the stress is {work:.6g}, and the energies are {total:.6g} together"
+    must(dissipated is None or abs(work - total) <= 0.01 * abs(work), words)
+    rest = still.stress(before - identity)
+    back = still.points.after.copy()
+    for k in range(PATH):
+        still.stress(before + ELASTIC * 1e-3 * (-1.0) ** k * uneven(dim, dim) - identity)
+        still.points.before[:] = still.points.after
+    drift = np.abs(still.stress(before - identity) - rest).max() / solid.modulus
+    must(drift <= 1e-6, f"small strains back and forth change the stress by {drift:.3g} of the modulus")
+    must(np.isfinite(back).all(), "a state variable is not finite")
 
 
 # --------------------------------------------------------------------------------------------------- elements
@@ -575,14 +638,15 @@ def check_solid_forces(subject: Subject) -> None:
     """Forces have an energy, rigid bodies none.
 
     Internal forces have no resultant and are minus the slope of the energy, with Hooke's law and with a material of
-    finite strain. Translations and rotations, small ones if the element is linear, of a body of uneven cells give no
-    force. A uniform strain leaves a node inside without force. Bodies of revolution move along their axis alone, and
-    their uniform strain is the same in both directions across it.
+    finite strain. Translations and rotations of a body of uneven cells give no force: small rotations if the element is
+    linear, else large ones with the latter material. A uniform strain leaves a node inside without force. Bodies of
+    revolution move along their axis alone, and their uniform strain is the same in both directions across it.
     """
     for kernels in bodies_of(subject, solid=True):
         element, x = kernels.element, kernels.body.mesh.nodes
         size = np.abs(kernels.checked_force()).max()
-        BodyKernels(element, FiniteStrain(), kernels.mesh).checked_force()
+        finite = BodyKernels(element, FiniteStrain(), kernels.mesh)
+        finite.checked_force()
         dim = x.shape[1]
         uniform = kernels.force(1e-3 * x @ (np.diag([1.0, 0.5]) if kernels.about_axis else SHEARED[:dim, :dim]))
         words = "a uniform strain gives a force on a node inside: it fails the patch test"
@@ -590,7 +654,8 @@ def check_solid_forces(subject: Subject) -> None:
         if kernels.about_axis:
             continue
         rotation = 1e-3 * x @ SPIN[:dim, :dim] if element.linear else x @ TURN[:dim, :dim].T - x
-        must_vanish(kernels.force(rotation) / size, "a rotation of the body gives a force")
+        turned = (kernels if element.linear else finite).force(rotation)
+        must_vanish(turned / size, "a rotation of the body gives a force")
 
 
 @demand("elements")
