@@ -72,6 +72,7 @@ OF_BLOCKS += (
     "damped_energy",
     "wall_work",
     "volume_ratio",
+    "plastic_strain",
     "sliding_area",
     "friction_work",
     "friction_stored",
