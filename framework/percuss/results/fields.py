@@ -77,7 +77,7 @@ def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:
         fields.append(stress_field(body, numbers, displacement[:, nodes], states))
         at = body.spec.material.plastic_in
         points = states[..., at] if at is not None else np.full(states.shape[:-1], np.nan)
-        plastic.append(np.einsum("tep,ep->te", points, body.volumes) / body.volumes.sum(axis=1))
+        plastic.append(np.einsum("tcp,cp->tc", points, body.volumes) / body.volumes.sum(axis=1))
         cells.append(np.pad(nodes, ((0, 0), (0, corners - nodes.shape[1])), constant_values=-1))
     tensor, volumes = (np.concatenate(one, axis=1) for one in zip(*fields, strict=True))
     place = model.bodies.nodes
