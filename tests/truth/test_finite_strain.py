@@ -371,3 +371,94 @@ def test_angular_momentum_with_supports_loads_walls_and_a_fall(dim):
     for name in ("loads", "supports", "contacts"):
         assert np.abs(account[f"impulse_of_{name}"]).max() > 1e-4, name
     assert np.abs(account["couple_of_contacts"]).max() == 0.0
+
+
+# ------------------------------------------------------------------------------------------------ pressure that follows
+
+
+def inflated(cells, *, follows=True, plane="strain"):
+    """Return a block that spins under a pressure on all of its sides, which rises."""
+    dim = 3 if cells in {"hex8", "tet4"} else 2
+    block = {"block": {"size": [2.0, 1.0, 0.8][:dim], "elements": [3, 2, 2][:dim], "cells": cells}, "at": [0.0] * dim}
+    block |= {"material": {"name": NEO, **SOLID}}
+    block |= {"plane": plane} if dim == 2 else {}
+    if plane == "strain":
+        block |= {"spin": 0.3 if dim == 2 else [0.1, 0.2, 0.3], "velocity": [0.1, 0.05, -0.02][:dim]}
+    sides = [
+        "right",
+        "bottom",
+        "top",
+        *(["left"] if plane == "strain" else []),
+        *(["front", "back"] if dim == 3 else []),
+    ]
+    return {
+        "percuss": 1,
+        "bodies": {"block": block},
+        "contacts": {},
+        "loads": {
+            "air": {
+                "ramp": {"value": 0.1, "duration": 5.0},
+                "as": "pressure",
+                "on": [f"block.{side}" for side in sides],
+                "follows": follows,
+            }
+        },
+        "method": {"integrator": CD, "contact": "lagrange"},
+        "time": {"end": 20.0, "courant": 0.4},
+    }
+
+
+@pytest.mark.parametrize("cells", ["quad4", "tri3", "hex8", "tet4"])
+def test_a_pressure_on_all_sides_that_follows_moves_and_turns_nothing(cells):
+    """The forces on a closed surface vanish together, and their moments, wherever it is."""
+    summary = ran(inflated(cells)).summary
+    for account in ("momentum", "angular_momentum"):
+        found = summary[account]
+        assert found["error"] < 1e-12
+        size = np.abs(found["initial"]).max()
+        assert found["final"] == pytest.approx(found["initial"], abs=1e-12 * size)
+    assert summary["energy"]["external_work"] > 0.005
+    assert summary["energy"]["ledger_error"] < 1e-13
+    dead = ran(inflated(cells, follows=False)).summary["angular_momentum"]
+    assert np.abs(np.subtract(dead["final"], dead["initial"])).max() > 0.01 * np.abs(dead["initial"]).max()
+
+
+@pytest.mark.parametrize(("cells", "plane"), [("quad4", "strain"), ("tri3", "strain"), ("hex8", ""), ("tet4", "")])
+def test_a_pressure_begins_as_one_that_does_not_follow(cells, plane):
+    forces = []
+    for follows in (True, False):
+        case = inflated(cells, follows=follows)
+        case["bodies"]["block"].pop("spin")
+        case["bodies"]["block"].pop("velocity")
+        case["time"] = {"steps": 3, "courant": 1e-3}
+        forces.append(March(model_of(percuss.load(case))).run().final_velocity)
+    assert np.abs(forces[0]).max() > 0.0
+    assert forces[0] == pytest.approx(forces[1], abs=1e-6 * np.abs(forces[1]).max())
+
+
+def test_a_pressure_on_a_ring_about_an_axis_is_that_on_its_area():
+    """A column stands on a support under a pressure on all sides: the reaction is the pressure on its foot."""
+    case = inflated("quad4", plane="axisymmetric")
+    case["bodies"]["block"] |= {"fixed": [{"on": "left", "along": "x"}, {"on": "bottom", "along": "y"}]}
+    case["bodies"]["block"]["damping"] = {"mass": 1.0}
+    case["loads"]["air"]["on"] = ["block.right", "block.top"]
+    case["time"]["end"], case["record"] = 60.0, {"fields": 10}
+    result = ran(case)
+    places_ = result.field_arrays["node_position"] + result.field_arrays["displacement"][-1]
+    radius = places_[np.isclose(result.field_arrays["node_position"][:, 1], 0.0), 0].max()
+    reaction = np.asarray(result.arrays["support_force"])[-1, :, 1].sum()
+    assert radius < 1.97
+    assert reaction == pytest.approx(0.1 * np.pi * radius**2, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"bodies.block.material.name": "elastic"}, "expected bodies of finite strain, found 'block'"),
+        ({"loads.air.as": "traction", "loads.air.direction": [1, 0]}, "expected `as: pressure`, found traction"),
+        ({"method.integrator": "noh-bathe", "method.contact": "penalty"}, "expected a leap-frog scheme"),
+    ],
+)
+def test_pressures_that_cannot_follow_are_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        percuss.run(percuss.load(inflated("quad4"), change))

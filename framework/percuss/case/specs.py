@@ -480,6 +480,7 @@ class LoadSpec(Section):
     ) = None
     axis: Annotated[Literal["x", "y", "z"], Key("along"), Doc("axis along which it acts")] | None = None
     quantity: Annotated[ActsAs, Key("as"), Doc("what the amplitude is")] | None = None
+    follows: Annotated[bool, Doc("whether a pressure acts on the facets as they are in each step")] = False
     name: Annotated[str, Computed()] = UNSET
     direction: Annotated[Vector | None, Computed()] = None
 

@@ -51,6 +51,7 @@ class LeapFrogStepper:
         self._acting = [
             (load.column, model.bodies.with_moment(model.bodies.nodes[load.node], load.force))
             for load in model.loads.nodal_forces
+            if not load.load.follows  # whose forces differ from step to step
         ]
         self._impulse = model.bodies.no_impulse()
         self.step: Step

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 from percuss.contact import frictions, moving_rows
 from percuss.step.integrator_check import laws_refused
 from percuss.step.part import Part
-from percuss.step.parts import coupled_masses, damping, ends_without_mass, followers, friction, own_steps, viscosity
+from percuss.step.parts import (
+    coupled_masses,
+    damping,
+    ends_without_mass,
+    followers,
+    following_pressure,
+    friction,
+    own_steps,
+    viscosity,
+)
 from percuss.step.parts import sliding as slides
 from percuss.step.parts.internal_work import InternalWork
 from percuss.step.parts.moments import MomentsSummed
@@ -25,6 +34,7 @@ if TYPE_CHECKING:
 PARTS: tuple[type[Part[Any]], ...] = (
     coupled_masses.CoupledMasses,
     followers.Followers,
+    following_pressure.FollowingPressure,
     ends_without_mass.EndsWithoutMass,
     InternalWork,
     viscosity.Viscosity,
@@ -51,7 +61,7 @@ FEATURES: tuple[Callable[[Model], Feature | None], ...] = (
     slides.feature,
 )
 # What the features refuse, before and after the laws are bound; of a pair of methods the first reason is told.
-BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals, damping.refusals)
+BEFORE_LAWS = (coupled_masses.refusals, viscosity.refusals, damping.refusals, following_pressure.refusals)
 WITH_LAWS = (ends_without_mass.refusals, laws_refused, moving_rows.refusals, frictions.refusals)
 
 
