@@ -6,11 +6,14 @@ import re
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
 import percuss
+import places
 from accounts import ran
+from marks import deep
 from percuss.errors import InputError
 from percuss.march.march import March
 from percuss.march.model_of_case import model_of
@@ -462,3 +465,42 @@ def test_a_pressure_on_a_ring_about_an_axis_is_that_on_its_area():
 def test_pressures_that_cannot_follow_are_refused(change, message):
     with pytest.raises(InputError, match=message):
         percuss.run(percuss.load(inflated("quad4"), change))
+
+
+# ------------------------------------------------------------------------------------------------ bounds and limits
+
+BOUNDED = [
+    ("node-to-segment", "lagrange"), deep("node-to-segment", "regularised-lagrange"),
+    deep("gauss-points", "regularised-lagrange"), deep("mortar", "lagrange"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("pairing", "law"), BOUNDED)
+@pytest.mark.parametrize(("speed", "offset"), [(0.03, 0.3), (0.05, 0.9), (0.1, 1.4)])
+def test_the_bound_of_the_energy_holds_on_bodies_of_finite_strain(pairing, law, speed, offset):
+    """Contact work and what laws store never exceed R, the renewal of rows, whatever the bodies are."""
+    case = discs("none", pairing)
+    case["method"]["contact"] = law
+    case["bodies"]["left"]["velocity"], case["bodies"]["right"]["velocity"] = [speed, 0.0], [-speed, 0.0]
+    case["bodies"]["right"]["at"] = [2.0, offset]
+    march = March(model_of(percuss.load(case)))
+    books = march.run().histories
+    assert books["renewal_so_far"].max() > 0.0
+    assert books["excess"].max() <= 1e-12 * march.initial_energy
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("name", "end"), [("ball-on-wall", 26.0), ("disk-on-wall", 13.0)])
+def test_a_slow_impact_of_rubber_is_that_of_hookes_law(name, end):
+    """At a thousandth of the wave speed: time within .3 %, force within .7 %."""
+    case = yaml.safe_load((places.CASES / f"{name}.yaml").read_text(encoding="utf-8"))
+    case["expect"], case["time"] = [], {"end": end, "courant": 0.9}
+    (body,) = case["bodies"].values()
+    body["velocity"] = [0, -0.001]
+    found = []
+    for kind in ("elastic", NEO):
+        body["material"] = {"name": kind, **SOLID}
+        found.append(ran(case).summary["contacts"]["floor"])
+    assert found[1]["closed_time"] == pytest.approx(found[0]["closed_time"], rel=0.003)
+    assert found[1]["peak_force"] == pytest.approx(found[0]["peak_force"], rel=0.007)
+    assert found[1]["impulse"] == pytest.approx(found[0]["impulse"], rel=1e-4)
