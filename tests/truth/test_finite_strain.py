@@ -504,3 +504,12 @@ def test_a_slow_impact_of_rubber_is_that_of_hookes_law(name, end):
     assert found[1]["closed_time"] == pytest.approx(found[0]["closed_time"], rel=0.003)
     assert found[1]["peak_force"] == pytest.approx(found[0]["peak_force"], rel=0.007)
     assert found[1]["impulse"] == pytest.approx(found[0]["impulse"], rel=1e-4)
+
+
+def test_a_step_that_becomes_too_long_is_told_where_the_case_goes_on():
+    case = pressed(time={"end": 60.0, "courant": 0.6, "on_unstable": "warn"})
+    try:
+        result = ran(case)
+    except percuss.RunError as error:
+        result = error.result
+    assert any("the step became too long for cell" in note for note in result.summary["notes"])

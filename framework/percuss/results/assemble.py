@@ -155,14 +155,19 @@ def stretch_summary(outcome: Outcome) -> StretchEntries:
 
 def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: EnergySummary) -> list[str]:
     """Return warnings about a run: doubtful stability, ignored couplings, missing errors, energy added by contact."""
-    warnings = []
+    warnings, model = [], march.model
     if certificate["stable"] == "no" and outcome.done > 0:
         warnings.append(
             f"{AGAINST_CERTIFICATE}, and the case asks to run all the same (on_unstable: warn): {certificate['why']}"
         )
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of a body may grow with time, with no bound")
-    warnings += ignored_couplings(march.model)
+    if (stretch := stretch_summary(outcome).get("stretch")) and stretch["courant_stretched"] > max(1.0, model.courant):
+        warnings.append(
+            f"the step became too long for cell {stretch['cell']} of body '{stretch['body']}', at time "
+            f"{stretch['time']:.6g}: its Courant number was {stretch['courant_stretched']:.3g}"
+        )
+    warnings += ignored_couplings(model)
     if march.arrays.why_one:
         warnings.append(f"one thread made the steps of large solids: {march.arrays.why_one}")
     name = march.model.case.method.integrator.name

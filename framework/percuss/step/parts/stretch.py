@@ -135,9 +135,10 @@ def _watched(model: Model, block: Any, bodies: list[Body], now: Records) -> Watc
         inertia.append(np.einsum("kqai,kqaj,ka->kqij", slopes, slopes, 1.0 / mass))
     whole = np.concatenate(inertia)
     courant = np.concatenate([0.5 * model.dt * body.frequency for body in bodies])
+    limit = max(1.0, model.courant) if model.case.time.on_unstable == "stop" else np.inf
     return Watched(
         cells=block.element, start=block.start, stop=block.stop, kind=np.concatenate(kinds), inertia=whole,
-        largest=np.array(np.linalg.eigvalsh(whole)[..., -1]), courant=courant, limit=max(1.0, model.courant),
+        largest=np.array(np.linalg.eigvalsh(whole)[..., -1]), courant=courant, limit=limit,
         inverse=np.zeros(whole.shape[2:]), product=np.zeros(whole.shape[2:]), now=now,
         watch=empty_records(1, WATCH),
     )  # fmt: skip
