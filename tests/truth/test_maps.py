@@ -184,8 +184,14 @@ def test_the_chosen_step_is_certified_on_every_case(case, integrator, law):
     changes = {"time.courant": "auto"} if "courant" in loaded.data["time"] else {"time": AUTO}
     changes |= {"method.integrator": integrator, "method.contact": law, "method.friction": "none"}
     changes |= {f"contacts.{name}.sliding": "small" for name, one in loaded.contacts.items() if one.sliding == "large"}
+    if getattr(loaded.method.pairing, "more_points_than_nodes", False):
+        changes["method.pairing"] = "node-to-segment"
     model, criterion = settled(percuss.load(case, changes))
     found = certificate(model, criterion)
+    if model.bodies.why_not_linear:  # whose frequencies change
+        assert found["stable"] == "unknown"
+        assert "its highest frequency changes with the strain" in found["why"]
+        return
     if integrator == "noh-bathe" and law in {"lagrange", "tied"}:  # asked of the black box
         assert found["by"] == "black-box"
         if found["stable"] == "unknown":
