@@ -180,6 +180,7 @@ def test_no_exact_solution_judges_a_damped_bar():
     [
         ({"method.integrator": "noh-bathe"}, "expected a leap-frog scheme, found noh-bathe"),
         ({"bodies.block.damping": {"mass": -1}}, "damping.mass: expected .* 0"),
+        ({"bodies.block.damping": 3}, r"damping: expected a mapping as \{mass: 0.05\}, found 3"),
         ({"bodies.block.damping": {"stiffness": 1}}, "mass"),
     ],
 )

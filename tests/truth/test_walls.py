@@ -311,6 +311,10 @@ BAD = {
     "plane inside": (floor(2, inside=True), {}, "is a plane, which has no inside: turn its `normal`"),
     "no radius": ({"circle": {"centre": [0, -1]}}, {}, "radius: missing"),
     "radius": ({"circle": {"centre": [0, -1], "radius": 0}}, {}, "radius: expected a number greater than 0"),
+    "no mapping": ({"circle": 3}, {}, "circle: expected a mapping as {centre: [0, -2], radius: 2}, found 3"),
+    "cylinder of a number": (
+        {"cylinder": 3}, {}, "expected a mapping as {point: [0, 0, 0], axis: [1, 0, 0], radius: 2}, found 3"
+    ),
     "components": ({"circle": {"centre": [0, -1, 0], "radius": 1}}, {}, "implies 3 dimensions"),
     "sphere in the plane": (
         {"sphere": {"centre": [0, -1], "radius": 1}}, {},

@@ -268,7 +268,12 @@ class BodySpec(Section):
         None
     )
     damping: (
-        Annotated[DampingSpec, Doc("damping in proportion to the mass, of nodes that nothing holds or drives")] | None
+        Annotated[
+            DampingSpec,
+            Expects("a mapping as {mass: 0.05}"),
+            Doc("damping in proportion to the mass, of nodes that nothing holds or drives"),
+        ]
+        | None
     ) = None
     fixed: Annotated[
         tuple[Annotated[str | Roller, Expects("an end, or a mapping as {on: right, along: x}")], ...],
@@ -333,9 +338,25 @@ class RigidWall(Section):
 
     point: Annotated[Vector, Unit("length"), Doc("a point of a plane")] | None = None
     normal: Annotated[Normal, Doc("vector out of a plane, to the side where the body is")] | None = None
-    circle: Annotated[Ball, Doc("in two dimensions")] | None = None
-    sphere: Annotated[Ball, Doc("in three dimensions, or centred on the axis of a body of revolution")] | None = None
-    cylinder: Annotated[Cylinder, Doc("in three dimensions")] | None = None
+    circle: Annotated[Ball, Expects("a mapping as {centre: [0, -2], radius: 2}"), Doc("in two dimensions")] | None = (
+        None
+    )
+    sphere: (
+        Annotated[
+            Ball,
+            Expects("a mapping as {centre: [0, 0, -2], radius: 2}"),
+            Doc("in three dimensions, or centred on the axis of a body of revolution"),
+        ]
+        | None
+    ) = None
+    cylinder: (
+        Annotated[
+            Cylinder,
+            Expects("a mapping as {point: [0, 0, 0], axis: [1, 0, 0], radius: 2}"),
+            Doc("in three dimensions"),
+        ]
+        | None
+    ) = None
     inside: Annotated[bool, Doc("whether the body is inside of a round wall")] = False
     moving: Annotated[str, Doc("name of a load of prescribed velocity, with which the wall moves")] | None = None
 
