@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -76,6 +76,13 @@ class Case(CaseSection):
         With `any_inside` it follows from several values inside the path, and an override of one is its place.
         """
         return self.origin.problem(path, message, advice, any_inside=any_inside)
+
+    def first_problem(self, path: KeyPath, found: Iterable[tuple[bool, str, str]]) -> Iterator[Problem]:
+        """Yield the problem of the first row that holds: whether it does, what was expected, and what to do."""
+        for wrong, words, advice in found:
+            if wrong:
+                yield self.problem(path, f"expected {words}", advice)
+                break
 
     @property
     def inputs(self) -> list[tuple[str, Path]]:

@@ -256,11 +256,8 @@ class ElementProbe:
             with np.errstate(invalid="ignore"):  # 0 / 0 of an element that has not asked
                 found.append(np.einsum("kp,kp...->k...", weights / weights.sum(axis=1, keepdims=True), values))
             if self._dimension:
-                of_points = np.linalg.det(
-                    np.eye(self._dimension) + strain.reshape(*calls.shape, *(self._dimension,) * 2)
-                )
                 with np.errstate(invalid="ignore"):
-                    volumes[t] = (weights * of_points).sum(axis=1) / weights.sum(axis=1)
+                    volumes[t] = (weights * self._volumes(strain)).sum(axis=1) / weights.sum(axis=1)
         return np.array(found), volumes
 
     def slopes(self, numbers: Integers, size: float) -> Floats:
@@ -280,8 +277,12 @@ class ElementProbe:
     def volumes(self, number: int, displacement: Floats) -> Floats:
         """Return the volume of each point of a solid element over that at the start, (points,)."""
         self.force(number, displacement)
-        _, _, gradient = (kept[number] for kept in self._views)
-        volumes: Floats = np.linalg.det(np.eye(self._dimension) + gradient.reshape(-1, *(self._dimension,) * 2))
+        return self._volumes(self._views[2][number])
+
+    def _volumes(self, gradient: Floats) -> Floats:
+        """Return det(I + H) of displacement gradients, (..., d * d)."""
+        d = self._dimension
+        volumes: Floats = np.linalg.det(np.eye(d) + gradient.reshape(*gradient.shape[:-1], d, d))
         return volumes
 
     def fault(self, number: int, displacement: Floats) -> tuple[str, str]:

@@ -43,7 +43,7 @@ def stress(material: MaterialPoints, point: int, strain: Any) -> Any:
 
 
 def stress_of_point(material: MaterialPoints, point: int, gradient: Any) -> Any:
-    """Return the stress of a point of a solid (slot for `stress` or `stress_with_state`)."""
+    """Return the stress of a point of a solid (slot for `stress`, `stress_with_state` or `stress_in_plane`)."""
     unbound()
 
 
@@ -52,15 +52,6 @@ def stress_of_area(material: MaterialPoints, point: int, gradient: Any) -> Any:
     if (1.0 + gradient[0]) * (1.0 + gradient[3]) - gradient[1] * gradient[2] <= 0.0:
         return np.nan, np.nan, np.nan, np.nan
     return stress_of_point(material, point, gradient)
-
-
-def stress_in_plane(material: MaterialPoints, point: int, gradient: Any) -> Any:
-    """Return the stress of a point in plane strain by the kernel in space, nan where it is inside out."""
-    if (1.0 + gradient[0]) * (1.0 + gradient[3]) - gradient[1] * gradient[2] <= 0.0:
-        return np.nan, np.nan, np.nan, np.nan
-    whole = (gradient[0], gradient[1], 0.0, gradient[2], gradient[3], 0.0, 0.0, 0.0, 0.0)
-    of_space = stress_of_point(material, point, whole)
-    return of_space[0], of_space[1], of_space[3], of_space[4]
 
 
 def stress_of_volume(material: MaterialPoints, point: int, gradient: Any) -> Any:
@@ -79,6 +70,13 @@ def stress_with_state(material: MaterialPoints, point: int, strain: Any) -> Any:
     for k in range(before.size):
         after[k] = before[k]
     return material_stress_with_state(material.parameters, strain, before, after)
+
+
+def stress_in_plane(material: MaterialPoints, point: int, gradient: Any) -> Any:
+    """Return the stress of a point in plane strain by a kernel in space, and set its state variables."""
+    whole = (gradient[0], gradient[1], 0.0, gradient[2], gradient[3], 0.0, 0.0, 0.0, 0.0)
+    of_space = stress_with_state(material, point, whole)
+    return of_space[0], of_space[1], of_space[3], of_space[4]
 
 
 def energy_density(material: MaterialPoints, point: int, before: float, after: float) -> float:
@@ -132,10 +130,13 @@ def solid_slots(material: Any, dimension: int) -> dict[Any, Callable[..., Any]]:
         return {slot: stress, material_stress: kernel, slots.energy_density: energy}
     of_finite_strain = stress_of_area if flat else stress_of_volume
     if material.state > 0:
-        if flat and kernel is None:
-            kernel, of_finite_strain = material.stress_3d, stress_in_plane
-        filled = {stress_of_point: stress_with_state, material_stress_with_state: kernel}
-        return filled | {slot: of_finite_strain, slots.energy_density: no_energy}
+        by_space = flat and kernel is None
+        return {
+            slot: of_finite_strain,
+            stress_of_point: stress_in_plane if by_space else stress_with_state,
+            material_stress_with_state: material.stress_3d if by_space else kernel,
+            slots.energy_density: no_energy,
+        }
     stored = material.stored_2d if flat else material.stored_3d
     filled = {slot: of_finite_strain, stress_of_point: stress, material_stress: kernel}
     return filled | {slots.energy_density: mean_stored_energy, stored_by_gradient: stored}

@@ -21,6 +21,19 @@ if TYPE_CHECKING:
 THIRD = 1.0 / 3.0
 
 
+class MeanDilatation:
+    """What cells with a mean volume strain have in common: the stress in space, at points of one volume strain."""
+
+    dimension = 3
+    isochoric = True
+    references = (
+        "Nagtegaal, Parks, Rice: On numerically accurate finite element solutions in the fully plastic range, Comput. "
+        "Methods Appl. Mech. Engrg. 4 (1974), doi 10.1016/0045-7825(74)90032-2",
+        "Simo, Taylor, Pister: Variational and projection methods for the volume constraint in finite deformation "
+        "elasto-plasticity, Comput. Methods Appl. Mech. Engrg. 51 (1985), doi 10.1016/0045-7825(85)90033-7",
+    )
+
+
 def mean_volume(volume: float, whole: float, least: float) -> float:
     """Return the mean of J over a cell; 0 where it is not positive at a point."""
     return volume / whole if least > 0.0 else 0.0

@@ -146,6 +146,11 @@ def rotation(one: float, other: float, off: float) -> tuple[float, float]:
     return cosine, slope * cosine
 
 
+def turned(c: float, s: float, one: float, other: float) -> tuple[float, float]:
+    """Return two components after a rotation with a cosine and a sine."""
+    return c * one - s * other, s * one + c * other
+
+
 def principal(tensor: Six) -> tuple[tuple[float, float, float], Nine]:
     """Return principal values and axes, as columns, of a symmetric tensor, by Jacobi's rotations."""
     xx, yy, zz, xy, xz, yz = tensor
@@ -155,35 +160,14 @@ def principal(tensor: Six) -> tuple[tuple[float, float, float], Nine]:
             break
         c, s = rotation(xx, yy, xy)
         xx, yy = c * c * xx - 2.0 * c * s * xy + s * s * yy, s * s * xx + 2.0 * c * s * xy + c * c * yy
-        xy, xz, yz = 0.0, c * xz - s * yz, s * xz + c * yz
-        ax, ay, bx, by, cx, cy = (
-            c * ax - s * ay,
-            s * ax + c * ay,
-            c * bx - s * by,
-            s * bx + c * by,
-            c * cx - s * cy,
-            s * cx + c * cy,
-        )
+        xy, (xz, yz) = 0.0, turned(c, s, xz, yz)
+        (ax, ay), (bx, by), (cx, cy) = turned(c, s, ax, ay), turned(c, s, bx, by), turned(c, s, cx, cy)
         c, s = rotation(xx, zz, xz)
         xx, zz = c * c * xx - 2.0 * c * s * xz + s * s * zz, s * s * xx + 2.0 * c * s * xz + c * c * zz
-        xz, xy, yz = 0.0, c * xy - s * yz, s * xy + c * yz
-        ax, az, bx, bz, cx, cz = (
-            c * ax - s * az,
-            s * ax + c * az,
-            c * bx - s * bz,
-            s * bx + c * bz,
-            c * cx - s * cz,
-            s * cx + c * cz,
-        )
+        xz, (xy, yz) = 0.0, turned(c, s, xy, yz)
+        (ax, az), (bx, bz), (cx, cz) = turned(c, s, ax, az), turned(c, s, bx, bz), turned(c, s, cx, cz)
         c, s = rotation(yy, zz, yz)
         yy, zz = c * c * yy - 2.0 * c * s * yz + s * s * zz, s * s * yy + 2.0 * c * s * yz + c * c * zz
-        yz, xy, xz = 0.0, c * xy - s * xz, s * xy + c * xz
-        ay, az, by, bz, cy, cz = (
-            c * ay - s * az,
-            s * ay + c * az,
-            c * by - s * bz,
-            s * by + c * bz,
-            c * cy - s * cz,
-            s * cy + c * cz,
-        )
+        yz, (xy, xz) = 0.0, turned(c, s, xy, xz)
+        (ay, az), (by, bz), (cy, cz) = turned(c, s, ay, az), turned(c, s, by, bz), turned(c, s, cy, cz)
     return (xx, yy, zz), (ax, ay, az, bx, by, bz, cx, cy, cz)

@@ -156,7 +156,4 @@ def refusals(model: Model) -> Iterator[Problem]:
                 "Take `method: {mass: lumped}`.",
             ),
         )
-        for wrong, words, advice in found:
-            if wrong:
-                yield model.case.problem(("bodies", name, "damping"), f"expected {words}", advice)
-                break
+        yield from model.case.first_problem(("bodies", name, "damping"), found)

@@ -184,7 +184,4 @@ def refusals(model: Model) -> Iterator[Problem]:
                 "Take central-difference.",
             ),
         )
-        for wrong, words, advice in found:
-            if wrong:
-                yield model.case.problem(("loads", name, "follows"), f"expected {words}", advice)
-                break
+        yield from model.case.first_problem(("loads", name, "follows"), found)
