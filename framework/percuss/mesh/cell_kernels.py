@@ -33,7 +33,7 @@ class Block(NamedTuple):
 class Cells(NamedTuple):
     """The cells of a block of bodies, body by body, and work space for one cell."""
 
-    rule: Any  # NamedTuple of arrays that the kernel of the element reads
+    rule: Any  # NamedTuple of arrays that the kernel of the element reads, or works in
     cells: Integers  # (elements, nodes of a cell) numbers within the body, without sign: none counts from the end
     geometry: Floats  # (elements, ...) what the kernel reads of each
     section: Floats  # (elements,)

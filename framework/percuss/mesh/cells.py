@@ -162,7 +162,7 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
         strains=np.zeros((0, 0)),
     )
     locked: Cells = read_only(shared)
-    return locked._replace(strains=np.zeros((2, volumes[0].shape[1], *gradient)))
+    return locked._replace(rule=answer(element, "rule"), strains=np.zeros((2, volumes[0].shape[1], *gradient)))
 
 
 def element_slots(element: Any) -> dict[Any, Any]:

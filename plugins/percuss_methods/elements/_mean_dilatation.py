@@ -2,13 +2,13 @@
 
 The material sees ``k F``, ``k = (Jm / J)^(1/3)``, at each point, J = det F there and Jm the volume of the cell over
 that at the start. With its stress P and ``m = k P : F / 3``, the mean of the Kirchhoff stress, the force on node a is
-``-sum V (k P + (p - m) F^-T) grad N_a``, ``p = J sum(V m) / (Jm sum V)``: minus the slope of the stored energy. Where a
+``-sum V (k P - m F^-T + p dJ/dF) grad N_a``, ``p = sum(V m) / sum(V J)``: minus the slope of the stored energy. Where a
 volume is not positive the material sees F.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,19 @@ if TYPE_CHECKING:
     from percuss import Floats
 
 THIRD = 1.0 / 3.0
+NEAR_ONE = 0.04  # so far from 1 the series is right to the last digits
+SERIES = tuple(float(one) for one in np.cumprod([1.0, *(-(k + THIRD) / (k + 1) for k in range(10))])[::-1])
+
+
+class Kept(NamedTuple):
+    """What the kernel keeps of the points of the cell that it works on; of tensors n components, row by row.
+
+    In the plane and about an axis the components are xx, xy, yx, yy and that across.
+    """
+
+    gradients: Floats  # (points, n) F
+    stresses: Floats  # (points, n) volume times k P - m F^-T
+    scales: Floats  # (points,) J, then k
 
 
 class MeanDilatation:
@@ -26,6 +39,7 @@ class MeanDilatation:
 
     dimension = 3
     isochoric = True
+    components: ClassVar[int]  # of a tensor, that are kept
     references = (
         "Nagtegaal, Parks, Rice: On numerically accurate finite element solutions in the fully plastic range, Comput. "
         "Methods Appl. Mech. Engrg. 4 (1974), doi 10.1016/0045-7825(74)90032-2",
@@ -33,78 +47,86 @@ class MeanDilatation:
         "elasto-plasticity, Comput. Methods Appl. Mech. Engrg. 51 (1985), doi 10.1016/0045-7825(85)90033-7",
     )
 
+    def rule(self) -> Kept:
+        """Return room for the points of a cell."""
+        size = len(self.weights), self.components
+        return Kept(np.zeros(size), np.zeros(size), np.zeros(size[0]))
 
-def mean_volume(volume: float, whole: float, least: float) -> float:
-    """Return the mean of J over a cell; 0 where it is not positive at a point."""
-    return volume / whole if least > 0.0 else 0.0
 
-
-def scaled(material: Any, point: int, f: tuple[float, ...], scale: float) -> tuple[float, ...]:
-    """Return the scaled stress at ``scale F``, row by row, and its product with F over 3, the mean of tau."""
-    gradient = (
-        scale * f[0] - 1.0, scale * f[1], scale * f[2], scale * f[3], scale * f[4] - 1.0, scale * f[5], scale * f[6],
-        scale * f[7], scale * f[8] - 1.0,
-    )  # fmt: skip
-    p = stress_3d(material, point, gradient)
-    a, b, c, d, e = scale * p[0], scale * p[1], scale * p[2], scale * p[3], scale * p[4]
-    g, h, k, m = scale * p[5], scale * p[6], scale * p[7], scale * p[8]
-    mean = a * f[0] + b * f[1] + c * f[2] + d * f[3] + e * f[4] + g * f[5] + h * f[6] + k * f[7] + m * f[8]
-    return a, b, c, d, e, g, h, k, m, THIRD * mean
+def set_scales(of_points: Floats, mean: float) -> None:
+    """Replace the J of each point by the cube root of ``mean / J``, where all are near 1 by its series."""
+    over, far = 1.0 / mean, 0.0
+    for q in range(of_points.size):
+        far += (of_points[q] * over - 1.0) ** 2
+    if far < NEAR_ONE * NEAR_ONE:
+        for q in range(of_points.size):
+            x, root = of_points[q] * over - 1.0, 0.0
+            for coefficient in SERIES:
+                root = root * x + coefficient
+            of_points[q] = root
+    else:
+        for q in range(of_points.size):
+            of_points[q] = np.cbrt(mean / of_points[q])
 
 
 # ---------------------------------------------------------------------------------------- in the plane, about an axis
 
 
-def flat(of_point: Floats, displacement: Floats, around: int) -> tuple[float, float, float, float, float]:
-    """Return F in the plane, (xx, xy, yx, yy), and across it: 1, or around the axis from entry `around` on."""
-    xx, xy, yx, yy = plane_gradient(of_point, displacement)
-    hoop = 1.0
-    if around > 0:
-        for a in range(displacement.shape[0]):
-            hoop += displacement[a, 0] * of_point[around + a]
-    return 1.0 + xx, xy, yx, 1.0 + yy, hoop
-
-
-def flat_forces(material: Any, first: int, geometry: Floats, displacement: Floats, force: Floats, around: int) -> None:
+def flat_forces(
+    kept: Kept, material: Any, first: int, geometry: Floats, displacement: Floats, force: Floats, around: int
+) -> None:
     """Set `force` to the forces of a cell in plane strain, or of a ring where `around` is not 0."""
-    count, last = displacement.shape[0], geometry.shape[1] - 1
-    volume, whole, least, mean = 0.0, 0.0, 1.0, 0.0
-    for a in range(count):
-        force[a, 0] = force[a, 1] = 0.0
-    for q in range(geometry.shape[0]):
-        xx, xy, yx, yy, hoop = flat(geometry[q], displacement, around)
+    points, count, last = geometry.shape[0], displacement.shape[0], geometry.shape[1] - 1
+    volume, whole, total, inside_out = 0.0, 0.0, 0.0, False
+    for q in range(points):
+        xx, xy, yx, yy = plane_gradient(geometry[q], displacement)
+        hoop = 1.0
+        if around > 0:
+            for a in range(count):
+                hoop += displacement[a, 0] * geometry[q, around + a]
+        xx, yy = 1.0 + xx, 1.0 + yy
         j = (xx * yy - xy * yx) * hoop
-        least = min(least, j)
+        f = kept.gradients[q]
+        f[0], f[1], f[2], f[3], f[4] = xx, xy, yx, yy, hoop
+        kept.scales[q] = j
+        inside_out = inside_out or j <= 0.0
         volume += geometry[q, last] * j
         whole += geometry[q, last]
-    ratio = mean_volume(volume, whole, least)
-    for q in range(geometry.shape[0]):
-        xx, xy, yx, yy, hoop = flat(geometry[q], displacement, around)
+    if inside_out:
+        kept.scales[:] = 1.0
+    else:
+        set_scales(kept.scales, volume / whole)
+    for q in range(points):
+        xx, xy, yx, yy, hoop = kept.gradients[q]
+        weight, scale = geometry[q, last], kept.scales[q]
+        gradient = (scale * xx - 1.0, scale * xy, 0.0, scale * yx, scale * yy - 1.0, 0.0, 0.0, 0.0, scale * hoop - 1.0)
+        p = stress_3d(material, first + q, gradient)
+        m = scale * THIRD * (p[0] * xx + p[1] * xy + p[3] * yx + p[4] * yy + p[8] * hoop)
+        total += weight * m
         area = xx * yy - xy * yx
-        scale = np.cbrt(ratio / (area * hoop)) if ratio > 0.0 else 1.0
-        p = scaled(material, first + q, (xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, hoop), scale)
-        weight, less = -geometry[q, last], p[9] / area
-        mean -= weight * p[9]
-        rows = p[0] - less * yy, p[1] + less * yx, p[3] + less * xy, p[4] - less * xx, p[8] - p[9] / hoop
-        spread(geometry[q], force, rows, weight, around)
-    for q in range(geometry.shape[0]):
-        xx, xy, yx, yy, hoop = flat(geometry[q], displacement, around)
-        weight = -mean * geometry[q, last] * hoop / volume  # of dJ / dF
-        spread(geometry[q], force, (yy, -yx, -xy, xx, (xx * yy - xy * yx) / hoop), weight, around)
-
-
-def spread(of_point: Floats, force: Floats, p: tuple[float, ...], weight: float, around: int) -> None:
-    """Add `weight` times P grad N_a to the forces, P as xx, xy, yx, yy and across."""
-    for a in range(force.shape[0]):
-        by_x, by_y = of_point[2 * a], of_point[2 * a + 1]
-        force[a, 0] += weight * (p[0] * by_x + p[1] * by_y)
-        force[a, 1] += weight * (p[2] * by_x + p[3] * by_y)
-        if around > 0:
-            force[a, 0] += weight * p[4] * of_point[around + a]
+        of_stress, less = weight * scale, weight * m / (area * hoop)
+        of_mean, s = less * hoop, kept.stresses[q]
+        s[0], s[1] = of_stress * p[0] - of_mean * yy, of_stress * p[1] + of_mean * yx
+        s[2], s[3] = of_stress * p[3] + of_mean * xy, of_stress * p[4] - of_mean * xx
+        s[4] = of_stress * p[8] - less * area
+    p_mean = total / volume
+    for a in range(count):
+        force[a, 0] = force[a, 1] = 0.0
+    for q in range(points):
+        f, s, more = kept.gradients[q], kept.stresses[q], p_mean * geometry[q, last]
+        across = more * f[4]
+        xx, xy, yx, yy = s[0] + across * f[3], s[1] - across * f[2], s[2] - across * f[1], s[3] + across * f[0]
+        hoop = s[4] + more * (f[0] * f[3] - f[1] * f[2])
+        for a in range(count):
+            by_x, by_y = geometry[q, 2 * a], geometry[q, 2 * a + 1]
+            force[a, 0] -= xx * by_x + xy * by_y
+            force[a, 1] -= yx * by_x + yy * by_y
+            if around > 0:
+                force[a, 0] -= hoop * geometry[q, around + a]
 
 
 def plane_forces(
-    rule: Any,  # noqa: ARG001
+    rule: Kept,
     material: Any,
     first: int,
     section: float,  # noqa: ARG001 - the volumes contain it
@@ -113,11 +135,11 @@ def plane_forces(
     force: Floats,
 ) -> None:
     """Set `force` to the forces of a cell in plane strain."""
-    flat_forces(material, first, geometry, displacement, force, 0)
+    flat_forces(rule, material, first, geometry, displacement, force, 0)
 
 
 def ring_forces(
-    rule: Any,  # noqa: ARG001
+    rule: Kept,
     material: Any,
     first: int,
     section: float,  # noqa: ARG001 - the volumes contain the circumference
@@ -126,19 +148,13 @@ def ring_forces(
     force: Floats,
 ) -> None:
     """Set `force` to the forces of a ring."""
-    flat_forces(material, first, geometry, displacement, force, 2 * displacement.shape[0])
+    flat_forces(rule, material, first, geometry, displacement, force, 2 * displacement.shape[0])
 
 
 # -------------------------------------------------------------------------------------------------------- in space
 
 
-def solid(of_point: Floats, displacement: Floats) -> tuple[float, ...]:
-    """Return F of a point in space, row by row."""
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = solid_gradient(of_point, displacement)
-    return 1.0 + xx, xy, xz, yx, 1.0 + yy, yz, zx, zy, 1.0 + zz
-
-
-def slope_of_volume(f: tuple[float, ...]) -> tuple[float, ...]:
+def slope_of_volume(f: Floats) -> tuple[float, ...]:
     """Return dJ / dF, row by row, and J."""
     xx, xy, xz = f[4] * f[8] - f[5] * f[7], f[5] * f[6] - f[3] * f[8], f[3] * f[7] - f[4] * f[6]
     yx, yy, yz = f[2] * f[7] - f[1] * f[8], f[0] * f[8] - f[2] * f[6], f[1] * f[6] - f[0] * f[7]
@@ -147,7 +163,7 @@ def slope_of_volume(f: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def solid_forces(
-    rule: Any,  # noqa: ARG001
+    rule: Kept,
     material: Any,
     first: int,
     section: float,  # noqa: ARG001 - it is 1
@@ -156,37 +172,47 @@ def solid_forces(
     force: Floats,
 ) -> None:
     """Set `force` to the forces of a cell in space."""
-    count, last = displacement.shape[0], geometry.shape[1] - 1
-    volume, whole, least, mean = 0.0, 0.0, 1.0, 0.0
-    for a in range(count):
-        force[a, 0] = force[a, 1] = force[a, 2] = 0.0
-    for q in range(geometry.shape[0]):
-        j = slope_of_volume(solid(geometry[q], displacement))[9]
-        least = min(least, j)
+    points, count, last = geometry.shape[0], displacement.shape[0], geometry.shape[1] - 1
+    volume, whole, total, inside_out = 0.0, 0.0, 0.0, False
+    for q in range(points):
+        h = solid_gradient(geometry[q], displacement)
+        f = 1.0 + h[0], h[1], h[2], h[3], 1.0 + h[4], h[5], h[6], h[7], 1.0 + h[8]
+        for k in range(9):
+            rule.gradients[q, k] = f[k]
+        j = slope_of_volume(f)[9]
+        rule.scales[q] = j
+        inside_out = inside_out or j <= 0.0
         volume += geometry[q, last] * j
         whole += geometry[q, last]
-    ratio = mean_volume(volume, whole, least)
-    for q in range(geometry.shape[0]):
-        f = solid(geometry[q], displacement)
-        c = slope_of_volume(f)
-        scale = np.cbrt(ratio / c[9]) if ratio > 0.0 else 1.0
-        p = scaled(material, first + q, f, scale)
-        mean += geometry[q, last] * p[9]
-        less = p[9] / c[9]
-        rows = (
-            p[0] - less * c[0], p[1] - less * c[1], p[2] - less * c[2], p[3] - less * c[3], p[4] - less * c[4],
-            p[5] - less * c[5], p[6] - less * c[6], p[7] - less * c[7], p[8] - less * c[8],
+    if inside_out:
+        rule.scales[:] = 1.0
+    else:
+        set_scales(rule.scales, volume / whole)
+    for q in range(points):
+        f = rule.gradients[q]
+        weight, scale = geometry[q, last], rule.scales[q]
+        gradient = (
+            scale * f[0] - 1.0, scale * f[1], scale * f[2], scale * f[3], scale * f[4] - 1.0, scale * f[5],
+            scale * f[6], scale * f[7], scale * f[8] - 1.0,
         )  # fmt: skip
-        spread_solid(geometry[q], force, rows, -geometry[q, last])
-    for q in range(geometry.shape[0]):
-        c = slope_of_volume(solid(geometry[q], displacement))
-        spread_solid(geometry[q], force, c, -mean * geometry[q, last] / volume)
-
-
-def spread_solid(of_point: Floats, force: Floats, p: tuple[float, ...], weight: float) -> None:
-    """Add `weight` times P grad N_a to the forces in space."""
-    for a in range(force.shape[0]):
-        x, y, z = weight * of_point[3 * a], weight * of_point[3 * a + 1], weight * of_point[3 * a + 2]
-        force[a, 0] += p[0] * x + p[1] * y + p[2] * z
-        force[a, 1] += p[3] * x + p[4] * y + p[5] * z
-        force[a, 2] += p[6] * x + p[7] * y + p[8] * z
+        p = stress_3d(material, first + q, gradient)
+        c = slope_of_volume(f)
+        m = p[0] * f[0] + p[1] * f[1] + p[2] * f[2] + p[3] * f[3] + p[4] * f[4]
+        m = scale * THIRD * (m + p[5] * f[5] + p[6] * f[6] + p[7] * f[7] + p[8] * f[8])
+        total += weight * m
+        of_stress, of_mean = weight * scale, -weight * m / c[9]
+        for k in range(9):
+            rule.stresses[q, k] = of_stress * p[k] + of_mean * c[k]
+    p_mean = total / volume
+    for a in range(count):
+        force[a, 0] = force[a, 1] = force[a, 2] = 0.0
+    for q in range(points):
+        s, c, more = rule.stresses[q], slope_of_volume(rule.gradients[q]), p_mean * geometry[q, last]
+        xx, xy, xz = s[0] + more * c[0], s[1] + more * c[1], s[2] + more * c[2]
+        yx, yy, yz = s[3] + more * c[3], s[4] + more * c[4], s[5] + more * c[5]
+        zx, zy, zz = s[6] + more * c[6], s[7] + more * c[7], s[8] + more * c[8]
+        for a in range(count):
+            by_x, by_y, by_z = geometry[q, 3 * a], geometry[q, 3 * a + 1], geometry[q, 3 * a + 2]
+            force[a, 0] -= xx * by_x + xy * by_y + xz * by_z
+            force[a, 1] -= yx * by_x + yy * by_y + yz * by_z
+            force[a, 2] -= zx * by_x + zy * by_y + zz * by_z

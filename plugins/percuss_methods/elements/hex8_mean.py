@@ -22,5 +22,6 @@ class Hex8Mean(MeanDilatation, FullCell):
     name = "hex8-mean"
     summary = "Eight-node hexahedron, mean dilatation"
     cell = "hexahedron"
+    components = 9
     shapes, slopes, weights = Hex8.shapes, Hex8.slopes, Hex8.weights
     force = staticmethod(solid_forces)

@@ -22,5 +22,6 @@ class Quad4AxisymmetricMean(MeanDilatation, RingCell):
     name = "quad4-axisymmetric-mean"
     summary = "Four-node quadrilateral of a body of revolution, mean dilatation"
     cell = "quad"
+    components = 5
     shapes, slopes, weights = Quad4.shapes, Quad4.slopes, Quad4.weights
     force = staticmethod(ring_forces)

@@ -22,5 +22,6 @@ class Quad4Mean(MeanDilatation, FullCell):
     name = "quad4-mean"
     summary = "Four-node quadrilateral in plane strain, mean dilatation"
     cell = "quad"
+    components = 5
     shapes, slopes, weights = Quad4.shapes, Quad4.slopes, Quad4.weights
     force = staticmethod(plane_forces)

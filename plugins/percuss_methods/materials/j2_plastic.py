@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from percuss import Doc, Ge, Gt, Unit
 from percuss_methods.materials._hyperelastic import Hyperelastic
@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 
 SWEEPS = 8  # of Jacobi's rotations, whose error squares in each
 NO_MORE = 1e-34  # square of what is off the diagonal over that on it
+SMALL = 5e-4  # half of the square of a tensor up to which the series are right to the last digits
+# Coefficients of the powers of X in threes (1, X, X^2 times X^9, X^6, X^3, 1), of ln(I + X) and of exp(X).
+LOGARITHM = tuple(tuple((-1.0) ** (k + 1) / k if k else 0.0 for k in (n, n + 1, n + 2)) for n in (9, 6, 3, 0))
+EXPONENTIAL = tuple(tuple(1.0 / math.factorial(k) for k in (n, n + 1, n + 2)) for n in (6, 3, 0))
 
 
 @dataclass(frozen=True)
@@ -60,43 +64,126 @@ class J2Plastic(Hyperelastic):
     @staticmethod
     def stress_3d(parameters: Floats, gradient: tuple[float, ...], before: Floats, after: Floats) -> tuple[float, ...]:
         """Return P of a displacement gradient, row by row, and set plastic strain and energies."""
-        bulk, shear, limit, hardening = parameters[0], parameters[1], parameters[2], parameters[3]
-        f = (
-            1.0 + gradient[0], gradient[1], gradient[2], gradient[3], 1.0 + gradient[4], gradient[5], gradient[6],
-            gradient[7], 1.0 + gradient[8],
-        )  # fmt: skip
-        c = 1.0 + before[0], 1.0 + before[1], 1.0 + before[2], before[3], before[4], before[5]
-        values, axes = principal(pushed(f, c))
-        x, y, z = 0.5 * math.log(values[0]), 0.5 * math.log(values[1]), 0.5 * math.log(values[2])
-        volume = x + y + z
-        x, y, z = x - volume / 3.0, y - volume / 3.0, z - volume / 3.0
-        size = 2.0 * shear * math.sqrt(1.5 * (x * x + y * y + z * z))
-        excess, back = size - limit - hardening * before[6], inverse(f)
+        shear, limit, hardening = parameters[1], parameters[2], parameters[3]
+        tried = trial(shear, gradient, before)
+        more, excess = 0.0, tried.size - limit - hardening * before[6]
         if excess > 0.0:
             more = excess / (3.0 * shear + hardening)
-            left = 1.0 - 3.0 * shear * more / size
-            x, y, z = left * x, left * y, left * z
-            third = volume / 3.0
-            elastic = math.exp(2.0 * (x + third)), math.exp(2.0 * (y + third)), math.exp(2.0 * (z + third))
-            now = pushed(back, composed(elastic, axes))
-            after[0], after[1], after[2] = now[0] - 1.0, now[1] - 1.0, now[2] - 1.0
-            after[3], after[4], after[5] = now[3], now[4], now[5]
-            after[6] = before[6] + more
             after[8] = before[8] + more * (limit + hardening * (before[6] + 0.5 * more))
-        after[7] = 0.5 * bulk * volume * volume + shear * (x * x + y * y + z * z)
-        mean, twice = bulk * volume, 2.0 * shear
-        t = composed((mean + twice * x, mean + twice * y, mean + twice * z), axes)
-        return (
-            t[0] * back[0] + t[3] * back[1] + t[4] * back[2], t[0] * back[3] + t[3] * back[4] + t[4] * back[5],
-            t[0] * back[6] + t[3] * back[7] + t[4] * back[8], t[3] * back[0] + t[1] * back[1] + t[5] * back[2],
-            t[3] * back[3] + t[1] * back[4] + t[5] * back[5], t[3] * back[6] + t[1] * back[7] + t[5] * back[8],
-            t[4] * back[0] + t[5] * back[1] + t[2] * back[2], t[4] * back[3] + t[5] * back[4] + t[2] * back[5],
-            t[4] * back[6] + t[5] * back[7] + t[2] * back[8],
-        )  # fmt: skip
+        return returned(parameters[0], shear, tried, more, before, after)
 
 
 Nine = tuple[float, float, float, float, float, float, float, float, float]
 Six = tuple[float, float, float, float, float, float]
+Three = tuple[float, float, float]
+
+
+class Trial(NamedTuple):
+    """A point where nothing flows in a step."""
+
+    f: Nine
+    volume: float  # trace of the logarithmic strain
+    twice: Six  # twice its deviator: xx, yy, zz, xy, xz, yz
+    square: float  # half of the sum of the squares of `twice`
+    size: float  # q
+
+
+def trial(shear: float, gradient: tuple[float, ...], before: Floats) -> Trial:
+    """Return a point where nothing flows in a step."""
+    f = (
+        1.0 + gradient[0], gradient[1], gradient[2], gradient[3], 1.0 + gradient[4], gradient[5], gradient[6],
+        gradient[7], 1.0 + gradient[8],
+    )  # fmt: skip
+    c = before[0], before[1], before[2], before[3], before[4], before[5]
+    trace, twice = logarithm(pushed(f, shifted(1.0, c)))
+    square = half_square(twice)
+    return Trial(f, 0.5 * trace, twice, square, shear * math.sqrt(3.0 * square))
+
+
+def returned(bulk: float, shear: float, tried: Trial, more: float, before: Floats, after: Floats) -> tuple[float, ...]:
+    """Return P, row by row, where the plastic strain grows by `more`, and set the state but for what is dissipated."""
+    volume, twice, left, back = tried.volume, tried.twice, 1.0, inverse(tried.f)
+    if more > 0.0:
+        left = 1.0 - 3.0 * shear * more / tried.size
+        flowed = pushed(back, scaled(math.exp(2.0 * volume / 3.0), exponential(scaled(left, twice))))
+        flowed = shifted(-1.0, flowed)
+        for k in range(6):
+            after[k] = flowed[k]
+        after[6] = before[6] + more
+    after[7] = 0.5 * (bulk * volume * volume + shear * left * left * tried.square)
+    t = shifted(bulk * volume, scaled(shear * left, twice))
+    return (
+        t[0] * back[0] + t[3] * back[1] + t[4] * back[2], t[0] * back[3] + t[3] * back[4] + t[4] * back[5],
+        t[0] * back[6] + t[3] * back[7] + t[4] * back[8], t[3] * back[0] + t[1] * back[1] + t[5] * back[2],
+        t[3] * back[3] + t[1] * back[4] + t[5] * back[5], t[3] * back[6] + t[1] * back[7] + t[5] * back[8],
+        t[4] * back[0] + t[5] * back[1] + t[2] * back[2], t[4] * back[3] + t[5] * back[4] + t[2] * back[5],
+        t[4] * back[6] + t[5] * back[7] + t[2] * back[8],
+    )  # fmt: skip
+
+
+# --------------------------------------------------------------------------------------------- functions of tensors
+
+
+def logarithm(tensor: Six) -> tuple[float, Six]:
+    """Return trace and deviator of the logarithm of a symmetric tensor that is positive."""
+    mean = (tensor[0] + tensor[1] + tensor[2]) / 3.0
+    x = shifted(-1.0, scaled(1.0 / mean, tensor))
+    half = half_square(x)
+    if half < SMALL:
+        found = series(LOGARITHM, half, determinant(x), x)
+        return 3.0 * math.log(mean) + found[0] + found[1] + found[2], deviator(found)
+    values, axes = principal(tensor)
+    a, b, c = math.log(values[0]), math.log(values[1]), math.log(values[2])
+    return a + b + c, deviator(composed((a, b, c), axes))
+
+
+def exponential(tensor: Six) -> Six:
+    """Return the exponential of a symmetric tensor without a trace."""
+    half = half_square(tensor)
+    if half < SMALL:
+        return series(EXPONENTIAL, half, determinant(tensor), tensor)
+    values, axes = principal(tensor)
+    return composed((math.exp(values[0]), math.exp(values[1]), math.exp(values[2])), axes)
+
+
+def series(coefficients: tuple[Three, ...], half: float, det: float, x: Six) -> Six:
+    """Return a polynomial of a tensor X without a trace: ``X^3 = half X + det I``; its coefficients in threes."""
+    p = q = r = 0.0  # p I + q X + r X^2
+    for a, b, c in coefficients:
+        p, q, r = a + det * p + half * det * r, b + half * p + det * q + half * half * r, c + half * q + det * r
+    return (
+        p + q * x[0] + r * (x[0] * x[0] + x[3] * x[3] + x[4] * x[4]),
+        p + q * x[1] + r * (x[3] * x[3] + x[1] * x[1] + x[5] * x[5]),
+        p + q * x[2] + r * (x[4] * x[4] + x[5] * x[5] + x[2] * x[2]),
+        q * x[3] + r * (x[0] * x[3] + x[3] * x[1] + x[4] * x[5]),
+        q * x[4] + r * (x[0] * x[4] + x[3] * x[5] + x[4] * x[2]),
+        q * x[5] + r * (x[3] * x[4] + x[1] * x[5] + x[5] * x[2]),
+    )
+
+
+def half_square(t: Six) -> float:
+    """Return half of the sum of the squares of all nine components."""
+    return 0.5 * (t[0] * t[0] + t[1] * t[1] + t[2] * t[2]) + t[3] * t[3] + t[4] * t[4] + t[5] * t[5]
+
+
+def determinant(t: Six) -> float:
+    """Return the determinant of a symmetric tensor."""
+    return t[0] * (t[1] * t[2] - t[5] * t[5]) - t[3] * (t[3] * t[2] - t[5] * t[4]) + t[4] * (t[3] * t[5] - t[1] * t[4])
+
+
+def scaled(by: float, t: Six) -> Six:
+    """Return the multiple of a tensor."""
+    return by * t[0], by * t[1], by * t[2], by * t[3], by * t[4], by * t[5]
+
+
+def shifted(by: float, t: Six) -> Six:
+    """Return a tensor with `by` more on its diagonal."""
+    return t[0] + by, t[1] + by, t[2] + by, t[3], t[4], t[5]
+
+
+def deviator(t: Six) -> Six:
+    """Return a tensor without its trace."""
+    return shifted(-(t[0] + t[1] + t[2]) / 3.0, t)
 
 
 def pushed(f: Nine, c: Six) -> Six:

@@ -447,7 +447,10 @@ class CellElement(Element, contract="elements"):
 
     @abstractmethod
     def rule(self) -> Any:
-        """Return the arrays that the kernel reads of every cell: a NamedTuple that follows from the options."""
+        """Return the arrays that the kernel reads of every cell: a NamedTuple that follows from the options.
+
+        The kernel may write to them, as room to work in; cells are computed one after the other.
+        """
 
     def reference_nodes(self) -> Floats:
         """Return the positions of the nodes along a cell, (nodes,): 0 and 1 of the ends, then those between them.
