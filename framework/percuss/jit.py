@@ -69,6 +69,8 @@ reduction = compiled_with(fastmath={"nsz": True, "reassoc": True})
 # The kernel in this slot, with all that it calls, merges with its caller before the compiler optimises anything. The
 # compiler then knows how often the loops of the kernel run, where the caller knows it.
 merged = compiled_with(inline="always")
+# The kernel in this slot is not: it would compile for too long, and knows no such loops.
+apart = compiled_with(inline="never", forceinline=True)
 
 
 def shared(function: AnyKernel) -> AnyKernel:

@@ -343,13 +343,26 @@ def test_angular_momentum_of_discs_that_roll_past_each_other(friction, pairing):
     assert np.abs(change).max() < 0.01 * np.abs(account["initial"]).max()
 
 
+def test_angular_momentum_of_a_disc_of_small_strains_that_rolls_past_one_of_rubber():
+    """Places at the start count for the linear disc, those of each step for the other."""
+    case = discs(COULOMB, "node-to-segment")
+    case["bodies"]["right"] |= {"material": {"name": "elastic", **SOLID}, "damping": {"mass": 0.02}}
+    case["loads"] = {"fall": {"gravity": 0.001, "direction": [0.0, -1.0]}}
+    account = ran(case).summary["angular_momentum"]
+    assert account["error"] < 1e-12
+    for name in ("loads", "damping", "contacts"):
+        assert abs(account[f"impulse_of_{name}"][0]) > 1e-4, name
+
+
+@pytest.mark.parametrize("held_material", [KIRCHHOFF, "elastic"])
 @pytest.mark.parametrize("dim", [2, 3])
-def test_angular_momentum_with_supports_loads_walls_and_a_fall(dim):
+def test_angular_momentum_with_supports_loads_walls_damping_and_a_fall(dim, held_material):
     spin = 0.1 if dim == 2 else [0.1, 0.05, -0.02]
     block = {"block": {"size": [2.0, 1.0, 1.0][:dim], "elements": [4, 2, 2][:dim]}, "at": [0.0] * (dim - 1) + [0.05]}
     block |= {"material": {"name": NEO, **SOLID}, "velocity": [0.1, 0.0, -0.1][-dim:], "spin": spin}
+    block |= {"damping": {"mass": 0.1}}
     held = {"block": {"size": [1.0] * dim, "elements": [2] * dim}, "at": [9.0] * dim, "fixed": ["left"]}
-    held["material"] = {"name": KIRCHHOFF, **SOLID}
+    held |= {"material": {"name": held_material, **SOLID}, "damping": {"mass": 0.05}}
     down = [0.0] * (dim - 1) + [-1.0]
     case = {
         "percuss": 1,
@@ -371,7 +384,7 @@ def test_angular_momentum_with_supports_loads_walls_and_a_fall(dim):
     }
     account = ran(case).summary["angular_momentum"]
     assert account["error"] < 1e-12
-    for name in ("loads", "supports", "contacts"):
+    for name in ("loads", "supports", "contacts", "damping"):
         assert np.abs(account[f"impulse_of_{name}"]).max() > 1e-4, name
     assert np.abs(account["couple_of_contacts"]).max() == 0.0
 

@@ -80,6 +80,7 @@ def gather(cells: Cells, e: int, displacement: Floats, velocity: Floats, dt: flo
             of_cell[a, d] = displacement[first + d] - dt * velocity[first + d]
 
 
+@called
 def add_up_forces(cells: Cells, material: MaterialPoints, body: int, displacement: Floats, force: Floats) -> None:
     """Set `force` to the internal force on the nodes of a body."""
     points, nodes, dim = cells.volumes.shape[1], len(cells.corners), len(cells.axes)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NoReturn
 
-from percuss.jit import merged, reduction
+from percuss.jit import apart, merged, reduction
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Trial
@@ -39,6 +39,7 @@ def unbound() -> NoReturn:
     raise NotImplementedError("a slot is called before a kernel is bound to it")
 
 
+@apart
 def stress(material: object, point: int, strain: float) -> float:
     """Return the stress of a point of a body at `strain`; a slot for the body's material.
 
@@ -55,6 +56,7 @@ def energy_density(material: object, point: int, before: float, after: float) ->
     unbound()
 
 
+@apart
 def stress_2d(material: object, point: int, gradient: tuple[float, ...]) -> tuple[float, ...]:
     """Return the stress of a point of a body in two dimensions; a slot for the body's material.
 
@@ -63,6 +65,7 @@ def stress_2d(material: object, point: int, gradient: tuple[float, ...]) -> tupl
     unbound()
 
 
+@apart
 def stress_3d(material: object, point: int, gradient: tuple[float, ...]) -> tuple[float, ...]:
     """Return the stress of a point of a body in three dimensions; a slot for the body's material.
 

@@ -318,8 +318,8 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
     """Return angular momentum before the first and after the last step, and the moments of impulses in between.
 
     All count about the centre of mass at the start. Small strains count with the places at the start, where internal
-    forces of linear bodies have no moment; bodies of finite strain with the places of each step. None for bars, bodies
-    of revolution, linear bodies beside others, and bodies of finite strain that are damped.
+    forces of linear bodies have no moment; bodies of finite strain with the places of each step. None for bars and
+    bodies of revolution.
     """
     model, dim, bodies = march.model, march.dim, march.model.bodies
     velocities = outcome.starting_velocity.reshape(-1, dim), outcome.final_velocity.reshape(-1, dim)
@@ -358,25 +358,29 @@ def angular_momentum_summary(march: March, outcome: Outcome, largest_energy: flo
 def _of_finite_strain(
     march: March, outcome: Outcome, velocities: tuple[Floats, Floats], largest_energy: float
 ) -> MomentumSummary | None:
-    """Return the angular momentum of bodies of finite strain, and the moments by the places of each step."""
+    """Return the angular momentum where bodies are of finite strain, and the moments by the places of each step."""
     if "moments_of_contacts" not in outcome.histories:
         return None  # no step was made
     bodies, dim = march.model.bodies, march.dim
-    displacement = outcome.final_displacement.reshape(-1, dim)
+    displacement = outcome.final_displacement.reshape(-1, dim).copy()
+    for body in bodies.values():
+        if body.of_small_strains:
+            displacement[body.start : body.stop] = 0.0
     places = bodies.nodes, bodies.nodes + displacement
     momenta = [
         bodies.with_moment(place, bodies.mass[:, None] * velocity)[:, dim:]
         for place, velocity in zip(places, velocities, strict=True)
     ]
     before, after = (moments.sum(axis=0) for moments in momenta)
-    of_contacts, supports, loads = (
-        outcome.histories[name] for name in ("moments_of_contacts", "moment_of_supports", "moment_of_loads")
+    of_contacts, supports, loads, damping = (
+        outcome.histories[name]
+        for name in ("moments_of_contacts", "moment_of_supports", "moment_of_loads", "moment_of_damping")
     )
     contacts = of_contacts.sum(axis=0)
     inertia = float(bodies.mass @ ((places[1] - bodies.centre) ** 2).sum(axis=1))
     sums = [float(np.abs(moments).sum()) for moments in (*momenta, of_contacts, supports, loads)]
-    closure = after - before - loads - supports - contacts
-    impulses = {"loads": loads, "supports": supports, "contacts": contacts}
+    closure = after - before - loads - supports - contacts - damping
+    impulses = {"loads": loads, "supports": supports, "contacts": contacts} | _by_damping(march.model, damping)
     scale = max(*sums, math.sqrt(2.0 * inertia * largest_energy))
     balance = _balance(before, after, impulses, closure, scale, outcome)
     between = [spec.wall is None for spec in march.model.case.contacts.values()]

@@ -139,8 +139,8 @@ class MomentumSummary(TypedDict):
 
     The angular ones count about the centre of mass of all bodies at the start, with the places at the start, of bodies
     of finite strain with those of each step; theirs are the moments of contacts instead of the impulses of walls. The
-    couple of contacts is that of the pairs of forces between bodies of finite strain: their moment is no error where
-    two places that press have a gap between them.
+    couple of contacts is that of the pairs of forces between bodies, one of them of finite strain: their moment is no
+    error where two places that press have a gap between them.
     """
 
     initial: list[float]

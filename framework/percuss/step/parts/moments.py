@@ -1,7 +1,8 @@
-"""The moments of contacts, supports and loads on bodies of finite strain, about the centre of mass at the start.
+"""The moments of contacts, supports, loads and damping about the centre of mass at the start, with finite strain.
 
 The angular momentum ``sum of x_n x m v_n+1/2`` changes in a step by ``dt sum of x_n x f``, with the places x_n before
-the step: internal forces have no moment there, as no turn of the body changes its energy.
+the step: internal forces have no moment there, as no turn of the body changes its energy. Those of a linear body have
+none with the places at the start, which count for its nodes.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from percuss.mesh.bodies import TURNS
 from percuss.record_arrays import Records
 from percuss.step.actions import AFTER_STEP, Action
 from percuss.step.part import Part, Setting
-from percuss.step.parts import friction
+from percuss.step.parts import damping, friction
 from percuss.step.records import Loads
 
 if TYPE_CHECKING:
@@ -34,16 +35,19 @@ class Moments(NamedTuple):
     loads: Loads
     now: Records  # percuss.step.records.NOW
     arm: Floats  # (boundary degrees of freedom,) place at the start less the centre
+    moves: Floats  # (boundary degrees of freedom,) 1 on bodies of finite strain, 0 on linear ones
     turns: Integers  # (2, m) components of which the moments are made
     mass: Floats  # (bodies,) where loads act on whole bodies
     middle: Floats  # (bodies * dim,) mass times the place of the middle of each body less the centre
+    moving: Floats  # (bodies * dim,) 1 of bodies of finite strain, 0 of linear ones
     contacts: Floats  # (contacts, m)
     supports: Floats  # (m,)
     of_loads: Floats  # (m,)
+    of_damping: Floats  # (m,)
 
 
 class MomentsSummed(Part[Moments]):
-    """The part of a step that adds up moments of bodies of finite strain.
+    """The part of a step that adds up moments where bodies are of finite strain.
 
     Parameters
     ----------
@@ -51,50 +55,61 @@ class MomentsSummed(Part[Moments]):
         The sums.
     rows
         The contact points with friction, None without any.
+    slowed
+        The damped nodes, None without any.
     """
 
-    def __init__(self, data: Moments, rows: Any) -> None:
+    def __init__(self, data: Moments, rows: Any, slowed: Slowed | None) -> None:
         super().__init__(data)
-        self.rows = rows
+        self.rows, self.slowed = rows, slowed
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
-        """Return the part, None where not all bodies are solids of finite strain in the plane or in space."""
+        """Return the part, None where no body is of finite strain, or not all are solids in the plane or in space."""
         model, step = setting.model, setting.step
         if not keeps_angular_momentum(model):
             return None
         rows = next((part.data.rows for part in setting.made if isinstance(part, friction.Frictions)), None)
         if before is not None:
             now = before.data._replace(boundary=step.boundary, points=step.points, loads=step.loads, now=step.now)
-            return cls(now, rows)
+            return cls(now, rows, before.slowed)
         bodies, turns = model.bodies, np.array(TURNS[model.dim], dtype=np.int64)
         arm = np.zeros(step.boundary.size)
-        arm[: len(setting.place) * model.dim] = (bodies.nodes[list(setting.place)] - bodies.centre).ravel()
+        place = list(setting.place)
+        arm[: len(place) * model.dim] = (bodies.nodes[place] - bodies.centre).ravel()
+        finite = np.array([float(not body.of_small_strains) for body in bodies.values()])
+        of_nodes, moves = np.repeat(finite, [len(body.mass) for body in bodies.values()]), np.zeros(step.boundary.size)
+        moves[: len(place) * model.dim] = np.repeat(of_nodes[place], model.dim)
         mass = np.array([body.mass.sum() for body in bodies.values()])
         middles = np.array([body.mass @ (body.mesh.nodes - bodies.centre) for body in bodies.values()])
         contacts, size = len(model.case.contacts), turns.shape[1]
         data = Moments(
-            step.boundary, step.points, step.loads, step.now, arm, turns, mass, middles.ravel(),
-            np.zeros((contacts, size)), np.zeros(size), np.zeros(size),
+            step.boundary, step.points, step.loads, step.now, arm, moves, turns, mass, middles.ravel(),
+            np.repeat(finite, model.dim), np.zeros((contacts, size)), np.zeros(size), np.zeros(size), np.zeros(size),
         )  # fmt: skip
-        return cls(data, rows)
+        damped = next((part.data for part in setting.made if isinstance(part, damping.Damping)), None)
+        arms, of_dofs = (bodies.nodes - bodies.centre).ravel(), np.repeat(of_nodes, model.dim)
+        return cls(data, rows, None if damped is None else Slowed(data, damped, arms, of_dofs))
 
     def actions(self) -> Iterator[Action]:
         """Yield the actions of a step."""
         yield Action(AFTER_STEP, add_moments, self.data)
         if self.rows is not None:
             yield Action(AFTER_STEP, add_moments_along, Along(self.data, self.rows))
+        if self.slowed is not None:
+            yield Action(AFTER_STEP, add_moments_of_damping, self.slowed)
 
     def changing_arrays(self) -> list[Array]:
         """Return the sums."""
         data = self.data
-        return [data.middle, data.contacts, data.supports, data.of_loads]
+        return [data.middle, data.contacts, data.supports, data.of_loads, data.of_damping]
 
     def sums(self) -> Mapping[str, Floats]:
-        """Return the moments of impulses so far: of each contact, of supports and of loads."""
+        """Return the moments of impulses so far: of each contact, of supports, loads and damping."""
         data = self.data
         return {
             "moments_of_contacts": data.contacts, "moment_of_supports": data.supports, "moment_of_loads": data.of_loads,
+            "moment_of_damping": data.of_damping,
         }  # fmt: skip
 
 
@@ -105,10 +120,19 @@ class Along(NamedTuple):
     rows: friction.Rows
 
 
+class Slowed(NamedTuple):
+    """The moments, and the damped nodes."""
+
+    moments: Moments
+    damped: damping.Damped
+    arm: Floats  # (nodes * dim,) place at the start less the centre
+    moves: Floats  # (nodes * dim,) 1 on bodies of finite strain, 0 on linear ones
+
+
 def keeps_angular_momentum(model: Model) -> bool:
-    """Return whether angular momentum is counted with the places of each step: of bodies of finite strain alone."""
+    """Return whether angular momentum is counted with the places of each step: where a body is of finite strain."""
     bodies = model.bodies.values()
-    finite = not any(body.is_bar or body.of_small_strains or body.spec.damping is not None for body in bodies)
+    finite = not any(body.is_bar for body in bodies) and not all(body.of_small_strains for body in bodies)
     return finite and not model.bodies.about_axis and not model.multistage
 
 
@@ -120,11 +144,11 @@ def add_moment(data: Moments, total: Floats, place: int, d: int, impulse: float)
     if data.boundary[place].mass == 0.0:
         return
     for k in range(data.turns.shape[1]):
-        first, second = data.turns[0, k], data.turns[1, k]
-        if d == second:
-            total[k] += (data.arm[place + first] + data.boundary[place + first].old_u) * impulse
-        elif d == first:
-            total[k] -= (data.arm[place + second] + data.boundary[place + second].old_u) * impulse
+        first, second = place + data.turns[0, k], place + data.turns[1, k]
+        if place + d == second:
+            total[k] += (data.arm[first] + data.moves[first] * data.boundary[first].old_u) * impulse
+        elif place + d == first:
+            total[k] -= (data.arm[second] + data.moves[second] * data.boundary[second].old_u) * impulse
 
 
 def add_moments(data: Moments, n: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -154,7 +178,7 @@ def add_moments(data: Moments, n: int, u: Floats, v: Floats, a: Floats) -> None:
             data.of_loads[k] += now.dt * data.middle[one] * loads.accelerations[two]
             data.of_loads[k] -= now.dt * data.middle[two] * loads.accelerations[one]
     for i in range(data.middle.size):
-        data.middle[i] += now.dt * loads.momentum_before[i]
+        data.middle[i] += data.moving[i] * now.dt * loads.momentum_before[i]
 
 
 def add_moments_along(data: Along, n: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -168,3 +192,21 @@ def add_moments_along(data: Along, n: int, u: Floats, v: Floats, a: Floats) -> N
             for d in range(rows.change.size):
                 impulse = rows.now[0].dt * node.share * rows.change[d]
                 add_moment(moments, moments.contacts[contact], node.place, d, impulse)
+
+
+def add_moments_of_damping(data: Slowed, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the moments of damping, by the places before the step."""
+    moments, damped, dt = data.moments, data.damped, data.moments.now[0].dt
+    dim = moments.now[0].dim
+    for i in range(damped.dof.size):
+        dof = damped.dof[i]
+        impulse = -damped.half[dof] * damped.mass[dof] * (damped.before[i] + v[dof])
+        node = dof - dof % dim
+        for k in range(moments.turns.shape[1]):
+            first, second = node + moments.turns[0, k], node + moments.turns[1, k]
+            if dof == second:
+                moments.of_damping[k] += (data.arm[first] + data.moves[first] * (u[first] - dt * v[first])) * impulse
+            elif dof == first:
+                moments.of_damping[k] -= (
+                    data.arm[second] + data.moves[second] * (u[second] - dt * v[second])
+                ) * impulse
