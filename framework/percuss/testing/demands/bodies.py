@@ -142,7 +142,7 @@ def solid_kernels(material: Any) -> Iterator[SolidKernels]:
         if getattr(material, f"stress_{dim}d", None) is None:
             continue
         try:
-            parameters = np.array(answer(material, "solid_parameters", plane))
+            parameters = of_cells.solid_parameters(material, plane)
         except ValueError:  # of a bar alone, or not in this plane
             continue
         filled, before = solid_slots(material, dim), np.zeros((1, material.state))
