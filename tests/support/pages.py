@@ -339,6 +339,7 @@ TABLES = {
     "responses of surfaces": lambda _: table(*solid_figures.responses()),
     "critical steps of cells": lambda _: table(*solid_figures.steps()),
     "energies over switching": lambda _: table(*solid_figures.energies()),
+    "elements of solids": lambda _: table(*solid_figures.elements()),
     "growth rates of sliding": lambda _: table(*solid_figures.rates()),
     **{f"{family} with options": partial(components, family) for family in FAMILIES},
     **{f"{family} held against": partial(held_against, family) for family in HELD},
