@@ -7,7 +7,6 @@ from scipy.sparse.linalg import spsolve
 
 import places
 from accounts import ran
-from marks import deep
 from percuss import BodyMesh
 from percuss.mesh.cell_stiffness import stiffness_of_cells
 from percuss.mesh.cells import element_masses, lumping_of, volumes_of
@@ -77,7 +76,8 @@ def test_errors_of_elements_are_those_of_the_page(name, converged):
     assert 100.0 * (np.array(found) - 1.0) == pytest.approx(OF_ELEMENTS[name][:3], abs=0.06)
 
 
-@pytest.mark.parametrize("name", [deep("quad4-axisymmetric"), "quad4-axisymmetric-mean"])
+@pytest.mark.deep
+@pytest.mark.parametrize("name", FEET)
 def test_the_foot_of_taylors_bar_is_that_of_the_page(name):
     bar = ran(places.CASES / "taylor-bar.yaml", **{"bodies.bar.element": name, "record.fields": 2, "record.every": 100})
     start, moved = bar.field_arrays["node_position"], bar.field_arrays["displacement"][-1]
