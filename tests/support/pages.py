@@ -158,6 +158,15 @@ def resolved(schema: dict[str, Any], whole: dict[str, Any]) -> dict[str, Any]:
     return schema
 
 
+def alternatives(schema: dict[str, Any], whole: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield a schema and each that may stand for it, those within others too."""
+    schema = resolved(schema, whole)
+    yield schema
+    for branch in (schema.get("then", {}), *schema.get("anyOf", ())):
+        if branch:
+            yield from alternatives(branch, whole)
+
+
 def keys(
     schema: dict[str, Any], whole: dict[str, Any], path: str = "", skip: frozenset[str] = frozenset()
 ) -> Iterator[tuple[str, ...]]:
@@ -174,17 +183,12 @@ def keys(
         yield f"`{path}{key}`", value, shown, entry.get("description", "")
         if component:
             continue
-        inner = entry.get("additionalProperties")
-        sections = [resolved(branch, whole) for branch in (entry, *entry.get("anyOf", ()))]
-        section = next((section for section in sections if section.get("properties")), None)
-        if section is not None:
-            yield from keys(section, whole, f"{path}{key}.", skip)
-        elif isinstance(inner, dict) and resolved(inner, whole).get("properties"):
-            yield from keys(resolved(inner, whole), whole, f"{path}{key}.NAME.", skip)
-        elif isinstance(entry.get("items"), dict):
-            items = resolved(entry["items"], whole)
-            for branch in (items, items.get("then", {}), *items.get("anyOf", ())):
-                yield from keys(resolved(branch, whole), whole, f"{path}{key}[].", skip)
+        for one in alternatives(entry, whole):
+            named, items = one.get("additionalProperties"), one.get("items")
+            inner, step = (named, ".NAME.") if isinstance(named, dict) else (items, "[].")
+            yield from keys(one, whole, f"{path}{key}.", skip)
+            for each in alternatives(inner, whole) if isinstance(inner, dict) else ():
+                yield from keys(each, whole, f"{path}{key}{step}", skip)
 
 
 KEYS = {  # the tables of keys: those of a case, and those of a study, by the words with which the keys begin
@@ -335,6 +339,7 @@ TABLES = {
     "responses of surfaces": lambda _: table(*solid_figures.responses()),
     "critical steps of cells": lambda _: table(*solid_figures.steps()),
     "energies over switching": lambda _: table(*solid_figures.energies()),
+    "elements of solids": lambda _: table(*solid_figures.elements()),
     "growth rates of sliding": lambda _: table(*solid_figures.rates()),
     **{f"{family} with options": partial(components, family) for family in FAMILIES},
     **{f"{family} held against": partial(held_against, family) for family in HELD},

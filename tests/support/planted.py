@@ -8,13 +8,17 @@ from typing import Annotated
 
 import numpy as np
 
-from percuss import ContactLaw, Doc, Gt, LinearLaw, Places, Unit, coupled_rate
+from percuss import ContactLaw, Doc, Gt, LinearLaw, Places, Unit, coupled_rate, stress_2d, stress_3d
 from percuss_methods.contacts.penalty import Penalty
 from percuss_methods.contacts.uzawa import Uzawa
-from percuss_methods.elements._full_cell import plane_forces
+from percuss_methods.elements._full_cell import plane_forces, ring_forces
+from percuss_methods.elements._one_point import plane_forces as one_point_forces
 from percuss_methods.elements.bar import BarElement
 from percuss_methods.elements.hex8_one_point import Hex8OnePoint
 from percuss_methods.elements.quad4 import Quad4
+from percuss_methods.elements.quad4_axisymmetric import Quad4Axisymmetric
+from percuss_methods.elements.quad4_mean import Quad4Mean
+from percuss_methods.elements.quad4_one_point import Quad4OnePoint
 from percuss_methods.elements.quadratic_bar import QuadraticBarElement
 from percuss_methods.frictions.coulomb import Coulomb
 from percuss_methods.integrators.velocity_verlet import VelocityVerlet
@@ -23,6 +27,7 @@ from percuss_methods.loads.ramp import Ramp
 from percuss_methods.masses.lumped import Lumped
 from percuss_methods.materials.elastic import Elastic
 from percuss_methods.materials.j2_plastic import J2Plastic
+from percuss_methods.materials.neo_hookean import NeoHookean
 from percuss_methods.measures.ripple import Ripple
 from percuss_methods.pairings._closest import paired
 from percuss_methods.pairings.mortar import Mortar
@@ -208,9 +213,109 @@ def holds_its_direction(parameters, gradient):
     return mean + 2.0 * parameters[1] * xx, shear + spin, shear - spin, mean + 2.0 * parameters[1] * yy
 
 
+def one_end(parameters, before, after):
+    return 0.5 * parameters[0] * after * after
+
+
+material("one-end", "balances", "the balance of energy is open by", energy_density=one_end)
 material("twice-the-energy", "stress-and-energy", "the slope of the energy", energy_density=twice_the_energy)
 material("curved", "linear", "not proportional", stress=curved)
 material("holds-its-direction", "solid-stress", "does not turn with the body", stress_2d=holds_its_direction)
+
+
+def kirchhoff(parameters, gradient, before=None, after=None):
+    """The Kirchhoff stress, where P is asked."""
+    found = (
+        flows(parameters, gradient, before, after) if after is not None else NeoHookean.stress_3d(parameters, gradient)
+    )
+    return tuple((np.reshape(found, (3, 3)) @ (np.eye(3) + np.reshape(gradient, (3, 3))).T).ravel().tolist())
+
+
+def hooke(parameters, strain):
+    return (parameters[0] - 2.0 * parameters[1] / 3.0) * np.trace(strain) * np.eye(3) + 2.0 * parameters[1] * strain
+
+
+def energy_of(parameters, stress):
+    mean = np.trace(stress) / 3.0
+    return 0.5 * mean**2 / parameters[0] + 0.25 * ((stress - mean * np.eye(3)) ** 2).sum() / parameters[1]
+
+
+def rate_form(parameters, gradient, before, after):
+    """A Kirchhoff stress by steps of strain, which does not turn with the body."""
+    now, last = np.eye(3) + np.reshape(gradient, (3, 3)), np.eye(3) + np.reshape(before[:9], (3, 3))
+    rate = (now - last) @ np.linalg.inv(0.5 * (now + last))
+    stress = np.reshape(before[9:18], (3, 3)) + hooke(parameters, 0.5 * (rate + rate.T))
+    after[:9], after[9:18], after[18] = (now - np.eye(3)).ravel(), stress.ravel(), energy_of(parameters, stress)
+    return tuple((stress @ np.linalg.inv(now).T).ravel().tolist())
+
+
+def rate_of_stretch(parameters, gradient, before, after):
+    """A stress by steps of the stretch, in axes that turn with the body: it depends on the way of the strain."""
+    now, last = np.eye(3) + np.reshape(gradient, (3, 3)), np.eye(3) + np.reshape(before[:9], (3, 3))
+    squares, axes = np.linalg.eigh(now.T @ now)
+    stretch = (axes * np.sqrt(squares)) @ axes.T
+    rate = (stretch - last) @ np.linalg.inv(0.5 * (stretch + last))
+    stress = np.reshape(before[9:18], (3, 3)) + hooke(parameters, 0.5 * (rate + rate.T))
+    after[:9], after[9:18], after[18] = (stretch - np.eye(3)).ravel(), stress.ravel(), energy_of(parameters, stress)
+    turn = now @ np.linalg.inv(stretch)
+    return tuple((turn @ stress @ np.linalg.inv(stretch)).ravel().tolist())
+
+
+def writes_before(parameters, gradient, before, after):
+    """A return that writes the plastic strain to the state before the step."""
+    stress = flows(parameters, gradient, before, after)
+    before[6] = after[6]
+    return stress
+
+
+def keeps_trials(parameters, gradient, before, after):
+    """A return that hardens by the largest stress of all calls."""
+    stress = flows(parameters, gradient, before, after)
+    Largest.stress = max(Largest.stress, abs(stress[0]))
+    return tuple(one * (1.0 + 1e-6 * Largest.stress) for one in stress)
+
+
+class Largest:
+    stress = 0.0
+
+
+def gains(parameters, gradient, before, after):
+    """A return whose dissipated energy has the wrong sign."""
+    stress = flows(parameters, gradient, before, after)
+    after[8] = 2.0 * before[8] - after[8]
+    return stress
+
+
+def trial_energy(parameters, gradient, before, after):
+    """A return that stores what the strain before the flow would store."""
+    stress = flows(parameters, gradient, before, after)
+    grown = after[6] - before[6]
+    size = parameters[2] + parameters[3] * after[6] + 3.0 * parameters[1] * grown
+    if grown > 0.0:
+        after[7] += size * grown
+    return stress
+
+
+def creeps(parameters, gradient, before, after):
+    """A return whose state fades a little in each step."""
+    stress = flows(parameters, gradient, before, after)
+    for k in range(6):
+        after[k] *= 1.0 - 1e-9
+    return stress
+
+
+def soft_unloading(parameters, gradient, before, after):
+    """A return that gives back less where it does not flow."""
+    stress = flows(parameters, gradient, before, after)
+    elastic = before[6] > 0.0 and after[6] == before[6]
+    return tuple(0.98 * one for one in stress) if elastic else stress
+
+
+def loses_in_unloading(parameters, gradient, before, after):
+    """A return that counts a part of what it gives back as dissipated."""
+    stress = flows(parameters, gradient, before, after)
+    after[8] += 1e-3 * max(before[7] - after[7], 0.0)
+    return stress
 
 
 def strain_alone(parameters, gradient, before, after):
@@ -233,12 +338,30 @@ def too_hard(parameters, gradient, before, after):
     return tuple(1.1 * one for one in flows(parameters, gradient, before, after))
 
 
+def plastic(name, said, kernel, **wrong):
+    """Plant a metal."""
+    plant(name, "solid-state", said, J2Plastic, stress_3d=kernel, **wrong)
+
+
 flows = J2Plastic.stress_3d
 TURNS, FALLS, WORK = "stress does not turn with the body", "the dissipated energy falls", "the work of the stress is"
-plant("strain-alone", "solid-state", TURNS, J2Plastic, stress_3d=strain_alone)
-plant("forgets", "solid-state", FALLS, J2Plastic, stress_3d=forgets)
-plant("too-hard", "solid-state", WORK, J2Plastic, stress_3d=too_hard)
+BY_STEPS = {"state": 20, "stored_in": 18, "dissipated_in": 19, "plastic_in": None}  # nothing is dissipated
+plastic("strain-alone", TURNS, strain_alone)
+plastic("kirchhoff", TURNS, kirchhoff)
+plastic("rate-form", TURNS, rate_form, **BY_STEPS)
+plastic("rate-of-stretch", "elastic cycles change the stress by", rate_of_stretch, **BY_STEPS)
+plastic("creeps", "elastic cycles change the stress by", creeps)
+plastic("forgets", FALLS, forgets)
+plastic("gains", FALLS, gains)
+plastic("too-hard", WORK, too_hard)
+plastic("trial-energy", WORK, trial_energy)
+plastic("writes-before", "writes to the state before the step", writes_before)
+plastic("keeps-trials", "another stress or state if it is asked again", keeps_trials)
+plastic("soft-unloading", "of which", soft_unloading)
+plastic("loses-in-unloading", "unloading by a strain of 0.0001 dissipates", loses_in_unloading)
+plant("kirchhoff-of-rubber", "solid-stress", "the slope of the energy", NeoHookean, stress_2d=None, stress_3d=kirchhoff)
 
+SLOPE = "minus the slope of the energy"
 bar_force = BarElement.internal_force
 
 
@@ -280,11 +403,60 @@ def twice_the_volume(self, body):
     return 2.0 * Quad4.volumes(self, body).sum(axis=1)
 
 
-plant("one-sided", "force-and-energy", "minus the slope of the energy", BarElement, internal_force=one_sided)
+def gradients_of(geometry, displacement):
+    """Return slopes, deformation gradients and volumes of the points of a quadrilateral."""
+    slopes = geometry[:, :8].reshape(-1, 4, 2)
+    return slopes, np.eye(2) + np.einsum("ai,qaj->qij", displacement, slopes), geometry[:, 8]
+
+
+def mean_without_pressure(rule, material, first, section, geometry, displacement, force):
+    """The mean of the volume strain in the stress alone; where J is negative its cubic root is too."""
+    slopes, deformed, volume = gradients_of(geometry, displacement)
+    ratio = np.linalg.det(deformed)
+    scale = np.cbrt((volume @ ratio) / volume.sum() / ratio)
+    force[:] = 0.0
+    for q in range(4):
+        whole = np.eye(3)
+        whole[:2, :2] = deformed[q]
+        stress = stress_3d(material, first + q, tuple((scale[q] * whole - np.eye(3)).ravel().tolist()))
+        force -= volume[q] * scale[q] * slopes[q] @ np.reshape(stress, (3, 3))[:2, :2].T
+
+
+def by_squares(rule, material, first, section, geometry, displacement, force):
+    """The stress at the stretch, the root of F^T F, turned as the point is: the root knows no sign."""
+    slopes, deformed, volume = gradients_of(geometry, displacement)
+    force[:] = 0.0
+    for q in range(4):
+        squares, axes = np.linalg.eigh(deformed[q].T @ deformed[q])
+        stretch = (axes * np.sqrt(squares)) @ axes.T
+        stress = stress_2d(material, first + q, tuple((stretch - np.eye(2)).ravel().tolist()))
+        force -= volume[q] * slopes[q] @ (deformed[q] @ np.linalg.inv(stretch) @ np.reshape(stress, (2, 2))).T
+
+
+def without_hoop(rule, material, first, section, geometry, displacement, force):
+    geometry = geometry.copy()
+    geometry[:, 8:12] = 0.0
+    ring_forces(rule, material, first, section, geometry, displacement, force)
+
+
+def holds_at_rest(rule, material, first, section, geometry, displacement, force):
+    """Hourglass control that fades as the cell is strained."""
+    geometry = geometry.copy()
+    geometry[9:12] *= max(1.0 - 4.0 * abs(geometry[:8:2] @ displacement[:, 0]), 0.0)
+    one_point_forces(rule, material, first, section, geometry, displacement, force)
+
+
+plant("mean-without-pressure", "solid-forces", SLOPE, Quad4Mean, force=mean_without_pressure)
+plant("mean-of-negative", "inside-out", "a corner pushed through it has the force", Quad4Mean,
+      force=mean_without_pressure)  # fmt: skip
+plant("by-squares", "inside-out", "turned inside out has the force", Quad4, force=by_squares, linear=False)
+plant("without-hoop", "solid-forces", "it fails the patch test", Quad4Axisymmetric, force=without_hoop)
+plant("holds-at-rest", "hourglass", "a cell that is deformed has 2 motions", Quad4OnePoint, force=holds_at_rest)
+plant("one-sided", "force-and-energy", SLOPE, BarElement, internal_force=one_sided)
 plant("unbalanced", "balances", "the balance of", BarElement, internal_force=one_sided)
 plant("too-slow", "frequency", "it gives the frequency", BarElement, highest_frequency=too_slow)
 plant("wrong-volume", "cells", "do not add up to its volume", QuadraticBarElement, volumes=half_of_the_volume)
-plant("half-across", "solid-forces", "minus the slope of the energy", Quad4, force=half_across)
+plant("half-across", "solid-forces", SLOPE, Quad4, force=half_across)
 # A linear solid marches by differences of its displacements, in which momentum is balanced whatever its force is.
 plant("gains-momentum", "blocks", "the balance of", Quad4, force=one_corner_less, linear=False)
 patch_test = {"geometry": mean_volumes, "volumes": volumes_of_these}

@@ -75,6 +75,22 @@ RATES = {
     (0.45, 1.0): (".83", "2.1", "5.1", "8.0"),
 }
 
+# Errors in per cent: of the tip of a strip of 20 by 4 cells that bends, of the tip of a square of 8 by 8 cells of
+# Poisson's ratio .4999, and of the frequency of a wave of ten cells. Last the time of a cell and step, of rubber, over
+# that of full integration; it is measured (tests/benchmarks/elements.py).
+OF_ELEMENTS = {
+    "quad4": (-11.2, -49.2, -1.6, 1.0),
+    "quad4-mean": (-9.5, -2.4, -1.6, 2.0),
+    "quad4-one-point": (4.0, -0.3, -1.6, 0.5),
+    "tri3": (-33.2, -43.8, -1.9, 0.25),
+    "hex8": (-11.2, -49.2, -1.6, 1.0),
+    "hex8-mean": (-9.5, -2.4, -1.6, 1.3),
+    "hex8-one-point": (5.0, -0.2, -1.6, 0.33),
+    "tet4": (-32.5, -43.6, -2.1, 0.1),
+}
+# The radius of the foot of Taylor's bar after the impact, of 4 by 20 cells.
+FEET = {"quad4-axisymmetric": 4.59, "quad4-axisymmetric-mean": 7.11}
+
 Rows = tuple[tuple[str, ...], Iterator[tuple[str, ...]]]
 
 
@@ -128,6 +144,24 @@ def rates() -> Rows:
     """Return head and lines of the table of growth rates."""
     lines = ((f"ν = {poisson:g}, μ = {mu:g}", *values) for (poisson, mu), values in RATES.items())
     return ("block", *(f"{cells} cells" for cells in CELLS)), lines
+
+
+def elements() -> Rows:
+    """Return head and lines of the table of elements."""
+    lines = [
+        (f"`{name}`", *(f"{error:+.1f} %" for error in errors), "", f"{cost:.2g}")
+        for name, (*errors, cost) in OF_ELEMENTS.items()
+    ]
+    lines += [(f"`{name}`", "", "", "", f"{radius:.2f} mm", "") for name, radius in FEET.items()]
+    head = (
+        "element",
+        "a strip that bends",
+        "almost incompressible",
+        "a wave of ten cells",
+        "foot of Taylor's bar",
+        "cost",
+    )
+    return head, iter(lines)
 
 
 def _growth(value: float | None) -> str:

@@ -1,6 +1,7 @@
 """Every command and snippet of every page is executed."""
 
 import contextlib
+import dataclasses
 import json
 import os
 import re
@@ -20,6 +21,7 @@ import percuss
 import places
 from command_line import percuss_command, printed
 from marks import deep
+from percuss.case import specs
 from percuss.methods.registry import Registry
 
 ROOT = places.ROOT
@@ -231,6 +233,21 @@ def test_a_table_says_what_the_code_says(name: str) -> None:
     shown = pages.shown(name)
     assert len(shown.splitlines()) > 2
     assert shown == pages.TABLES[name](Registry.load())
+
+
+NESTED = {
+    "contacts.NAME.wall": specs.RigidWall,
+    "contacts.NAME.wall.circle": specs.Ball,
+    "contacts.NAME.wall.cylinder": specs.Cylinder,
+    "record.probes[]": specs.Spot,
+    "bodies.NAME.damping": specs.DampingSpec,
+}
+
+
+@pytest.mark.parametrize("path", NESTED)
+def test_the_keys_of_a_mapping_that_may_stand_for_another_value_are_listed_too(path: str) -> None:
+    listed = re.findall(r"^\| `(\S+)` ", PAGES["cases/REFERENCE.md"], re.MULTILINE)
+    assert {f"{path}.{field.name}" for field in dataclasses.fields(NESTED[path])} <= set(listed)
 
 
 def test_no_part_that_a_program_writes_is_empty() -> None:

@@ -13,10 +13,9 @@ import numpy as np
 
 from percuss.case.type_words import found
 from percuss.contact.walls import round_or_moving
-from percuss.mesh.cells import pieces_of
+from percuss.mesh.cells import pieces_of, solid_parameters
 from percuss.mesh.surfaces import boundary_of
 from percuss.methods.blame import plain_function
-from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
     from percuss.contact.model import Model
@@ -175,9 +174,7 @@ def stress_along(body: Body, axis: Floats) -> tuple[Floats, Floats]:
     pull[: axis.size] = axis
     strain = STRAIN if not material.linear else 1.0
     kernel = plain_function(material.stress_2d if flat else material.stress_3d)
-    parameters = np.array(
-        answer(material, "solid_parameters", body.view.plane_of_material if flat else ""), dtype=float
-    )
+    parameters = solid_parameters(material, body.view.plane_of_material if flat else "")
     at_rest = [np.zeros(material.state)] * 2 if material.state else []
     stress = kernel(parameters, tuple((strain * np.outer(pull, pull)).ravel().tolist()), *at_rest)
     return np.reshape(stress, (pull.size, pull.size)) / strain, pull

@@ -328,7 +328,7 @@ def _blocks(model: Model, variables: StateVariables) -> Iterator[tuple[Block, An
         yield (
             Block(
                 arrays,
-                read_only(np.array([parameters_of(element, body.spec.material, body.view) for body in bodies])),
+                read_only(np.array([parameters_of(element, one.spec.material, one.view, model.dt) for one in bodies])),
                 np.array([body.number for body in bodies], dtype=np.int64),
                 np.array([body.start for body in bodies], dtype=np.int64),
                 np.array([body.stop for body in bodies], dtype=np.int64),

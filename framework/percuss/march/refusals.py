@@ -89,9 +89,19 @@ def only_with_bars(model: Model) -> Iterator[Problem]:
                 yield case.problem(("contacts", name), message, advice)
 
 
+def steps_unknown(model: Model) -> Iterator[Problem]:
+    """Yield each material that needs the time step where stages have times of their own."""
+    for body in model.bodies.values():
+        if model.multistage and getattr(body.spec.material, "needs_step", False):
+            found = f"found {model.case.method.integrator.name}"
+            message = f"expected a leap-frog scheme with {body.spec.material.name}, which needs the time step, {found}"
+            yield model.case.problem(("method", "integrator"), message, "Take central-difference.")
+
+
 # The rules that need no bound laws, and those that do.
 BEFORE_LAWS: Sequence[Rule] = (
     pairs_refused,
+    steps_unknown,
     *parts.BEFORE_LAWS,
     not_movable,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,18 +38,23 @@ def slots_of_material(element: Any, material: Any) -> dict[Any, Any]:
     return solid_slots(material, element.dimension) if is_solid(element) else material_slots(material)
 
 
-def parameters_of(element: Element, material: Material, body: BodyMesh) -> Floats:
-    """Return the numbers that the kernels of a material need with an element of a body, (k,)."""
+def solid_parameters(material: SolidMaterial, plane: str, dt: float = math.inf) -> Floats:
+    """Return the numbers that the kernels of a solid material need, (k,): the time step last, if they ask for it."""
+    numbers = answer(material, "solid_parameters", plane)
+    return np.array([*numbers, dt] if material.needs_step else numbers, dtype=float)
+
+
+def parameters_of(element: Element, material: Material, body: BodyMesh, dt: float = math.inf) -> Floats:
+    """Return the numbers that the kernels of a material need with an element of a body, in a step of `dt`, (k,)."""
     if isinstance(material, SolidMaterial) and isinstance(element, SolidElement):
-        plane = body.plane_of_material if element.dimension == 2 else ""
-        return np.array(answer(material, "solid_parameters", plane), dtype=float)
+        return solid_parameters(material, body.plane_of_material if element.dimension == 2 else "", dt)
     return np.array(answer(material, "parameters"), dtype=float)
 
 
-def points_at_rest(element: Element, material: Material, body: BodyMesh) -> MaterialPoints:
+def points_at_rest(element: Element, material: Material, body: BodyMesh, dt: float = math.inf) -> MaterialPoints:
     """Return the material of a body as the kernels of its elements pass it on, with state variables of zero."""
     before = np.zeros((volumes_of(element, body).size, material.state))
-    return MaterialPoints(read_only(parameters_of(element, material, body)), read_only(before), before.copy())
+    return MaterialPoints(read_only(parameters_of(element, material, body, dt)), read_only(before), before.copy())
 
 
 def mesh_of_element(element: Element, mesh: Mesh) -> Mesh:

@@ -8,6 +8,7 @@ Python, many in compiled code.
 from __future__ import annotations
 
 import functools
+import math
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from percuss.errors import PluginError
 from percuss.jit import compile_error, compiled_function, jit_disabled, plain
-from percuss.mesh.cells import cells_of, is_solid, points_at_rest, slots_of_material, volumes_of
+from percuss.mesh.cells import cells_of, is_solid, points_at_rest, slots_of_material, solid_parameters, volumes_of
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods import slots
 from percuss.methods.blame import definition_place, described, line_in_plugin
@@ -142,9 +143,13 @@ class ElementProbe:
         The body as `Element.bind` receives it.
     modulus
         Modulus of a linear material that takes the place of that of a bar; None for the material itself.
+    dt
+        Time step; infinite where nothing moves in time.
     """
 
-    def __init__(self, element: Any, material: Any, body: BodyMesh, modulus: float | None = None) -> None:
+    def __init__(
+        self, element: Any, material: Any, body: BodyMesh, modulus: float | None = None, dt: float = math.inf
+    ) -> None:
         self._element, self._material = element, material
         self._plane, self._shape = body.plane, (cells_of(body.mesh).shape[1], body.mesh.nodes.shape[1])
         self._axes = np.eye(self._shape[1]) if body.mesh.line is None else body.mesh.direction[None]
@@ -153,14 +158,14 @@ class ElementProbe:
         self._weights = np.array(volumes_of(element, body))  # of the points, in the mean stress
         self._held = getattr(element, "hourglass_points", 0)
         self._weights[:, self._weights.shape[1] - self._held :] = 0.0
-        points, in_space = points_at_rest(element, material, body), np.zeros(0)
+        points, in_space = points_at_rest(element, material, body, dt), np.zeros(0)
         filled, keep = slots_of_material(element, material), keep_tensor if self._dimension else keep_stress
         if modulus is not None:
             points, filled[self._slot] = points._replace(parameters=np.array([modulus])), linear_stress
         self._knows_across = self._dimension == 2 and body.plane == "strain" and material.stress_3d is not None
         self._knows_across = self._knows_across and material.state == 0
         if self._knows_across:
-            in_space = np.array(answer(material, "solid_parameters", ""), dtype=float)
+            in_space = solid_parameters(material, "", dt)
             keep, filled[stress_in_space] = keep_with_stress_across, material.stress_3d
         filled |= {self._slot: keep, stress_of_material: filled[self._slot]}
         if isinstance(element, CellElement):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
 SAME_STIFFNESS = 1e-4  # largest relative difference between declared stiffness and stiffness about rest
 
 
-def stress_field(body: Body, elements: Integers, displacement: Floats, states: Floats) -> tuple[Floats, Floats]:
+def stress_field(
+    body: Body, elements: Integers, displacement: Floats, states: Floats, dt: float = math.inf
+) -> tuple[Floats, Floats]:
     """Return the stress in elements of a body at several times, and their volume over that at the start.
 
     Parameters
@@ -31,6 +34,8 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
         Displacements of the nodes of each element.
     states : (T, E, points of an element, state variables) array
         State variables of the material of each element before the step.
+    dt
+        The time step.
 
     Returns
     -------
@@ -39,7 +44,7 @@ def stress_field(body: Body, elements: Integers, displacement: Floats, states: F
     volume : (T, E) array
         Nan of bars, and of linear bodies.
     """
-    probe = ElementProbe(body.spec.element, body.spec.material, body.view)
+    probe = ElementProbe(body.spec.element, body.spec.material, body.view, dt=dt)
     if body.why_not_linear:
         return probe.fields(elements, displacement, states)
     # Of a linear body one element of each kind is asked, once for each motion of a node. A translation has no stress at

@@ -74,7 +74,7 @@ def _of_surfaces(model: Model, outcome: Outcome, snapshots: int) -> Entries:
     for body, states in zip(bodies, in_parts(recorded, shapes), strict=True):
         numbers = np.arange(body.count)
         nodes = body.element_nodes(numbers)
-        fields.append(stress_field(body, numbers, displacement[:, nodes], states))
+        fields.append(stress_field(body, numbers, displacement[:, nodes], states, model.dt))
         at = body.spec.material.plastic_in
         points = states[..., at] if at is not None else np.full(states.shape[:-1], np.nan)
         plastic.append(np.einsum("tcp,cp->tc", points, body.volumes) / body.volumes.sum(axis=1))

@@ -269,8 +269,16 @@ class SolidMaterial(Material, contract="materials"):
     gives the energy that it stores per volume too, by `stored_2d` or `stored_3d`, or as a state variable. Of a linear
     one that is half the product of stress and gradient. With state variables the kernels take ``before`` and ``after``
     too, as `Material.stress` does; `stress_3d` alone then serves plane strain, with zeros across.
+
+    Attributes
+    ----------
+    needs_step
+        Whether the kernels need the time step, as those of a stress that depends on the rate of strain: it then stands
+        behind the numbers of `solid_parameters` [time]. It is infinite where nothing moves in time, as in the checks of
+        the kit and in the stiffness at rest, so that a rate is zero there. A scheme of stages is refused.
     """
 
+    needs_step: ClassVar[bool] = False
     stress: Any = None
     stress_2d: Any = None
     stress_3d: Any = None

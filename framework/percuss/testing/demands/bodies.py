@@ -19,7 +19,7 @@ from percuss.jsonable import Entries
 from percuss.mesh import cells as of_cells
 from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.cell_stiffness import frequencies_of_cells
-from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of
+from percuss.mesh.cells import cells_of, element_masses, has_cells, is_solid, lumping_of, volumes_of
 from percuss.mesh.element_probe import ElementProbe
 from percuss.mesh.materials import MaterialPoints, solid_slots
 from percuss.methods import slots
@@ -41,10 +41,14 @@ UNLIKE = np.array([2.0, 1.0, 4.0, 0.5, 3.0])  # masses of the elements of a line
 EVEN = [np.ones(count) for count in range(1, 13)]
 TOUCHING = {"no": [], "the first": [0], "the last": [-1], "the first and the last": [0, -1]}  # nodes in contact
 ELASTIC = 1e-4  # strain at which a material with state variables is taken as elastic
+CYCLES, COUNTED = 1000, 10  # of elastic strain, and how many times their drift is counted, for 10 000 of them
+CYCLE_SIZES = 0.1, 0.01, 1e-3  # strains at which a material with state variables may still be elastic
 PATH = 200  # steps of a path of strain
 LEAST_SLOPE = 0.9  # share of the modulus that the slope of the stress must reach at some strain
+SMALL, LARGE = 1e-3, 40.0  # how far nodes of a small body move, and how many times as far in finite strain
 UNSTRAINED = "there is stress or energy without strain"
 DIRECTIONS = 500  # of waves, whose fastest is sought
+HELD = 1e-4  # least stiffness of a mode of a cell, relative to the largest one
 STABLE = 1e-6  # largest negative modulus of a wave, relative to the largest
 SHEARED = np.array([[1.0, 0.3, 0.1], [-0.2, 0.5, 0.2], [0.15, -0.1, 0.7]])
 TURN = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
@@ -138,7 +142,7 @@ def solid_kernels(material: Any) -> Iterator[SolidKernels]:
         if getattr(material, f"stress_{dim}d", None) is None:
             continue
         try:
-            parameters = np.array(answer(material, "solid_parameters", plane))
+            parameters = of_cells.solid_parameters(material, plane)
         except ValueError:  # of a bar alone, or not in this plane
             continue
         filled, before = solid_slots(material, dim), np.zeros((1, material.state))
@@ -232,7 +236,7 @@ class BodyKernels:
     @property
     def motion(self) -> Floats:
         """Small displacements without any order, (nodes, dim)."""
-        return 1e-3 * uneven(*self.body.mesh.nodes.shape)
+        return SMALL * uneven(*self.body.mesh.nodes.shape)
 
     def force(self, displacement: Floats) -> Floats:
         """Return the internal force on the nodes, (nodes, dim); nan where the kernel leaves an entry unset."""
@@ -274,6 +278,14 @@ class BodyKernels:
         words = "the forces of single elements, from `first` on, do not add up to that of the whole body"
         must_vanish((of_elements - force) / size, words)
         return force
+
+    def check_large_strains(self) -> None:
+        """Raise `CheckFailed` unless at large strains the work against the force is what the energy gains."""
+        large, along = LARGE * self.motion, self.motion[::-1]
+        work = -float((self.force(large) * along).sum())
+        gained = float(slopes(lambda share: self.energy(large + share[0] * along), np.zeros(1), 1e-3)[0])
+        words = f"at large strains a motion gains the energy {gained:.6g}, and the work against the force is {work:.6g}"
+        must(abs(gained - work) <= 1e-6 * abs(work), words)
 
 
 # ------------------------------------------------------------------------------------------------------- runs
@@ -445,8 +457,10 @@ def check_solid_state(subject: Subject) -> None:
     """State variables turn with the body, and energy is accounted for.
 
     Along a path of strain stress and energies are the same if the body turns at the same time. The dissipated energy
-    never falls, and the work of the stress is the energy that is stored and dissipated. Small strains back and forth
-    change nothing, and a call of the kernel leaves `before` alone.
+    never falls, and the work of the stress is the energy that is stored and dissipated. A call of the kernel leaves
+    `before` alone, and the kernel remembers no other call. Unloading is elastic: it dissipates nothing, and gives
+    back what is stored. Closed cycles of strain that dissipate nothing leave the stress as it was: what 1 000 of them
+    change counts ten times.
     """
     solids = [
         (solid, material) for _, material in subject.made() for solid in solid_kernels(material) if material.state
@@ -462,34 +476,67 @@ def _check_path(solid: SolidKernels, material: Any) -> None:
     still, moving = solid, solid._replace(points=solid.points._replace(before=solid.points.before.copy()))
     moving = moving._replace(points=moving.points._replace(after=moving.points.after.copy()))
     turn = step_of_turn = TURN[:dim, :dim]
-    work, last, before = 0.0, np.zeros((dim, dim)), identity
+    work, most, last, before, earlier = 0.0, 0.0, np.zeros((dim, dim)), identity, identity
     for k in range(PATH):
         deformed = identity + 0.2 * np.sin(3.0 * np.pi * (k + 1) / PATH) * uneven(dim, dim)
         kept = still.points.before.copy()
+        still.stress(2.0 * deformed - before - identity)  # a trial
         stress, turned = still.stress(deformed - identity), moving.stress(turn @ deformed - identity)
         must(np.array_equal(kept, still.points.before), "the kernel writes to the state before the step")
         must_vanish(np.abs(turned - turn @ stress).max() / solid.modulus, "stress does not turn with the body")
         energies = [points.after[0, [material.stored_in, *([dissipated] if dissipated is not None else [])]]
                     for points in (still.points, moving.points)]  # fmt: skip
         must_vanish(np.abs(energies[0] - energies[1]).max() / solid.modulus, "energies change as the body turns")
+        state = still.points.after.copy()
+        same = np.array_equal(still.stress(deformed - identity), stress) and np.array_equal(still.points.after, state)
+        must(same, "the kernel gives another stress or state if it is asked again")
         if dissipated is not None:
             grown = still.points.after[0, dissipated] - kept[0, dissipated]
             must(grown >= 0.0, f"the dissipated energy falls by {-grown:.3g}")
         work += float((0.5 * (stress + last) * (deformed - before)).sum())
-        last, before, turn = stress, deformed, step_of_turn @ turn
+        most = max(most, abs(work))
+        last, before, earlier, turn = stress, deformed, before, step_of_turn @ turn
         for one in (still, moving):
             one.points.before[:] = one.points.after
+    must(np.isfinite(still.points.after).all(), "a state variable is not finite")
     total = float(energies[0].sum())
     words = f"the work of the stress is {work:.6g}, and the energies are {total:.6g} together"
-    must(dissipated is None or abs(work - total) <= 0.01 * abs(work), words)
-    rest = still.stress(before - identity)
-    back = still.points.after.copy()
-    for k in range(PATH):
-        still.stress(before + ELASTIC * 1e-3 * (-1.0) ** k * uneven(dim, dim) - identity)
-        still.points.before[:] = still.points.after
-    drift = np.abs(still.stress(before - identity) - rest).max() / solid.modulus
-    must(drift <= 1e-6, f"small strains back and forth change the stress by {drift:.3g} of the modulus")
-    must(np.isfinite(back).all(), "a state variable is not finite")
+    must(dissipated is None or abs(work - total) <= 0.01 * most, words)
+    _check_unloading(still, material, before, (earlier - before) / np.abs(earlier - before).max())
+
+
+def _check_unloading(solid: SolidKernels, material: Any, deformed: Floats, back: Floats) -> None:
+    """Raise `CheckFailed` unless unloading from a state is elastic, and cycles of elastic strain leave it as it is."""
+    dim, identity, (before, after) = solid.dim, np.eye(solid.dim), solid.points[1:]
+    start, dissipated = before.copy(), material.dissipated_in
+
+    def went(size: float) -> tuple[Floats, float]:
+        """Return the stress after a cycle of a size about a state unloaded by it, and what was dissipated so far."""
+        for way in (back, back + 0.3 * uneven(dim, dim), back + 0.3 * SHEARED[:dim, :dim]):
+            stress = solid.stress(deformed + size * way - identity)
+            before[:] = after
+        return stress, 0.0 if dissipated is None else float(after[0, dissipated] - start[0, dissipated])
+
+    loaded = solid.stress(deformed - identity)
+    unloaded = solid.stress(deformed + ELASTIC * back - identity)
+    work = float((0.5 * (loaded + unloaded) * ELASTIC * back).sum())
+    freed = work - float(after[0, material.stored_in] - start[0, material.stored_in])
+    size, least = ELASTIC, 1e-9 * solid.modulus * ELASTIC**2
+    if dissipated is not None:
+        lost = float(after[0, dissipated] - start[0, dissipated])
+        must(lost <= least, f"unloading by a strain of {ELASTIC:g} dissipates {lost:.3g}")
+        must(abs(freed) <= 1e-3 * abs(work), f"in unloading the work is {work:.6g}, of which {freed:.3g} is not stored")
+        for larger in CYCLE_SIZES:
+            before[:] = start
+            if went(larger)[1] <= least:
+                size = larger
+                break
+    before[:] = start
+    first, _ = went(size)
+    for _ in range(CYCLES):
+        last, _ = went(size)
+    drift = COUNTED * float(np.abs(last - first).max()) / solid.modulus
+    must_vanish(drift, f"{COUNTED * CYCLES} elastic cycles change the stress by {drift:.3g} of the modulus")
 
 
 # --------------------------------------------------------------------------------------------------- elements
@@ -647,6 +694,7 @@ def check_solid_forces(subject: Subject) -> None:
         size = np.abs(kernels.checked_force()).max()
         finite = BodyKernels(element, FiniteStrain(), kernels.mesh)
         finite.checked_force()
+        finite.check_large_strains()
         dim = x.shape[1]
         uniform = kernels.force(1e-3 * x @ (np.diag([1.0, 0.5]) if kernels.about_axis else SHEARED[:dim, :dim]))
         words = "a uniform strain gives a force on a node inside: it fails the patch test"
@@ -662,18 +710,68 @@ def check_solid_forces(subject: Subject) -> None:
 def check_finite_rotation(subject: Subject) -> None:
     """Forces turn with a body that turns far.
 
-    With a material of finite strain a large rotation gives no force, and the forces of a strained body turn with it. An
-    element for small strains that cannot meet this declares it in `expected_failures`.
+    With a material of finite strain a large rotation gives no force, and the forces of a body turn with it if its
+    strains are small, and if they are large. An element for small strains that cannot meet this declares it in
+    `expected_failures`.
     """
     for kernels in bodies_of(subject, solid=True):
         element, x = kernels.element, kernels.body.mesh.nodes
         if kernels.about_axis:
             raise NotApplicable("a body of revolution does not turn")
         finite, turn = BodyKernels(element, FiniteStrain(), kernels.mesh), TURN[: x.shape[1], : x.shape[1]]
-        size = np.abs(finite.force(finite.motion)).max()
-        for strained in (0.0 * x, finite.motion):
+        small = finite.motion
+        for strained, like in ((0.0 * x, small), (small, small), (LARGE * small, LARGE * small)):
+            size = np.abs(finite.force(like)).max()
             turned = finite.force((x + strained) @ turn.T - x) - finite.force(strained) @ turn.T
             must_vanish(turned / size, "the forces do not turn with the body")
+
+
+@demand("elements")
+def check_hourglass(subject: Subject) -> None:
+    """A cell holds each of its modes, also where it is deformed.
+
+    At rest and stretched by a third each motion of the nodes of a cell has a stiffness, but for rigid ones. Without
+    it a mode grows that no stress holds.
+    """
+    for kernels in bodies_of(subject, solid=True):
+        finite, x = BodyKernels(kernels.element, FiniteStrain(), kernels.mesh), kernels.body.mesh.nodes
+        dim = x.shape[1]
+        places = x[cells_of(kernels.body.mesh)[0]]
+        stretched = np.diag([0.3, 0.35, 0.25][:dim]) + 0.1 * SHEARED[:dim, :dim].T
+        moves = 1 if kernels.about_axis else dim  # a ring with one point may turn in its section
+        states = (
+            ("at rest", 0.0 * places, moves + dim * (dim - 1) // 2),
+            ("that is deformed", places @ stretched.T, moves),
+        )
+        for words, u, rigid in states:  # a deformed cell turns with its forces, which is a stiffness
+            stiffness = slopes(partial(finite.probe.force, 0), u.ravel(), 1e-5)
+            values = np.linalg.svd(stiffness, compute_uv=False)
+            loose = int((values < HELD * values[0]).sum()) - rigid
+            must(loose <= 0, f"a cell {words} has {loose} motions without a stiffness, beside those of a rigid body")
+
+
+@demand("elements")
+def check_inside_out(subject: Subject) -> None:
+    """A cell that is turned inside out has no force.
+
+    With a material of finite strain the force is nan where a whole cell is turned inside out, and of a cell with as
+    many points as corners where one corner is pushed through it, although its volume is positive. So percuss ends the
+    run; an element that hides it goes on with nonsense.
+    """
+    for kernels in bodies_of(subject, solid=True):
+        element, mesh = kernels.element, kernels.body.mesh
+        finite = BodyKernels(element, FiniteStrain(), kernels.mesh)
+        nodes = cells_of(mesh)[0]
+        places = mesh.nodes[nodes]
+        points = volumes_of(element, kernels.body).shape[1] - getattr(element, "hourglass_points", 0)
+        flipped, pushed = np.zeros(places.shape), np.zeros(places.shape)
+        flipped[:, -1] = -2.0 * places[:, -1]
+        pushed[0] = 1.6 * (places.mean(axis=0) - places[0])
+        asked = [("turned inside out", flipped)]
+        asked += [("with a corner pushed through it", pushed)] if points >= len(nodes) else []
+        for words, u in asked:
+            force = finite.probe.force(0, u.ravel())
+            must(np.isnan(force).any(), f"a cell {words} has the force {force}, and no material of finite strain knows")
 
 
 @demand("elements")
