@@ -376,6 +376,45 @@ def test_angular_momentum_with_supports_loads_walls_and_a_fall(dim):
     assert np.abs(account["couple_of_contacts"]).max() == 0.0
 
 
+# ----------------------------------------------------------------------------------------------------- shallow ironing
+
+
+def ironing(**changes):
+    """Return the run of the shipped case, with the places of bodies and files as they are there."""
+    return percuss.run(percuss.load(places.CASES / "shallow-ironing.yaml", changes))
+
+
+@pytest.mark.deep
+def test_shallow_ironing():
+    """Forces of the contact, of a program written apart: pressed by 1, and drawn by 4.5 to 5.5."""
+    result = ironing(**{"time.end": 325.0})
+    time, force = result.arrays["time"], result.arrays["contact_force_vector"][:, 0]
+    for during, along, up in (((49.0, 50.0), 66.4, 312.5), ((275.0, 325.0), 137.6, 403.2)):
+        mean = force[(time >= during[0]) & (time <= during[1])].mean(axis=0)
+        assert mean == pytest.approx([-along, up], rel=0.01)
+        assert -mean[0] / mean[1] == pytest.approx(along / up, rel=0.01)
+    energy = result.summary["energy"]
+    assert energy["ledger_error"] < 1e-12
+    assert result.summary["momentum"]["error"] < 1e-12
+    assert energy["contact_work_max"] <= energy["renewal"] < 0.01 * energy["max"]
+    taken = result.arrays["friction_dissipated"][:, 0]
+    assert np.diff(taken).min() > -1e-8 * taken[-1]
+    assert taken[-1] > 0.5 * energy["external_work"]
+    pressed = np.searchsorted(time, 50.0)
+    kinetic = result.arrays["kinetic_energy"][pressed] / result.arrays["external_work"][pressed]
+    assert kinetic == pytest.approx(0.018, abs=0.002)
+
+
+@pytest.mark.deep
+def test_shallow_ironing_without_damping_keeps_its_angular_momentum():
+    """With damping it is not counted."""
+    none = {f"bodies.{name}.damping": None for name in ("block", "foundation")}
+    account = ironing(**{"time.end": 70.0, **none}).summary["angular_momentum"]
+    assert account["error"] < 1e-12
+    assert account["couple_of_contacts"] == account["impulse_of_contacts"]
+    assert 0.0 < abs(account["couple_of_contacts"][0]) < 1e-6 * np.abs(account["initial"]).max()
+
+
 # ------------------------------------------------------------------------------------------------ pressure that follows
 
 
