@@ -36,6 +36,7 @@ LONG |= {
     "gross-slip-disk",
     "slide-off",
 }  # kernels of their own: test_space.py, test_friction.py, test_sliding.py
+LONG |= {"shallow-ironing"}  # 28 000 steps; test_finite_strain.py holds its forces against figures
 
 
 def test_the_benchmarks_are_there() -> None:

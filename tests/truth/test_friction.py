@@ -11,6 +11,7 @@ import pytest
 import percuss
 from accounts import balanced, ran
 from marks import deep
+from percuss.results.ledger import gains_by_friction
 from strategies import hunek, with_methods
 
 WU, CD = "wu-predictor-corrector", "central-difference"
@@ -135,6 +136,15 @@ def test_stick_with_a_stiffness_does_not_drift_under_a_corrector(law):
     moved, elastic = result.arrays["displacement"][-2000:, 0, 0], 0.5 * 9.81 * math.sin(math.atan(0.2)) / 2.0
     assert moved == pytest.approx(np.full(moved.size, elastic), rel=0.02)
     assert result.arrays["sliding_area"].max() == 0.0
+
+
+def test_friction_that_gives_energy_is_told_but_for_the_first_step_of_a_touch():
+    """There half of the force meets the way of the step before, in which it did not act."""
+    force = np.array([[0.0, 0.0], [2.0, 2.0], [2.0, 2.0], [0.0, 2.0], [2.0, 2.0]])
+    dissipated = np.array([[0.0, 0.0], [-0.1, -0.1], [0.2, -0.2], [0.2, 0.3], [-0.5, 0.3]])
+    arrays = {"contact_force": force, "friction_dissipated": dissipated}
+    told = list(gains_by_friction(["floor", "seam"], arrays, 10.0))
+    assert told == ["the friction of contact 'seam' has given 1 % of the largest energy, and may only take it"]
 
 
 def test_a_point_that_opens_forgets_its_elastic_slip():

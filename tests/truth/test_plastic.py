@@ -1,13 +1,17 @@
 """Plasticity at any strain: return by tensors and root finders, Taylor's bar, cells that do not lock, turned runs."""
 
+import functools
+
 import numpy as np
 import pytest
 from scipy.linalg import expm, logm
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 import percuss
 from accounts import ran
 from marks import deep
+from percuss import REFERENCE_CELLS
 from percuss.errors import InputError
 from percuss.march.model_of_case import model_of
 from percuss.mesh.cells import cells_of
@@ -141,8 +145,14 @@ def taylor(cells, *, held, **body):
         "loads": foot if held else {},
         "method": {"contact": "lagrange", "pairing": "node-to-segment"},
         "time": {"end": 8.0e-5, "courant": "auto", "stretch": 16},
-        "record": {"fields": 20, "every": 100},
+        "record": {"fields": 20, "every": 100, "probes": [{"body": "bar", "at": [3.2, 0.0]}]},
     }
+
+
+@functools.cache
+def struck(across, up, held, element):
+    """Return the run of a bar of so many cells, made once."""
+    return ran(taylor([across, up], held=held, **({"element": element} if element else {})))
 
 
 def length_and_radius(result):
@@ -153,30 +163,98 @@ def length_and_radius(result):
 
 
 @pytest.mark.parametrize(
-    ("cells", "held", "body", "length", "radius"),
+    ("cells", "held", "element", "length", "radius"),
     [
-        ([4, 20], False, {}, 21.559, 7.108),
-        deep([10, 50], False, {}, 21.490, 7.271),
-        deep([10, 50], True, {}, 21.443, 7.132),
-        deep([10, 50], False, {"element": "quad4-axisymmetric"}, 20.58, 5.30),
+        ((4, 20), False, "", 21.559, 7.108),
+        deep((10, 50), False, "", 21.490, 7.271),
+        deep((10, 50), True, "", 21.443, 7.132),
+        deep((16, 80), True, "", 21.434, 7.172),
+        deep((10, 50), False, "quad4-axisymmetric", 20.58, 5.30),
     ],
 )
-def test_taylors_bar(cells, held, body, length, radius):
-    """By a program written apart; Foulk et al. (2021) converge to a radius of 7.22 with the foot held."""
-    result = ran(taylor(cells, held=held, **body))
+def test_taylors_bar(cells, held, element, length, radius):
+    """By a program written apart."""
+    result = struck(*cells, held, element)
     found = length_and_radius(result)
-    assert found[0] == pytest.approx(length, abs=0.02)
-    assert found[1] == pytest.approx(radius, abs=0.025)
+    assert found[0] == pytest.approx(length, abs=0.01 if held else 0.02)
+    assert found[1] == pytest.approx(radius, abs=0.01 if held else 0.025)
     energy = result.summary["energy"]
-    assert energy["ledger_error"] < 1e-12
+    assert energy["ledger_error"] < (1e-12 if cells[0] < 16 else 1e-11)  # round-off of more cells and steps
     assert energy["bodies_error"] < 1e-3
     assert energy["dissipated"] / energy["initial"] == pytest.approx(0.98, abs=0.03)
     assert energy["ledger_closed"] is True
     locks = [note for note in result.summary["notes"] if "quad4-axisymmetric locks" in note]
-    assert bool(locks) is ("element" in body)
+    assert bool(locks) is bool(element)
     assert result.field_arrays["plastic_strain"].max() > 0.5
-    if not body:
+    if not element:
         assert result.summary["stretch"]["largest"] > 5.0
+
+
+@pytest.mark.deep
+def test_taylors_bar_with_its_foot_held_goes_where_published_ones_go():
+    """Radii at 12 us are of a program written apart; the limit is that of Foulk et al. (2021), 7.22 and 21.42."""
+    runs = [struck(10, 50, True, ""), struck(16, 80, True, "")]
+    for result, radius in zip(runs, (5.349, 5.394), strict=True):
+        way = result.arrays["displacement"][:, 0, 0]
+        assert 3.2 + np.interp(1.2e-5, result.arrays["time"], way) == pytest.approx(radius, abs=0.005)
+    coarse, fine = (np.array(length_and_radius(result)) for result in runs)
+    length, radius = fine + (fine - coarse) * 10.0 / (16.0 - 10.0)  # linear in the width of cells
+    assert length == pytest.approx(21.42, abs=0.02)
+    assert radius == pytest.approx(7.22, abs=0.03)
+
+
+def quarter_bar(path):
+    """Write a quarter of the bar as a file of gmsh: 27 hexahedra of a quarter of a disk, 36 layers of them."""
+    disk = Registry.load().get("shapes", "disk")(radius=3.2, elements=12).mesh(np.zeros(2), 1.0)
+    quads = disk.cells["quad"]
+    used, flat = np.unique(quads[(disk.nodes[quads] > -1e-9).all(axis=(1, 2))], return_inverse=True)
+    flat, layer = flat.reshape(-1, 4), np.arange(36)[:, None, None]
+    nodes = np.concatenate([np.insert(disk.nodes[used], 2, height, axis=1) for height in np.linspace(0.0, 32.4, 37)])
+    cells = np.concatenate([flat + layer * used.size, flat + (layer + 1) * used.size], axis=-1).reshape(-1, 8)
+    faces = cells[:, REFERENCE_CELLS["hexahedron"].facets].reshape(-1, 4)
+    sides = [faces[(np.abs(nodes[faces, axis]) < 1e-9).all(axis=1)] for axis in range(3)]
+    elements = [f"3 2 {k} {k} {' '.join(map(str, 1 + face))}" for k, side in enumerate(sides, 1) for face in side]
+    elements += [f"5 2 4 4 {' '.join(map(str, 1 + cell))}" for cell in cells]
+    lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", "4", '2 1 "left"', '2 2 "front"']
+    lines += ['2 3 "bottom"', '3 4 "bar"', "$EndPhysicalNames", "$Nodes", f"{len(nodes)}"]
+    lines += [f"{k} {' '.join(map(repr, node))}" for k, node in enumerate(nodes.tolist(), 1)]
+    lines += ["$EndNodes", "$Elements", f"{len(elements)}", *(f"{k} {line}" for k, line in enumerate(elements, 1))]
+    path.write_text("\n".join([*lines, "$EndElements", ""]), encoding="ascii")
+
+
+@pytest.mark.deep
+def test_a_quarter_of_taylors_bar_of_hexahedra_is_the_bar_of_revolution(tmp_path):
+    """Foot and skin meet the wall; cells are as long as those of revolution, 6 across."""
+    pytest.importorskip("meshioplusplus")
+    quarter_bar(tmp_path / "bar.msh")
+    case = taylor([6, 36], held=False)
+    wall = {"point": [0, 0, 0], "normal": [0, 0, 1]}
+    case["bodies"]["bar"] = {
+        "mesh": {"file": str(tmp_path / "bar.msh")},
+        "at": [0.0, 0.0, 0.0],
+        "material": COPPER,
+        "velocity": [0.0, 0.0, -227000.0],
+        "fixed": [{"on": "left", "along": "x"}, {"on": "front", "along": "y"}],
+    }
+    case["contacts"] = {side: {"body": f"bar.{side}", "wall": wall} for side in ("bottom", "skin")}
+    case["record"] = {"fields": 20, "every": 100}
+    result = ran(case, **{"time.stretch": 12})
+    assert result.summary["stretch"]["courant_stretched"] < 0.9
+    start, moved = result.field_arrays["node_position"], result.field_arrays["displacement"][-1]
+    assert len(start) == 37 * 37
+    places = start + moved
+    rim = np.isclose(start[:, 2], 0.0) & np.isclose(np.hypot(start[:, 0], start[:, 1]), 3.2)
+    radii = np.hypot(places[rim, 0], places[rim, 1])
+    assert len(radii) == 7
+    revolved = struck(6, 36, False, "")
+    length, radius = length_and_radius(revolved)
+    assert np.ptp(places[:, 2]) == pytest.approx(length, abs=0.02)
+    assert radii == pytest.approx(radius, abs=0.06)
+    assert radii.mean() == pytest.approx(radius, abs=0.02)
+    energy = result.summary["energy"]
+    assert energy["ledger_error"] < 1e-12
+    share = revolved.summary["energy"]["dissipated"] / revolved.summary["energy"]["initial"]
+    assert energy["dissipated"] / energy["initial"] == pytest.approx(share, abs=0.005)
 
 
 def test_the_mean_element_is_the_default_of_a_material_that_flows():
@@ -253,6 +331,59 @@ def test_a_whole_run_turned_by_37_degrees_is_the_same(name):
         assert (np.diff(one.arrays["dissipated_energy"]) >= 0.0).all()
     assert one.summary["energy"]["ledger_error"] < 1e-13
     assert one.summary["angular_momentum"]["error"] < 1e-12
+
+
+OBLIQUE = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
+
+
+def thrown_in_space(turn, angle, material, onto):
+    """Return a box that is thrown at a wall or onto another box with friction, all turned about an oblique axis."""
+    turned = {"material": material, "angle": angle, "axis": OBLIQUE.tolist()}
+
+    def box(size, elements, middle):
+        block = {"size": size, "elements": elements}
+        return {"block": block, "at": (turn @ middle - 0.5 * np.array(size)).tolist(), **turned}
+
+    box_above = box([1.0, 0.8, 0.6], [4, 3, 3], [0.0, 0.0, 0.31])
+    box_above |= {"velocity": (turn @ [0.5, 0.2, -1.0]).tolist(), "spin": (turn @ [0.1, 0.05, 0.2]).tolist()}
+    wall = {"point": [0.0, 0.0, 0.0], "normal": (turn @ [0.0, 0.0, 1.0]).tolist()}
+    ends = {"body": "above.bottom", "wall": wall}
+    bodies = {"above": box_above}
+    if onto == "box":
+        bodies["below"] = {**box([1.7, 1.5, 0.5], [5, 4, 2], [0.03, 0.02, -0.25]), "fixed": ["bottom"]}
+        ends = {"between": ["above.bottom", "below.top"]}
+    return {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": {"seam": {**ends, "friction": {"name": "coulomb", "mu": 0.3}}},
+        "method": {"contact": "lagrange", "pairing": "node-to-segment"},
+        "time": {"end": 0.6, "step": 0.004},
+        "record": {"every": 1},
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "onto"),
+    [("j2-plastic", "wall"), ("j2-plastic", "box"), deep("neo-hookean", "wall"), deep("neo-hookean", "box")],
+)
+def test_a_whole_run_in_space_turned_by_37_degrees_is_the_same(name, onto):
+    material = METAL if name == "j2-plastic" else {"name": name, "young": 100.0, "density": 1.0, "poisson": 0.3}
+    turn = Rotation.from_rotvec(np.radians(37.0) * OBLIQUE).as_matrix()
+    one = ran(thrown_in_space(np.eye(3), 0.0, material, onto))
+    other = ran(thrown_in_space(turn, 37.0, material, onto))
+    for key in ("contact_force", "kinetic_energy", "elastic_energy", "friction_work", "sticking_area", "sliding_area"):
+        scale = np.abs(one.arrays[key]).max()
+        assert scale > 0.0
+        assert other.arrays[key] == pytest.approx(one.arrays[key], abs=1e-9 * scale), key
+    forces = [result.arrays["contact_force_vector"][:, 0] for result in (one, other)]
+    assert forces[1] == pytest.approx(forces[0] @ turn.T, abs=1e-9 * np.abs(forces[0]).max())
+    if name == "j2-plastic":
+        taken = one.arrays["dissipated_energy"]
+        assert other.arrays["dissipated_energy"] == pytest.approx(taken, abs=1e-9 * taken[-1])
+        assert taken[-1] > 0.1 * one.summary["energy"]["initial"]
+    for result in (one, other):
+        assert result.summary["energy"]["ledger_error"] < 1e-13
+        assert result.summary["angular_momentum"]["error"] < 1e-12
 
 
 @pytest.mark.parametrize("name", ["j2-plastic", "neo-hookean"])

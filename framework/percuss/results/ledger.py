@@ -137,11 +137,17 @@ def of_friction(outcome: Outcome) -> dict[str, Floats]:
 def gains_by_friction(contacts: Iterable[str], arrays: Mapping[str, Floats], largest_energy: float) -> Iterator[str]:
     """Yield a sentence for each contact whose friction has given energy: friction only takes it.
 
-    Bodies that touch at the start under load had no contact force one step before t = 0: what that gives in the first
-    step counts as growth of none, as in the account of the contact energy.
+    Before a touch there is no contact force: what the first step of a touch gives counts as growth of none, as in the
+    account of the contact energy. It is half of a force times the way of the step before, in which it did not act.
     """
-    for name, history in zip(contacts, arrays.get("friction_dissipated", np.zeros((0, 0))).T, strict=False):
-        gained = -float(np.min(history - np.minimum(history[:1], 0.0), initial=0.0))
+    if "friction_dissipated" not in arrays:
+        return
+    closed = arrays["contact_force"] > 0.0
+    touches = closed & ~np.concatenate([np.zeros_like(closed[:1]), closed[:-1]])
+    taken = np.diff(arrays["friction_dissipated"], axis=0, prepend=0.0)
+    histories = np.cumsum(np.where(touches, np.maximum(taken, 0.0), taken), axis=0)
+    for name, history in zip(contacts, histories.T, strict=True):
+        gained = -float(np.min(history, initial=0.0))
         if gained > CLOSURE_TOLERANCE * largest_energy:
             share = percent(gained / largest_energy)
             yield f"the friction of contact '{name}' has given {share} of the largest energy, and may only take it"
