@@ -456,7 +456,8 @@ def test_shallow_ironing(changes, pressed, drawn):
         assert -mean[0] / mean[1] == pytest.approx(along / up, rel=0.03 if sign < 0.0 else 0.01)
     energy = result.summary["energy"]
     assert energy["ledger_error"] < 1e-12
-    assert result.summary["momentum"]["error"] < 1e-12
+    for account in ("momentum", "angular_momentum"):
+        assert result.summary[account]["error"] < 1e-12, account
     assert energy["contact_work_max"] <= energy["renewal"] < 0.02 * energy["max"]
     taken = result.arrays["friction_dissipated"][:, 0]
     assert taken.min() > -1e-9 * taken[-1]
@@ -464,16 +465,6 @@ def test_shallow_ironing(changes, pressed, drawn):
     start = np.searchsorted(time, 50.0)
     kinetic = result.arrays["kinetic_energy"][start] / result.arrays["external_work"][start]
     assert kinetic == pytest.approx(0.018, abs=0.002)
-
-
-@pytest.mark.deep
-def test_shallow_ironing_without_damping_keeps_its_angular_momentum():
-    """With damping it is not counted."""
-    none = {f"bodies.{name}.damping": None for name in ("block", "foundation")}
-    account = ironing(**{"time.end": 70.0, **none}).summary["angular_momentum"]
-    assert account["error"] < 1e-12
-    assert account["couple_of_contacts"] == account["impulse_of_contacts"]
-    assert 0.0 < abs(account["couple_of_contacts"][0]) < 1e-6 * np.abs(account["initial"]).max()
 
 
 # ------------------------------------------------------------------------------------------------ pressure that follows
