@@ -143,12 +143,13 @@ class Binder:
         The options of the compiler, beside those of its mark, are percuss's own, also of a function with
         ``@numba.njit``.
         """
-        source, found = plain_function(function), self._done.get(function)
+        source, key = plain_function(function), (function, *sorted(self.inline.items()))
+        found = self._done.get(key)
         if found is not None:
             return found
-        if source is None or function in self._done:  # an instruction for the compiler, or a recursive call
+        if source is None or key in self._done:  # an instruction for the compiler, or a recursive call
             return Bound(function, getattr(function, "__name__", ""))
-        self._done[function] = None
+        self._done[key] = None
         names = _names(source.__code__)
         read = {name: self._part(source.__globals__[name], names) for name in sorted(names & source.__globals__.keys())}
         closure = [self._part(cell.cell_contents, names) for cell in source.__closure__ or ()]
@@ -166,12 +167,12 @@ class Binder:
             digest = _digest(_about(source), sorted(options.items()), _digests(read), [part.digest for part in closure])
             copy.__name__ = copy.__qualname__ = f"{source.__name__}_{digest}"
             bound = Bound(copy, digest, options)
-        self._done[function] = bound
+        self._done[key] = bound
         return bound
 
     def reached(self, function: Kernel) -> bool:
         """Return whether the code that was bound reaches a function."""
-        return function in self._done
+        return any(isinstance(key, tuple) and key[0] is function for key in self._done)
 
     def callee(self, function: Kernel, options: Data = MappingProxyType({})) -> Bound:
         """Return a function as `bind` does, for compiled callers compiled alone; Python would crash if it called it."""
@@ -198,7 +199,7 @@ class Binder:
             return Bound(value, _text(value))
         maker, kernel, options = self, slot or value, getattr(value, "compiler_options", {})
         if "inline" in options:  # which all that the kernel calls is given too
-            maker, options = replace(maker, inline=self.inline and options, _done={}), {}
+            maker, options = replace(maker, inline=self.inline and options), {}
         if isinstance(slot, Filled):
             maker, kernel = replace(maker, slots={**self.slots, **dict(slot.slots)}, _done={}), slot.kernel
         return maker.callee(kernel, options)
