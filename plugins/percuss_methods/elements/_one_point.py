@@ -19,7 +19,7 @@ class OnePointCell(FullCell, contract="elements"):
     """A cell whose strain is the mean over it, and which has the hourglass vectors of Flanagan and Belytschko.
 
     The slopes are means over the cell, so that the force of a uniform stress is that of the full rule. The
-    control asks the material for the stress of a shear that is proportional to the hourglass displacement: it
+    control asks the material for the stress of a shear in proportion to the length of the hourglass displacement: it
     follows any material, and its stiffness is in the shear modulus.
 
     Attributes
@@ -100,7 +100,7 @@ def solid_forces(
     displacement: Floats,
     force: Floats,
 ) -> None:
-    """Set `force` as `plane_forces` does, in three dimensions: three shears for each of four hourglass modes."""
+    """Set `force` as `plane_forces` does, in three dimensions: a shear for each of four hourglass modes."""
     v = -geometry[24]
     g = solid_gradient(geometry, displacement)
     s = stress_3d(material, first, g)
@@ -125,13 +125,18 @@ def modes_of(u: Floats, d: int) -> tuple[float, float, float, float]:
 def shear_of_mode(
     material: Any, point: int, geometry: Floats, at: int, g: tuple[float, ...], along: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """Return what a mode adds to the forces along its vector: minus the volume times the stress of its shears."""
+    """Return what a mode adds to the forces along its vector: minus the volume times the stress of a shear."""
     volume, size, by_x, by_y, by_z = -geometry[24], geometry[25], geometry[at], geometry[at + 1], geometry[at + 2]
     x = size * along[0] - (by_x * g[0] + by_y * g[1] + by_z * g[2])
     y = size * along[1] - (by_x * g[3] + by_y * g[4] + by_z * g[5])
     z = size * along[2] - (by_x * g[6] + by_y * g[7] + by_z * g[8])
-    s = stress_3d(material, point, (0.0, x, y, x, 0.0, z, y, z, 0.0))
-    return volume * (s[1] + s[3]), volume * (s[2] + s[6]), volume * (s[5] + s[7])
+    length = np.sqrt(x * x + y * y + z * z)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0
+    # The energy of such a shear depends on the length alone: it turns with the cell.
+    s = stress_3d(material, point, (0.0, length, 0.0, length, 0.0, 0.0, 0.0, 0.0, 0.0))
+    held = volume * (s[1] + s[3]) / length
+    return held * x, held * y, held * z
 
 
 def set_component(
