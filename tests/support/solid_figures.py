@@ -85,7 +85,7 @@ OF_ELEMENTS = {
     "tri3": (-33.2, -43.8, -1.9, 0.25),
     "hex8": (-11.2, -49.2, -1.6, 1.0),
     "hex8-mean": (-9.5, -2.4, -1.6, 1.3),
-    "hex8-one-point": (5.0, -0.2, -1.6, 0.33),
+    "hex8-one-point": (5.0, -0.2, -1.6, 0.36),
     "tet4": (-32.5, -43.6, -2.1, 0.1),
 }
 # The radius of the foot of Taylor's bar after the impact, of 4 by 20 cells.
