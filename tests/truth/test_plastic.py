@@ -257,6 +257,23 @@ def test_a_quarter_of_taylors_bar_of_hexahedra_is_the_bar_of_revolution(tmp_path
     assert energy["dissipated"] / energy["initial"] == pytest.approx(share, abs=0.005)
 
 
+@pytest.mark.parametrize("limit", [1000.0, 0.02])
+def test_energies_of_bodies_are_those_of_the_middle_of_a_step(limit):
+    """They differ from the internal work by an error of the second order in the step."""
+    metal = {"name": "j2-plastic", "young": 1.0, "density": 1.0, "poisson": 0.3, "yield_stress": limit}
+    block = {"block": {"size": [1.0, 0.5], "elements": [8, 4]}, "at": [0.0, 0.0], "velocity": [0.1, -0.1]}
+    case = {
+        "percuss": 1,
+        "bodies": {"block": {**block, "material": {**metal, "hardening": 0.1}}},
+        "contacts": {"floor": {"body": "block.bottom", "wall": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}}},
+        "method": {"contact": "lagrange", "pairing": "node-to-segment"},
+        "time": {"end": 8.0},
+    }
+    errors = [ran({**case, "time": {"end": 8.0, "courant": c}}).summary["energy"]["bodies_error"] for c in (0.4, 0.2)]
+    assert errors[0] < 0.01
+    assert errors[0] == pytest.approx(4.0 * errors[1], rel=0.1)
+
+
 def test_the_mean_element_is_the_default_of_a_material_that_flows():
     model = model_of(percuss.load(taylor([2, 4], held=True)))
     assert model.bodies["bar"].spec.element.name == "quad4-axisymmetric-mean"

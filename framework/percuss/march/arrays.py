@@ -14,7 +14,7 @@ from percuss.contact.walls import round_or_moving
 from percuss.march.parts import PARTS
 from percuss.march.recording import empty_record, probe_nodes, recorded_elements
 from percuss.mesh.cell_kernels import Block
-from percuss.mesh.cells import cell_arrays, element_slots, has_cells, parameters_of, slots_of_material
+from percuss.mesh.cells import cell_arrays, element_slots, has_cells, is_solid, parameters_of, slots_of_material
 from percuss.mesh.stiffness_rows import StiffnessRows
 from percuss.methods.plugin_calls import answer, read_only
 from percuss.record_arrays import empty_records, record_array
@@ -248,7 +248,15 @@ class Arrays:
                 yield Action(INTERNAL_FORCES_ASIDE, forces, aside, filled, allocates=allocates, name=name)
             else:
                 yield Action(BULK, bulk.advance_block, data, filled, allocates=allocates, name=name)
-            yield Action(STRAIN_ENERGY, bulk.add_strain_energy, data, filled, allocates=allocates, name=name)
+            if material.state == 0 or not is_solid(element):
+                yield Action(STRAIN_ENERGY, bulk.add_strain_energy, data, filled, allocates=allocates, name=name)
+            elif not model.multistage:
+                for kernel, number in (
+                    (bulk.add_strain_energy, material.stored_in), (bulk.add_dissipated_energy, material.dissipated_in),
+                ):  # fmt: skip
+                    if number is not None:
+                        rising = data._replace(block=_of_rise(block, number))
+                        yield Action(STRAIN_ENERGY, kernel, rising, filled, allocates=allocates, name=name)
             if getattr(element, "hourglass_points", 0) > 0:
                 held = data._replace(block=block._replace(element=cell_arrays(element, self._views(block))))
                 yield Action(STRAIN_ENERGY, bulk.add_hourglass_energy, held, filled, allocates=allocates, name=name)
@@ -303,6 +311,13 @@ def _places(model: Model) -> dict[int, int]:
 
 def _is_large(block: Block) -> bool:
     return isinstance(block.element, StiffnessRows) and block.element.pairs.size > FEW_NUMBERS
+
+
+def _of_rise(block: Block, number: int) -> Block:
+    """Return a block for `percuss.mesh.materials.rise` of a state variable from the present step to the next one."""
+    kept, room = block.after.view(), np.zeros((2, block.after.shape[1]))
+    kept.flags.writeable, room[1, 0] = False, number
+    return block._replace(before=kept, after=room)
 
 
 def _blocks(model: Model, variables: StateVariables) -> Iterator[tuple[Block, Any, Any]]:

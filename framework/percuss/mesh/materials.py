@@ -43,7 +43,7 @@ def stress(material: MaterialPoints, point: int, strain: Any) -> Any:
 
 
 def stress_of_point(material: MaterialPoints, point: int, gradient: Any) -> Any:
-    """Return the stress of a point of a solid (slot for `stress`, `stress_with_state` or `stress_in_plane`)."""
+    """Return the stress of a point of a solid (slot for `stress` or `stress_with_state`)."""
     unbound()
 
 
@@ -72,10 +72,15 @@ def stress_with_state(material: MaterialPoints, point: int, strain: Any) -> Any:
     return material_stress_with_state(material.parameters, strain, before, after)
 
 
-def stress_in_plane(material: MaterialPoints, point: int, gradient: Any) -> Any:
-    """Return the stress of a point in plane strain by a kernel in space, and set its state variables."""
+def stress_in_space(parameters: Floats, gradient: Any, before: Floats, after: Floats) -> Any:
+    """Return the stress in space (slot for the kernel of a material with state variables in plane strain)."""
+    unbound()
+
+
+def stress_in_plane(parameters: Floats, gradient: Any, before: Floats, after: Floats) -> Any:
+    """Return the stress in plane strain by a kernel in space, and set the state variables."""
     whole = (gradient[0], gradient[1], 0.0, gradient[2], gradient[3], 0.0, 0.0, 0.0, 0.0)
-    of_space = stress_with_state(material, point, whole)
+    of_space = stress_in_space(parameters, whole, before, after)
     return of_space[0], of_space[1], of_space[3], of_space[4]
 
 
@@ -87,6 +92,31 @@ def energy_density(material: MaterialPoints, point: int, before: float, after: f
 def no_energy(material: MaterialPoints, point: int, before: Any, after: Any) -> float:
     """Return zero: the energy that a material with state variables stores is one of them."""
     return 0.0
+
+
+def rise(material: MaterialPoints, point: int, gradient: Any) -> float:
+    """Return half of what a state variable of a point rises by from `before` to a gradient.
+
+    The first row of `after` is room for the variables, and the second one begins with the number of the variable.
+    """
+    before, after = material.before[point], material.after[0]
+    for k in range(before.size):
+        after[k] = before[k]
+    material_stress_with_state(material.parameters, gradient, before, after)
+    number = int(material.after[1, 0])
+    half: float = 0.5 * (after[number] - before[number])
+    return half
+
+
+def rise_2d(material: MaterialPoints, point: int, before: Floats, after: Floats) -> float:
+    """Return half of what a state variable of a point in two dimensions rises by in the coming step."""
+    return rise(material, point, (after[0], after[1], after[2], after[3]))
+
+
+def rise_3d(material: MaterialPoints, point: int, before: Floats, after: Floats) -> float:
+    """Return half of what a state variable of a point in three dimensions rises by in the coming step."""
+    gradient = (after[0], after[1], after[2], after[3], after[4], after[5], after[6], after[7], after[8])
+    return rise(material, point, gradient)
 
 
 def stored_by_gradient(parameters: Floats, gradient: Floats) -> float:
@@ -133,9 +163,10 @@ def solid_slots(material: Any, dimension: int) -> dict[Any, Callable[..., Any]]:
         by_space = flat and kernel is None
         return {
             slot: of_finite_strain,
-            stress_of_point: stress_in_plane if by_space else stress_with_state,
-            material_stress_with_state: material.stress_3d if by_space else kernel,
-            slots.energy_density: no_energy,
+            stress_of_point: stress_with_state,
+            material_stress_with_state: stress_in_plane if by_space else kernel,
+            stress_in_space: material.stress_3d,
+            slots.energy_density: rise_2d if flat else rise_3d,
         }
     stored = material.stored_2d if flat else material.stored_3d
     filled = {slot: of_finite_strain, stress_of_point: stress, material_stress: kernel}

@@ -106,6 +106,13 @@ def add_strain_energy(data: Bulk, n: int, u: Floats, v: Floats, a: Floats) -> No
 
 
 @called
+def add_dissipated_energy(data: Bulk, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add what materials with state variables dissipate to the middle of a step, `percuss.mesh.materials.rise`."""
+    for b in range(data.block.body.size):
+        data.totals[0].dissipated_energy += energy_of_body(data, b, u, v, data.lag)
+
+
+@called
 def add_hourglass_energy(data: Bulk, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Add the part of the strain energy that holds the hourglass modes of the cells of a block."""
     block, dim, total = data.block, data.dim, 0.0
