@@ -389,6 +389,7 @@ def test_angular_momentum_with_supports_loads_walls_damping_and_a_fall(dim, held
             "fall": {"gravity": 0.02, "direction": down},
             "pull": {"constant": 0.01, "on": "held.right", "direction": down},
             "lift": {"prescribed-velocity": 0.02, "direction": [0.0] * (dim - 1) + [1.0]},
+            "drive": {"prescribed-velocity": 0.01, "on": "held.right", "along": "x", "until": 4.0},
         },
         "method": {"integrator": WU, "contact": "lagrange", "pairing": "node-to-segment"},
         "time": {"end": 10.0, "courant": 0.4},

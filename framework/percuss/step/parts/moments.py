@@ -72,14 +72,12 @@ class MomentsSummed(Part[Moments]):
         rows = next((part.data.rows for part in setting.made if isinstance(part, friction.Frictions)), None)
         if before is not None:
             now = before.data._replace(boundary=step.boundary, points=step.points, loads=step.loads, now=step.now)
-            return cls(now, rows, before.slowed)
+            return cls(now, rows, slowed(setting, now))
         bodies, turns = model.bodies, np.array(TURNS[model.dim], dtype=np.int64)
-        arm = np.zeros(step.boundary.size)
-        place = list(setting.place)
+        finite, place = finite_strain(model), list(setting.place)
+        arm, moves = np.zeros(step.boundary.size), np.zeros(step.boundary.size)
         arm[: len(place) * model.dim] = (bodies.nodes[place] - bodies.centre).ravel()
-        finite = np.array([float(not body.of_small_strains) for body in bodies.values()])
-        of_nodes, moves = np.repeat(finite, [len(body.mass) for body in bodies.values()]), np.zeros(step.boundary.size)
-        moves[: len(place) * model.dim] = np.repeat(of_nodes[place], model.dim)
+        moves[: len(place) * model.dim] = np.repeat([finite[bodies.at(node).number] for node in place], model.dim)
         mass = np.array([body.mass.sum() for body in bodies.values()])
         middles = np.array([body.mass @ (body.mesh.nodes - bodies.centre) for body in bodies.values()])
         contacts, size = len(model.case.contacts), turns.shape[1]
@@ -87,9 +85,7 @@ class MomentsSummed(Part[Moments]):
             step.boundary, step.points, step.loads, step.now, arm, moves, turns, mass, middles.ravel(),
             np.repeat(finite, model.dim), np.zeros((contacts, size)), np.zeros(size), np.zeros(size), np.zeros(size),
         )  # fmt: skip
-        damped = next((part.data for part in setting.made if isinstance(part, damping.Damping)), None)
-        arms, of_dofs = (bodies.nodes - bodies.centre).ravel(), np.repeat(of_nodes, model.dim)
-        return cls(data, rows, None if damped is None else Slowed(data, damped, arms, of_dofs))
+        return cls(data, rows, slowed(setting, data))
 
     def actions(self) -> Iterator[Action]:
         """Yield the actions of a step."""
@@ -127,6 +123,21 @@ class Slowed(NamedTuple):
     damped: damping.Damped
     arm: Floats  # (nodes * dim,) place at the start less the centre
     moves: Floats  # (nodes * dim,) 1 on bodies of finite strain, 0 on linear ones
+
+
+def finite_strain(model: Model) -> Floats:
+    """Return 1 of bodies of finite strain and 0 of linear ones, (bodies,)."""
+    return np.array([float(not body.of_small_strains) for body in model.bodies.values()])
+
+
+def slowed(setting: Setting, data: Moments) -> Slowed | None:
+    """Return the moments with the damped nodes; None where no body is damped."""
+    damped = next((part.data for part in setting.made if isinstance(part, damping.Damping)), None)
+    if damped is None:
+        return None
+    bodies = setting.model.bodies
+    moves = np.repeat(finite_strain(setting.model), [body.mass.size * bodies.dim for body in bodies.values()])
+    return Slowed(data, damped, (bodies.nodes - bodies.centre).ravel(), moves)
 
 
 def keeps_angular_momentum(model: Model) -> bool:
@@ -196,17 +207,14 @@ def add_moments_along(data: Along, n: int, u: Floats, v: Floats, a: Floats) -> N
 
 def add_moments_of_damping(data: Slowed, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Add the moments of damping, by the places before the step."""
-    moments, damped, dt = data.moments, data.damped, data.moments.now[0].dt
-    dim = moments.now[0].dim
+    moments, damped, now = data.moments, data.damped, data.moments.now[0]
     for i in range(damped.dof.size):
         dof = damped.dof[i]
         impulse = -damped.half[dof] * damped.mass[dof] * (damped.before[i] + v[dof])
-        node = dof - dof % dim
+        node = dof - dof % now.dim
         for k in range(moments.turns.shape[1]):
             first, second = node + moments.turns[0, k], node + moments.turns[1, k]
-            if dof == second:
-                moments.of_damping[k] += (data.arm[first] + data.moves[first] * (u[first] - dt * v[first])) * impulse
-            elif dof == first:
-                moments.of_damping[k] -= (
-                    data.arm[second] + data.moves[second] * (u[second] - dt * v[second])
-                ) * impulse
+            other, sign = (first, 1.0) if dof == second else (second, -1.0)
+            if dof in (first, second):
+                place = data.arm[other] + data.moves[other] * (u[other] - now.dt * v[other])
+                moments.of_damping[k] += sign * place * impulse
