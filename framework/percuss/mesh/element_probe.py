@@ -162,8 +162,8 @@ class ElementProbe:
         filled, keep = slots_of_material(element, material), keep_tensor if self._dimension else keep_stress
         if modulus is not None:
             points, filled[self._slot] = points._replace(parameters=np.array([modulus])), linear_stress
-        self._knows_across = self._dimension == 2 and body.plane == "strain" and material.stress_3d is not None
-        self._knows_across = self._knows_across and material.state == 0
+        flat = self._dimension == 2 and body.plane == "strain"
+        self._knows_across = flat and material.stress_3d is not None and material.state == 0
         if self._knows_across:
             in_space = solid_parameters(material, "", dt)
             keep, filled[stress_in_space] = keep_with_stress_across, material.stress_3d
