@@ -34,8 +34,8 @@ class Moments(NamedTuple):
     points: Points
     loads: Loads
     now: Records  # percuss.step.records.NOW
-    arm: Floats  # (boundary degrees of freedom,) place at the start less the centre
-    moves: Floats  # (boundary degrees of freedom,) 1 on bodies of finite strain, 0 on linear ones
+    arm: Floats  # (nodes * dim,) place at the start less the centre
+    moves: Floats  # (nodes * dim,) 1 on bodies of finite strain, 0 on linear ones
     turns: Integers  # (2, m) components of which the moments are made
     mass: Floats  # (bodies,) where loads act on whole bodies
     middle: Floats  # (bodies * dim,) mass times the place of the middle of each body less the centre
@@ -55,13 +55,13 @@ class MomentsSummed(Part[Moments]):
         The sums.
     rows
         The contact points with friction, None without any.
-    slowed
+    damped
         The damped nodes, None without any.
     """
 
-    def __init__(self, data: Moments, rows: Any, slowed: Slowed | None) -> None:
+    def __init__(self, data: Moments, rows: Any, damped: damping.Damped | None) -> None:
         super().__init__(data)
-        self.rows, self.slowed = rows, slowed
+        self.rows, self.damped = rows, damped
 
     @classmethod
     def of(cls, setting: Setting, before: Self | None) -> Self | None:
@@ -70,30 +70,30 @@ class MomentsSummed(Part[Moments]):
         if not keeps_angular_momentum(model):
             return None
         rows = next((part.data.rows for part in setting.made if isinstance(part, friction.Frictions)), None)
+        damped = next((part.data for part in setting.made if isinstance(part, damping.Damping)), None)
         if before is not None:
             now = before.data._replace(boundary=step.boundary, points=step.points, loads=step.loads, now=step.now)
-            return cls(now, rows, slowed(setting, now))
+            return cls(now, rows, damped)
         bodies, turns = model.bodies, np.array(TURNS[model.dim], dtype=np.int64)
-        finite, place = finite_strain(model), list(setting.place)
-        arm, moves = np.zeros(step.boundary.size), np.zeros(step.boundary.size)
-        arm[: len(place) * model.dim] = (bodies.nodes[place] - bodies.centre).ravel()
-        moves[: len(place) * model.dim] = np.repeat([finite[bodies.at(node).number] for node in place], model.dim)
+        finite = np.array([float(not body.of_small_strains) for body in bodies.values()])
+        moves = np.repeat(finite, [body.mass.size * model.dim for body in bodies.values()])
         mass = np.array([body.mass.sum() for body in bodies.values()])
         middles = np.array([body.mass @ (body.mesh.nodes - bodies.centre) for body in bodies.values()])
         contacts, size = len(model.case.contacts), turns.shape[1]
         data = Moments(
-            step.boundary, step.points, step.loads, step.now, arm, moves, turns, mass, middles.ravel(),
-            np.repeat(finite, model.dim), np.zeros((contacts, size)), np.zeros(size), np.zeros(size), np.zeros(size),
+            step.boundary, step.points, step.loads, step.now, (bodies.nodes - bodies.centre).ravel(), moves, turns,
+            mass, middles.ravel(), np.repeat(finite, model.dim), np.zeros((contacts, size)), np.zeros(size),
+            np.zeros(size), np.zeros(size),
         )  # fmt: skip
-        return cls(data, rows, slowed(setting, data))
+        return cls(data, rows, damped)
 
     def actions(self) -> Iterator[Action]:
         """Yield the actions of a step."""
         yield Action(AFTER_STEP, add_moments, self.data)
         if self.rows is not None:
             yield Action(AFTER_STEP, add_moments_along, Along(self.data, self.rows))
-        if self.slowed is not None:
-            yield Action(AFTER_STEP, add_moments_of_damping, self.slowed)
+        if self.damped is not None:
+            yield Action(AFTER_STEP, add_moments_of_damping, Slowed(self.data, self.damped))
 
     def changing_arrays(self) -> list[Array]:
         """Return the sums."""
@@ -121,23 +121,6 @@ class Slowed(NamedTuple):
 
     moments: Moments
     damped: damping.Damped
-    arm: Floats  # (nodes * dim,) place at the start less the centre
-    moves: Floats  # (nodes * dim,) 1 on bodies of finite strain, 0 on linear ones
-
-
-def finite_strain(model: Model) -> Floats:
-    """Return 1 of bodies of finite strain and 0 of linear ones, (bodies,)."""
-    return np.array([float(not body.of_small_strains) for body in model.bodies.values()])
-
-
-def slowed(setting: Setting, data: Moments) -> Slowed | None:
-    """Return the moments with the damped nodes; None where no body is damped."""
-    damped = next((part.data for part in setting.made if isinstance(part, damping.Damping)), None)
-    if damped is None:
-        return None
-    bodies = setting.model.bodies
-    moves = np.repeat(finite_strain(setting.model), [body.mass.size * bodies.dim for body in bodies.values()])
-    return Slowed(data, damped, (bodies.nodes - bodies.centre).ravel(), moves)
 
 
 def keeps_angular_momentum(model: Model) -> bool:
@@ -154,12 +137,15 @@ def add_moment(data: Moments, total: Floats, place: int, d: int, impulse: float)
     """Add the moment of a component of an impulse at a boundary node, by the place before the step; none at a wall."""
     if data.boundary[place].mass == 0.0:
         return
+    node = data.boundary[place].dof
     for k in range(data.turns.shape[1]):
-        first, second = place + data.turns[0, k], place + data.turns[1, k]
-        if place + d == second:
-            total[k] += (data.arm[first] + data.moves[first] * data.boundary[first].old_u) * impulse
-        elif place + d == first:
-            total[k] -= (data.arm[second] + data.moves[second] * data.boundary[second].old_u) * impulse
+        first, second = data.turns[0, k], data.turns[1, k]
+        if d == second:
+            moved = data.moves[node + first] * data.boundary[place + first].old_u
+            total[k] += (data.arm[node + first] + moved) * impulse
+        elif d == first:
+            moved = data.moves[node + second] * data.boundary[place + second].old_u
+            total[k] -= (data.arm[node + second] + moved) * impulse
 
 
 def add_moments(data: Moments, n: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -216,5 +202,5 @@ def add_moments_of_damping(data: Slowed, n: int, u: Floats, v: Floats, a: Floats
             first, second = node + moments.turns[0, k], node + moments.turns[1, k]
             other, sign = (first, 1.0) if dof == second else (second, -1.0)
             if dof in (first, second):
-                place = data.arm[other] + data.moves[other] * (u[other] - now.dt * v[other])
+                place = moments.arm[other] + moments.moves[other] * (u[other] - now.dt * v[other])
                 moments.of_damping[k] += sign * place * impulse
